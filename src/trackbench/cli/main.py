@@ -1,0 +1,64 @@
+"""``trackbench``: the commands, and what becomes of an error."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import click
+
+from trackbench import __version__
+from trackbench.cli.listing import list_command
+from trackbench.cli.run import run_command
+from trackbench.cli.validate import check_command, schema_command
+from trackbench.errors import InputError, TrackbenchError
+
+BAD_INPUT = 2
+#: What a shell reports of a program that Ctrl-C ended.
+INTERRUPTED = 130
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="trackbench")
+def cli() -> None:
+    """Run vehicle trackers on the same truth and the same noise, and say which is better and by how much.
+
+    \b
+    Example:
+      trackbench run scenarios/highway.yaml
+    """
+
+
+for _command in (run_command, list_command, check_command, schema_command):
+    cli.add_command(_command)
+
+
+def main() -> None:
+    """The console script. Exit status: see the README."""
+    try:
+        status = cli.main(standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        status = stop.exit_code
+    except click.Abort:
+        status = _interrupted()
+    except click.ClickException as error:
+        error.show()
+        status = BAD_INPUT
+    except InputError as error:
+        click.echo(str(error), err=True)
+        status = BAD_INPUT
+    except TrackbenchError as error:
+        click.echo(f"trackbench: {error}", err=True)
+        status = BAD_INPUT
+    except KeyboardInterrupt:
+        status = _interrupted()
+    except BrokenPipeError:
+        # The reader of our output has gone; what is still buffered goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _interrupted() -> int:
+    click.echo("interrupted: the unfinished run was not kept", err=True)
+    return INTERRUPTED

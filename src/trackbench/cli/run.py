@@ -1,0 +1,202 @@
+"""``trackbench run``"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from trackbench import results
+from trackbench.errors import InputError, nearest
+from trackbench.results import RunResult
+from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario.check import check_plugins
+from trackbench.truth import LoadedTruth, load_truth
+
+FAILED_EXPECTATION = 1
+FAILED_TRACKER = 3
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario that nothing can stop any more but its own trackers."""
+
+    loaded: LoadedScenario
+    truth: LoadedTruth
+    command: str
+
+
+@click.command("run")
+@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SCENARIO.yaml...")
+@click.option("--runs", type=click.IntRange(1), help="Monte-Carlo runs, instead of the scenario's.")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the noise, instead of the scenario's.")
+@click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
+@click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), default=Path("results"), show_default=True,
+    help="Where each scenario gets a folder of its name.",
+)  # fmt: skip
+@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes; same result.")
+@click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
+def run_command(
+    scenarios: tuple[Path, ...],
+    runs: int | None,
+    seed: int | None,
+    trackers: str | None,
+    settings: tuple[str, ...],
+    out: Path,
+    workers: int,
+    no_recording: bool,
+    as_json: bool,
+) -> None:
+    """Run scenarios: score every tracker, write a result, a report and a recording of each.
+
+    A folder stands for the scenario files in it; several scenarios are also compared with each other.
+
+    \b
+    Examples:
+      trackbench run scenarios/highway.yaml --runs 1000 --workers 2
+      trackbench run scenarios/highway.yaml --set sensors.front_radar.azimuth_sigma_deg=1
+      trackbench run scenarios/
+
+    Exit status: 0 all expectations met, 1 one failed, 2 bad input, 3 a tracker failed.
+    """
+    overrides = [
+        *settings,
+        *([] if runs is None else [f"monte_carlo.runs={runs}"]),
+        *([] if seed is None else [f"monte_carlo.seed={seed}"]),
+    ]
+    chosen = None if trackers is None else [name.strip() for name in trackers.split(",") if name.strip()]
+    files = list(scenario_files(scenarios))
+    results.require_writable(out)
+    prepared = [prepare(file, overrides, chosen) for file in files]
+    _require_distinct(prepared)
+    console = Console(stderr=as_json, width=None)
+    found = [_run(item, out, workers, no_recording, console, as_json) for item in prepared]
+    if len(found) > 1:
+        _compare(found, out, console, as_json)
+    if as_json:
+        summaries: Any = [result.summary for result in found]
+        click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
+    raise click.exceptions.Exit(status([result.summary for result in found]))
+
+
+def scenario_files(paths: Sequence[Path]) -> Iterator[Path]:
+    """The files that are named, and those in the folders that are named."""
+    for path in paths:
+        if not path.is_dir():
+            yield path
+            continue
+        inside = sorted(path.glob("*.y*ml"))
+        if not inside:
+            raise InputError("there is no scenario file (*.yaml) in this folder", file=path)
+        yield from inside
+
+
+def prepare(file: Path, overrides: Sequence[str], chosen: Sequence[str] | None) -> Prepared:
+    """Read, check and simulate what a scenario needs before any tracker runs."""
+    loaded = load_scenario(file, overrides)
+    if chosen is not None:
+        loaded = _only(loaded, chosen)
+    check_plugins(loaded)
+    try:
+        truth = load_truth(loaded.config.truth)
+    except InputError as error:
+        raise loaded.locate(error) from None
+    for note in truth.notes:
+        click.echo(note, err=True)
+    only = [] if chosen is None else ["--trackers", ",".join(chosen)]
+    command = shlex.join(["trackbench", "run", str(file), *(x for item in overrides for x in ("--set", item)), *only])
+    return Prepared(loaded, truth, command)
+
+
+def status(summaries: Sequence[dict[str, Any]]) -> int:
+    """The exit status of finished runs."""
+    if any(tracker["failed"] for summary in summaries for tracker in summary["trackers"]):
+        return FAILED_TRACKER
+    return 0 if all(summary["passed"] for summary in summaries) else FAILED_EXPECTATION
+
+
+def _only(loaded: LoadedScenario, chosen: Sequence[str]) -> LoadedScenario:
+    """The scenario with some of its trackers, and the expectations that can still be judged."""
+    config = loaded.config
+    for name in chosen:
+        if name not in config.trackers:
+            problem = f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}"
+            raise InputError(problem, key="--trackers", file=loaded.path)
+    kept = {name: tracker for name, tracker in config.trackers.items() if name in chosen}
+    expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(kept)]
+    return replace(loaded, config=config.model_copy(update={"trackers": kept, "expect": expect}))
+
+
+def _require_distinct(prepared: Sequence[Prepared]) -> None:
+    """Two scenarios of one name would overwrite each other."""
+    by_name: dict[str, Path] = {}
+    for item in prepared:
+        name, path = item.loaded.config.name, item.loaded.path
+        if name in by_name:
+            problem = f"{by_name[name]} has the same name {name!r}; give each scenario its own"
+            raise InputError(problem, file=path, key="name")
+        by_name[name] = path
+
+
+def _run(item: Prepared, out: Path, workers: int, no_recording: bool, console: Console, quiet: bool) -> RunResult:
+    from trackbench import recording
+    from trackbench.report import html
+    from trackbench.report.console import print_summary
+    from trackbench.runner.run import run
+
+    name = item.loaded.config.name
+    with _bar(name) as progress:
+        result = run(item.loaded, item.truth, workers=workers, command=item.command, progress=progress)
+    folder = out / name
+    artifacts = {"report.html": partial(_write_report, html.render, result)}
+    if not no_recording:
+        artifacts["recording.rrd"] = partial(recording.write, result)
+    result.summary["artifacts"] = {Path(file).stem: file for file in (*artifacts, *results.table_files(result))}
+    results.save(result, folder, artifacts)
+    if not quiet:
+        print_summary(result, console)
+        shown = ", ".join([results.SUMMARY, *artifacts])
+        console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
+    return result
+
+
+def _write_report(render: Any, result: RunResult, path: Path) -> None:
+    path.write_text(render(result), encoding="utf-8")
+
+
+def _compare(found: list[RunResult], out: Path, console: Console, quiet: bool) -> None:
+    from trackbench.report import comparison
+
+    compared = comparison.compare(found)
+    results.write_text(out / "comparison.md", compared.markdown())
+    results.write_text(out / "comparison.json", results.to_json(compared.json()))
+    if not quiet:
+        console.print(f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}", highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def _bar(name: str) -> Iterator[Any]:
+    """A progress bar on stderr, if that is a terminal."""
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("runs"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(name, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,38 @@
+"""``trackbench check`` and ``trackbench schema``"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from trackbench.cli.run import scenario_files
+from trackbench.scenario import load_scenario
+from trackbench.scenario.check import check
+from trackbench.scenario.schema import json_schema
+
+
+@click.command("check")
+@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SCENARIO.yaml...")
+def check_command(scenarios: tuple[Path, ...]) -> None:
+    """Validate scenario files without running them.
+
+    \b
+    Example:
+      trackbench check scenarios/
+    """
+    for file in scenario_files(scenarios):
+        check(load_scenario(file))
+        click.echo(f"{file}: ok")
+
+
+@click.command("schema")
+def schema_command() -> None:
+    """Print the JSON Schema of a scenario file, for editors.
+
+    \b
+    Example:
+      trackbench schema > scenario.schema.json
+    """
+    click.echo(json.dumps(json_schema(), indent=2))

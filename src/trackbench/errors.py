@@ -1,0 +1,68 @@
+"""The errors that a user can cause, each shown as one clear message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+
+
+class TrackbenchError(Exception):
+    """Base of every error whose text is meant for the user."""
+
+
+class InputError(TrackbenchError):
+    """Bad input: a file, a key or an option. The command line shows it and exits with status 2.
+
+    Args:
+        message: what is wrong and what would be right, in one line.
+        key: dotted path of the key in the scenario file, for example ``sensors.front.rate_hz``.
+        file: the file at fault.
+        line: 1-based line in that file.
+    """
+
+    def __init__(
+        self, message: str, *, key: str | None = None, file: Path | str | None = None, line: int | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.key = key
+        self.file = file
+        self.line = line
+
+    def located(self, *, file: Path | str | None, line: int | None) -> InputError:
+        """The same error with its place, where that was not known when it was raised."""
+        return InputError(self.message, key=self.key, file=self.file or file, line=self.line or line)
+
+    def __str__(self) -> str:
+        place = ":".join(str(part) for part in (self.file, self.line) if part is not None)
+        return ": ".join(part for part in (place, self.key, self.message) if part)
+
+
+class InputErrors(InputError):
+    """Several errors in one file, shown one per line.
+
+    Args:
+        errors: at least one, in the order in which they are shown.
+    """
+
+    def __init__(self, errors: Sequence[InputError]) -> None:
+        first = errors[0]
+        super().__init__(first.message, key=first.key, file=first.file, line=first.line)
+        self.errors = tuple(errors)
+
+    def located(self, *, file: Path | str | None, line: int | None) -> InputErrors:
+        """The same errors, each with its place where that was not known."""
+        return InputErrors([error.located(file=file, line=line) for error in self.errors])
+
+    def __str__(self) -> str:
+        return "\n".join(str(error) for error in self.errors)
+
+
+def nearest(name: str, choices: Iterable[str]) -> str:
+    """A sentence that names the nearest valid choice, or lists the choices when none is near."""
+    known = sorted(choices)
+    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return "choose from: " + ", ".join(known) if known else "there is none to choose from"

@@ -1,0 +1,104 @@
+"""What a filter is: an algorithm that never changes, through which a belief travels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.models.motion import MotionModel
+from trackbench.types import Array, Mask, Scan
+from trackbench.units import difference
+
+
+class Belief(NamedTuple):
+    """What a filter believes of the state, with what it can reuse at its next step."""
+
+    mean: Array
+    """``(n, ...)``"""
+    covariance: Array
+    """``(n, n, ...)``"""
+    factor: Array | None = None
+    """``(n, n, ...)`` lower Cholesky factor of the covariance."""
+    points: Array | None = None
+    """``(n, s, ...)`` sigma points that a prediction has moved."""
+    repaired: Mask | None = None
+    """``(...)`` True where the covariance had to be made positive definite again."""
+
+
+class Update(NamedTuple):
+    """A belief after a measurement, and what the measurement said."""
+
+    belief: Belief
+    innovation: Array
+    """``(m, ...)`` measurement minus its prediction."""
+    innovation_covariance: Array
+    """``(m, m, ...)``"""
+
+
+class Filter(Protocol):
+    """A recursive Bayesian filter on beliefs with any batch axes."""
+
+    @property
+    def motion(self) -> MotionModel: ...
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        """The belief after ``dt`` seconds (zero or more)."""
+        ...
+
+    def update(self, belief: Belief, scan: Scan) -> Update:
+        """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
+        ...
+
+
+def correct(
+    belief: Belief,
+    innovation: Array,
+    innovation_covariance: Array,
+    cross: Array,
+    valid: Mask,
+    angular: tuple[int, ...],
+) -> Update:
+    """The linear minimum mean square error update.
+
+    With ``S = L L^T`` and ``W = L^-1 C^T`` the gain is ``K = W^T L^-1`` and the covariance loses ``W^T W``, which is
+    symmetric to the last bit. Source: Särkkä (2013), equations 4.21 to 4.24, with the gain factored.
+
+    Args:
+        belief: predicted mean ``(n, ...)`` and covariance ``(n, n, ...)``.
+        innovation: ``(m, ...)``.
+        innovation_covariance: ``S``, ``(m, m, ...)``.
+        cross: covariance of state and measurement ``C``, ``(n, m, ...)``.
+        valid: ``(...)`` where there is a measurement.
+        angular: which components of the state are angles.
+    """
+    s = linalg.ensure_definite(innovation_covariance)
+    whitened = np.where(valid, s.factor.whiten(innovation), 0.0)
+    gain = np.where(valid, s.factor.whiten(np.swapaxes(cross, 0, 1)), 0.0)
+    mean = belief.mean + linalg.apply_transposed(gain, whitened)
+    covariance = belief.covariance - linalg.gram(gain)
+    repaired = _either(belief.repaired, s.repaired)
+    corrected = Belief(wrap_components(mean, angular), covariance, repaired=repaired)
+    return Update(corrected, innovation, s.covariance)
+
+
+def wrap_components(x: Array, angular: tuple[int, ...]) -> Array:
+    """``x`` with its angular components in (-pi, pi]."""
+    return x if not angular else difference(x, np.zeros(()), angular)
+
+
+def guarded(belief: Belief) -> Belief:
+    """The belief with its factor, and its covariance repaired (and marked) where it was not positive definite."""
+    definite = linalg.ensure_definite(belief.covariance)
+    return belief._replace(
+        covariance=definite.covariance,
+        factor=definite.factor.lower(),
+        repaired=_either(belief.repaired, definite.repaired),
+    )
+
+
+def _either(a: Mask | None, b: Mask | None) -> Mask | None:
+    if a is None or b is None:
+        return b if a is None else a
+    return a | b

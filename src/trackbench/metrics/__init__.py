@@ -1,0 +1,1 @@
+"""Estimates and truth to numbers with a unit, an interval and a verdict."""

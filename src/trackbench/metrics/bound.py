@@ -1,0 +1,87 @@
+"""The posterior Cramer-Rao bound: the least error that any estimator of these readings can have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackbench.models.motion import ConstantVelocity, process_noise
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.sensing.readings import IdealSensor
+from trackbench.types import Array, Truth
+
+#: Standard deviation of the position before the first reading, m: no information.
+UNKNOWN_POSITION = 1e6
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a target before its first reading."""
+
+    velocity_sigma: float
+    """m/s, per axis."""
+    position_sigma: float | None = None
+    """m, per axis; None where tracks start from their first reading, and the target is unknown before it."""
+
+
+def typical_acceleration(truth: Truth) -> float:
+    """RMS over targets and time of the true acceleration per axis, m/s^2, normal acceleration included."""
+    total = truth.acceleration**2 + (truth.speed * truth.yaw_rate) ** 2
+    alive = np.broadcast_to(truth.alive[:, :, None], total.shape)
+    return float(np.sqrt(total[alive].mean() / 2.0)) if alive.any() else 0.0
+
+
+def cramer_rao(
+    truth: Truth,
+    sensors: list[IdealSensor],
+    rates: dict[str, Array],
+    acceleration_sigma: float,
+    prior: Prior,
+    instants: Array,
+) -> Array:
+    """Bound of the covariance of px, py, vx, vy for targets that move with white acceleration, along the truth.
+
+    The recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior Cramér-Rao bounds for discrete-time nonlinear
+    filtering", equation 21, with the information of a reading weighted by the share of the runs that have it (Zhang,
+    Willett and Bar-Shalom 2005, "Dynamic Cramer-Rao bound for target tracking in clutter", the information reduction
+    factor). The sum of squared error components is bounded by the sum of the diagonal.
+
+    Args:
+        truth: the motion of the targets; where it varies from run to run, that of the first run is the reference.
+        sensors: those that the tracker reads.
+        rates: per sensor ``(readings, objects)`` share of the runs with a detection.
+        acceleration_sigma: m/s^2 per axis, constant from one instant to the next.
+        prior: what is known before the first reading.
+        instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted.
+
+    Returns:
+        ``(instants, objects, 4)`` variances, NaN before the first reading of an object.
+    """
+    motion = ConstantVelocity(acceleration_sigma)
+    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., 0]
+    sigma = [prior.position_sigma or UNKNOWN_POSITION] * 2 + [prior.velocity_sigma] * 2
+    covariance = np.repeat(np.diag(np.square(sigma))[None], len(truth.ids), axis=0)
+    known = np.zeros(len(truth.ids), dtype=bool)
+    result = np.full((len(instants), len(truth.ids), 4), np.nan)
+    previous = instants[0]
+    for row, step in enumerate(instants):
+        dt = float(truth.time[step] - truth.time[previous])
+        previous = step
+        f = motion.jacobian(target[:, step], dt)
+        moved = f @ covariance @ f.T + process_noise(motion, target[:, step], dt)
+        covariance = np.where(known[:, None, None], moved, covariance)
+        if prior.position_sigma is not None:
+            known |= truth.alive[step]
+        for sensor in sensors:
+            k = int(np.searchsorted(sensor.steps, step))
+            if k == len(sensor.steps) or sensor.steps[k] != step:
+                continue
+            rate = rates[sensor.name][k]
+            h = SENSOR_MODELS[sensor.config.type].jacobian(target[:, step], sensor.pose[:, k], sensor.velocity[:, k])
+            h = np.broadcast_to(h.reshape(len(h), 4, -1), (len(h), 4, len(rate)))
+            gained = np.einsum("aio,ab,bjo->oij", h, np.linalg.inv(sensor.noise), h)
+            covariance = np.linalg.inv(np.linalg.inv(covariance) + rate[:, None, None] * gained)
+            known |= rate > 0.0
+        result[row] = np.where(known[:, None], np.einsum("oii->oi", covariance), np.nan)
+    return result

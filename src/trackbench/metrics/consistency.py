@@ -1,0 +1,43 @@
+"""Whether a covariance can be believed: chi-square statistics, their bounds and verdicts."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from trackbench import linalg
+from trackbench.types import Array, Mask
+
+
+def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
+    """``e^T P^-1 e``, the whitened error ``L^-1 e``, and where the covariance is positive definite.
+
+    With the estimation error this is the NEES, with the innovation the NIS (Bar-Shalom, Li and Kirubarajan 2001,
+    section 5.4.2).
+
+    Args:
+        error: ``(n, ...)``.
+        covariance: ``(n, n, ...)``.
+    """
+    factor = linalg.cholesky(covariance)
+    whitened = factor.whiten(error)
+    return np.einsum("i...,i...->...", whitened, whitened), whitened, factor.positive
+
+
+def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
+    """Two-sided 95 % bounds of the mean of ``count`` independent chi-square variables of ``dof`` degrees of freedom."""
+    n = np.maximum(np.asarray(count, dtype=float), 1.0)
+    low, high = (stats.chi2.ppf(q, n * dof) / n for q in (0.025, 0.975))
+    return low, high
+
+
+def point95(dof: int) -> float:
+    """The 95 % point of chi-square."""
+    return float(stats.chi2.ppf(0.95, dof))
+
+
+def verdict(mean: float, low: float, high: float) -> str:
+    """What a mean against its bounds says: errors larger than claimed are ``optimistic``."""
+    if mean > high:
+        return "optimistic"
+    return "pessimistic" if mean < low else "consistent"

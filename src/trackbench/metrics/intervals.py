@@ -1,0 +1,93 @@
+"""Confidence intervals from the runs, which are independent; steps within a run are not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from trackbench.types import Array
+
+
+class Interval(NamedTuple):
+    """A value and its 95 % interval (None with fewer than two runs)."""
+
+    value: float
+    influence: Array
+    """``(runs,)`` what each run adds to the value, to first order; its mean is zero."""
+    ci95: tuple[float, float] | None
+
+
+def ratio(total: Array, count: Array) -> Interval:
+    """Mean of a quantity summed within each run: ``sum(total) / sum(count)``, by the delta method.
+
+    Args:
+        total: ``(runs,)`` sums.
+        count: ``(runs,)`` number of terms in each.
+    """
+    mean = float(total.sum() / count.sum())
+    return _interval(mean, (total - mean * count) / count.mean())
+
+
+def root(mean_square: Interval) -> Interval:
+    """The root of a mean square, with the interval carried through by the delta method."""
+    value = float(np.sqrt(mean_square.value))
+    slope = 0.5 / value if value > 0 else 0.0
+    interval = _interval(value, mean_square.influence * slope)
+    if interval.ci95 is None:
+        return interval
+    return interval._replace(ci95=(max(interval.ci95[0], 0.0), interval.ci95[1]))
+
+
+def scaled(interval: Interval, factor: float) -> Interval:
+    """The interval of ``factor`` times the value."""
+    ci = None if interval.ci95 is None else (interval.ci95[0] * factor, interval.ci95[1] * factor)
+    return Interval(interval.value * factor, interval.influence * factor, ci)
+
+
+class Difference(NamedTuple):
+    """A paired difference of two values over the same runs."""
+
+    value: float
+    ci95: tuple[float, float] | None
+    p_value: float
+    """Two-sided, of the hypothesis that there is no difference; 1 with fewer than two runs."""
+
+
+def paired(a: Interval, b: Interval) -> Difference:
+    """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
+    value = a.value - b.value
+    influence = a.influence - b.influence
+    interval = _interval(value, influence)
+    error = _standard_error(influence)
+    if error is None:
+        return Difference(value, None, 1.0)
+    if error == 0.0:
+        return Difference(value, interval.ci95, 1.0 if value == 0.0 else 0.0)
+    return Difference(value, interval.ci95, float(2 * stats.t.sf(abs(value) / error, len(influence) - 1)))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P-values corrected for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
+    order = np.argsort(p_values, kind="stable")
+    corrected = [1.0] * len(p_values)
+    largest = 0.0
+    for rank, index in enumerate(order):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
+        corrected[index] = largest
+    return corrected
+
+
+def _standard_error(influence: Array) -> float | None:
+    runs = len(influence)
+    return float(np.std(influence, ddof=1) / np.sqrt(runs)) if runs > 1 else None
+
+
+def _interval(value: float, influence: Array) -> Interval:
+    error = _standard_error(influence)
+    if error is None:
+        return Interval(value, influence, None)
+    reach = float(stats.t.ppf(0.975, len(influence) - 1)) * error
+    return Interval(value, influence, (value - reach, value + reach))

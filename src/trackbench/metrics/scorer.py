@@ -1,0 +1,215 @@
+"""Scores a tracker's estimates as they come, several instants at a time so that NumPy's calls are few."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.metrics.consistency import normalised_square, point95
+from trackbench.metrics.scores import ERROR_FIELDS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, NisScores, Scores
+from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
+from trackbench.types import Array, Estimate, Mask, Scan
+from trackbench.units import wrap_angle
+
+#: Below this true speed the course means nothing, m/s.
+MOVING = 1.0
+#: Numbers of lanes and instants whose product makes one batch of scoring; fits the second-level cache.
+BATCH = 4000
+
+
+class Target(NamedTuple):
+    """What the estimates of a block of runs are held against, at each instant of a scan."""
+
+    time: Array
+    """``(instants,)`` s."""
+    state: Array
+    """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
+    alive: Mask
+    """``(instants, objects)``"""
+    start: Array
+    """``(objects, runs)`` from when each track is scored, s; infinity where the object was never detected."""
+    divergence: float
+    """m"""
+
+
+class Fault(Exception):
+    """An estimate that cannot be scored."""
+
+    def __init__(self, cause: str, instant: int, lane: int) -> None:
+        super().__init__(cause)
+        self.cause = cause
+        self.instant = instant
+        self.lane = lane
+
+
+class Scorer:
+    """Collects the estimates of one tracker on one block of runs; ``scores`` gives the sums at the end."""
+
+    def __init__(self, target: Target, readings: dict[str, int], keep_spread: bool) -> None:
+        """``readings``: how many instants each sensor has. ``keep_spread``: whether percentiles are wanted."""
+        self._target = target
+        _, self._instants, self._objects, _ = target.state.shape
+        self._runs = target.start.shape[1]
+        self._lanes = self._objects * self._runs
+        self._chunk = max(1, BATCH // self._lanes)
+        self._mean = np.empty((4, self._chunk, self._lanes))
+        self._covariance = np.empty((4, 4, self._chunk, self._lanes))
+        self._first = self._filled = 0
+        self._seen = np.zeros(self._lanes, dtype=bool)
+        self._expected = (target.alive[:, :, None] & (target.time[:, None, None] >= target.start)).reshape(
+            self._instants, self._lanes
+        )
+        self._per_step = np.zeros((len(ERROR_FIELDS), self._instants))
+        self._per_run = np.zeros((len(ERROR_FIELDS), self._runs))
+        self._weight = np.zeros((self._instants, self._objects))
+        self._diverged = np.zeros(self._runs, dtype=bool)
+        self._repaired = np.zeros(self._runs)
+        self._spread = np.full((2, self._instants), np.nan)
+        self._keep_spread = keep_spread
+        self._innovations = {name: _Innovations(count, self) for name, count in readings.items()}
+
+    def innovation(self, instant: int, scan: Scan, estimate: Estimate) -> None:
+        """Take in what a scan said; to be called for every scan, in order."""
+        self._innovations[scan.sensor].add(instant, scan, estimate)
+        if estimate.repaired is not None:
+            self._repaired += self._by_run(estimate.repaired & self._expected[instant])
+
+    def estimate(self, estimate: Estimate) -> None:
+        """Take in the estimate after the last scan of an instant.
+
+        Raises:
+            Fault: an estimate is not finite or its covariance not positive definite.
+        """
+        self._mean[:, self._filled] = estimate.mean
+        self._covariance[:, :, self._filled] = estimate.covariance
+        self._filled += 1
+        if self._filled == self._chunk:
+            self._flush()
+
+    def scores(self, seconds: float, steps: int) -> Scores:
+        """The sums of everything taken in."""
+        self._flush()
+        for innovations in self._innovations.values():
+            innovations.flush()
+        return Scores(
+            per_step=self._per_step,
+            per_run=self._per_run,
+            weight=self._weight,
+            present=self._by_run(self._expected.sum(axis=0)),
+            diverged=self._diverged.astype(float),
+            repaired=self._repaired,
+            nis={name: item.scores() for name, item in self._innovations.items()},
+            spread=self._spread,
+            seconds=seconds,
+            steps=steps,
+        )
+
+    def scored(self, instant: int) -> Mask:
+        """``(lanes,)`` which objects are scored at an instant, if there is an estimate."""
+        return np.asarray(self._expected[instant])
+
+    def _by_run(self, lanes: Array) -> Array:
+        return np.asarray(lanes.reshape(self._objects, self._runs).sum(axis=0))
+
+    def _flush(self) -> None:
+        filled, first = self._filled, self._first
+        if filled == 0:
+            return
+        self._filled, self._first = 0, first + filled
+        here = slice(first, first + filled)
+        mean, covariance = self._mean[:, :filled], self._covariance[:, :, :filled]
+        alive = np.broadcast_to(self._target.alive[here, :, None], (filled, self._objects, self._runs)).reshape(
+            filled, self._lanes
+        )
+        # A sum is finite only if all of its terms are.
+        finite = np.isfinite(mean.sum(axis=0) + np.einsum("ij...->...", covariance))
+        seen = self._seen | np.logical_or.accumulate(finite, axis=0)
+        self._seen = seen[-1]
+        self._reject(NOT_FINITE, alive & seen & ~finite)
+
+        shape = (filled, self._objects, self._runs)
+        truth = self._target.state[:, here]
+        error = (mean.reshape(4, *shape) - truth).reshape(4, filled, self._lanes)
+        nees, _, positive = normalised_square(error, covariance)
+        self._reject(NOT_DEFINITE, alive & finite & ~positive)
+
+        scored = self._expected[here] & finite
+        vx, vy = truth[2], truth[3]
+        moving = scored & np.broadcast_to(vx * vx + vy * vy > MOVING**2, shape).reshape(scored.shape)
+        true_course = np.arctan2(vy, vx)
+        course = wrap_angle(np.arctan2(mean[3], mean[2]).reshape(shape) - true_course).reshape(scored.shape)
+        values = np.empty((len(ERROR_FIELDS), filled, self._lanes))
+        values[0] = 1.0
+        np.multiply(error, error, out=values[1:5])
+        values[5] = nees
+        values[6] = moving
+        np.multiply(course, course, out=values[7])
+        np.copyto(values, 0.0, where=~scored)
+        np.copyto(values[7], 0.0, where=~moving)
+        self._per_step[:, here] = values.sum(axis=2)
+        per_lane = values.sum(axis=1)
+        self._per_run += per_lane.reshape(len(ERROR_FIELDS), self._objects, self._runs).sum(axis=1)
+        self._weight[here] = values[0].reshape(shape).sum(axis=2)
+        square = values[1] + values[2]
+        self._diverged |= self._by_run((square > self._target.divergence**2).any(axis=0)) > 0
+        if self._keep_spread:
+            distance = np.where(scored, np.sqrt(square), np.nan)
+            some = scored.any(axis=1)
+            self._spread[:, here][:, some] = np.nanpercentile(distance[some], [10, 90], axis=1)
+
+    def _reject(self, cause: str, wrong: Mask) -> None:
+        if np.any(wrong):
+            step, lane = np.argwhere(wrong)[0]
+            raise Fault(cause, self._first - len(wrong) + int(step), int(lane))
+
+
+class _Innovations:
+    """The innovations of one sensor."""
+
+    def __init__(self, readings: int, scorer: Scorer) -> None:
+        self._scorer = scorer
+        self._per_step = np.zeros((len(NIS_STEP_FIELDS), readings))
+        self._per_run = np.zeros((len(NIS_RUN_FIELDS), scorer._runs))
+        self._waiting: list[tuple[Array, Array, Mask]] = []
+        self._first = 0
+        self._dof = 0
+        self._last: tuple[Array, Mask] | None = None
+
+    def add(self, instant: int, scan: Scan, estimate: Estimate) -> None:
+        if estimate.innovation is None or estimate.innovation_covariance is None:
+            self.flush()
+            self._first += 1
+            return
+        used = scan.valid & self._scorer.scored(instant)
+        self._waiting.append((estimate.innovation, estimate.innovation_covariance, used))
+        if len(self._waiting) == self._scorer._chunk:
+            self.flush()
+
+    def flush(self) -> None:
+        if not self._waiting:
+            return
+        innovation = np.stack([item[0] for item in self._waiting], axis=1)
+        covariance = np.stack([item[1] for item in self._waiting], axis=2)
+        used = np.stack([item[2] for item in self._waiting])
+        here = slice(self._first, self._first + len(self._waiting))
+        self._first, self._waiting = here.stop, []
+        self._dof = len(innovation)
+        nis, white, positive = normalised_square(innovation, covariance)
+        used = used & positive & np.isfinite(nis)
+        nis = np.where(used, nis, 0.0)
+        white = np.where(used, white, 0.0)
+        if self._last is None:
+            self._last = (np.zeros_like(white[:, 0]), np.zeros_like(used[0]))
+        before = np.concatenate([self._last[0][:, None], white[:, :-1]], axis=1)
+        used_before = np.concatenate([self._last[1][None], used[:-1]])
+        self._last = (white[:, -1], used[-1])
+        inside = used & (nis < point95(self._dof))
+        pair = used & used_before
+        product = np.einsum("i...,i...->...", white, before)
+        self._per_step[:, here] = [used.sum(axis=1), nis.sum(axis=1), inside.sum(axis=1)]
+        fields = np.stack([used, nis, inside, pair, product, nis * pair])
+        self._per_run += np.stack([self._scorer._by_run(field) for field in fields.sum(axis=1)])
+
+    def scores(self) -> NisScores:
+        return NisScores(self._dof, self._per_step, self._per_run)

@@ -1,0 +1,1 @@
+"""Motion models and sensor models: plain functions on component arrays."""

@@ -1,0 +1,75 @@
+"""Constant turn rate and velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from trackbench import linalg
+from trackbench.models.motion import turning
+from trackbench.models.motion.base import Kinematics, Spread
+from trackbench.types import Array, Gaussian
+from trackbench.units import cos_sin
+
+
+@dataclass(frozen=True)
+class ConstantTurnRateVelocity:
+    """State px, py, v, yaw, yaw rate; white acceleration along the path and white yaw acceleration.
+
+    Source: Schubert, Richter and Wanielik (2008), "Comparison and evaluation of advanced motion models for vehicle
+    tracking", section III; the noise gain takes the heading at the start of the interval.
+    """
+
+    acceleration_sigma: float
+    """m/s^2"""
+    yaw_acceleration_sigma: float
+    """rad/s^2"""
+
+    components: ClassVar[tuple[str, ...]] = ("px", "py", "v", "yaw", "yaw_rate")
+    angular: ClassVar[tuple[int, ...]] = (3,)
+    linear: ClassVar[bool] = False
+
+    @property
+    def noise_sigma(self) -> tuple[float, ...]:
+        return (self.acceleration_sigma, self.yaw_acceleration_sigma)
+
+    def transition(self, x: Array, dt: float) -> Array:
+        px, py, v, yaw, w = x
+        path = turning.arc(yaw, w, v, None, dt)
+        return linalg.vector([px + path.dx, py + path.dy, v, yaw + w * dt, w])
+
+    def jacobian(self, x: Array, dt: float) -> Array:
+        _, _, v, yaw, w = x
+        path = turning.arc(yaw, w, v, None, dt)
+        half = w * (0.5 * dt)
+        per_speed = dt * turning.bessel0(half)
+        shrink = dt * v * turning.bessel1(half)
+        return linalg.matrix(
+            [
+                [1, 0, per_speed * path.cos, -path.dy, dt / 2 * (-path.dy - shrink * path.cos)],
+                [0, 1, per_speed * path.sin, path.dx, dt / 2 * (path.dx - shrink * path.sin)],
+                [0, 0, 1, 0, 0],
+                [0, 0, 0, 1, dt],
+                [0, 0, 0, 0, 1],
+            ]
+        )
+
+    def noise_gain(self, x: Array, dt: float) -> Array:
+        c, s = cos_sin(x[3])
+        half = dt**2 / 2
+        return linalg.matrix([[half * c, 0], [half * s, 0], [dt, 0], [0, half], [0, dt]])
+
+    def to_cartesian(self, x: Array) -> Array:
+        return turning.to_cartesian(x)
+
+    def cartesian_jacobian(self, x: Array) -> Array:
+        return turning.cartesian_jacobian(x)
+
+    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
+        return turning.cartesian_belief(belief)
+
+    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+        return turning.from_cartesian(belief, spread, len(self.components))
+
+    def from_kinematics(self, motion: Kinematics) -> Array:
+        return linalg.vector([motion.px, motion.py, motion.speed, motion.course, motion.yaw_rate])

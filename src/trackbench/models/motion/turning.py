@@ -1,0 +1,135 @@
+"""What the models share that have speed, yaw and yaw rate in their state."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.models.motion.base import Spread
+from trackbench.types import Array, Gaussian
+from trackbench.units import cos_sin
+
+#: Below this half turn (rad) the series of the spherical Bessel functions is exact to double precision.
+SMALL = 1e-2
+
+
+def bessel0(h: Array) -> Array:
+    """``sin(h) / h``, the spherical Bessel function j0."""
+    near = np.abs(h) < SMALL
+    far = np.where(near, 1.0, h)
+    square = h * h
+    return np.where(near, 1.0 - square / 6.0 * (1.0 - square / 20.0), cos_sin(far)[1] / far)
+
+
+def bessel1(h: Array) -> Array:
+    """``(sin(h) - h cos(h)) / h^2``, the spherical Bessel function j1; j0' = -j1."""
+    near = np.abs(h) < SMALL
+    far = np.where(near, 1.0, h)
+    square = h * h
+    c, s = cos_sin(far)
+    return np.where(near, h / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0)), (s - far * c) / far**2)
+
+
+def bessel1_slope(h: Array) -> Array:
+    """Derivative of j1: ``j0(h) - 2 j1(h) / h``."""
+    near = np.abs(h) < SMALL
+    far = np.where(near, 1.0, h)
+    return np.where(near, 1.0 / 3.0 - h * h / 10.0 + h**4 / 168.0, bessel0(far) - 2.0 * bessel1(far) / far)
+
+
+class Arc(NamedTuple):
+    """Displacement ``(...)`` along a path of constant yaw rate and constant acceleration over a time ``dt``.
+
+    The integral of ``(v + a t) exp(i (yaw + w t))`` is ``dt exp(i (yaw + h)) (u j0(h) + i b j1(h))`` with the half turn
+    ``h = w dt / 2``, mean speed ``u = v + b`` and ``b = a dt / 2``: no singularity at a yaw rate of zero.
+    """
+
+    dx: Array
+    dy: Array
+    cos: Array
+    """Of the direction half way."""
+    sin: Array
+
+
+def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None, dt: float) -> Arc:
+    """The displacement of a body with the given yaw and yaw rate at its start; see ``Arc``."""
+    half = yaw_rate * (0.5 * dt)
+    c, s = cos_sin(yaw + half)
+    along = dt * mean_speed * bessel0(half)
+    if half_gain is None:
+        return Arc(along * c, along * s, c, s)
+    across = dt * half_gain * bessel1(half)
+    return Arc(along * c - across * s, along * s + across * c, c, s)
+
+
+def to_cartesian(x: Array) -> Array:
+    """px, py, v, yaw, ... to px, py, vx, vy."""
+    px, py, v, yaw = x[:4]
+    c, s = cos_sin(yaw)
+    return linalg.vector([px, py, v * c, v * s])
+
+
+def cartesian_jacobian(x: Array) -> Array:
+    """``(4, n, ...)`` derivative of ``to_cartesian``."""
+    v, yaw = x[2], x[3]
+    c, s = cos_sin(yaw)
+    rest = [0.0] * (len(x) - 4)
+    return linalg.matrix(
+        [
+            [1, 0, 0, 0, *rest],
+            [0, 1, 0, 0, *rest],
+            [0, 0, c, -v * s, *rest],
+            [0, 0, s, v * c, *rest],
+        ]
+    )
+
+
+def cartesian_belief(belief: Gaussian) -> Gaussian:
+    """px, py, vx, vy of a belief: the mean to first order, the covariance to second.
+
+    The second-order term keeps the velocity's covariance definite where the speed is zero, at which the first-order
+    one says that the velocity across the yaw is known. Source: Bar-Shalom, Li and Kirubarajan (2001), section 10.3.2.
+    """
+    x, p = belief
+    v = x[2]
+    c, s = cos_sin(x[3])
+    to_velocity = linalg.matrix([[c, -v * s], [s, v * c]])
+    var_v, var_yaw, common = p[2, 2], p[3, 3], p[2, 3]
+    # Half the trace of H_i P H_j P, with H_i the Hessians of v cos(yaw) and v sin(yaw) in the frame of the yaw.
+    across, bend = var_v * var_yaw + common**2, -v * var_yaw
+    along = 0.5 * bend**2
+    mixed = bend * common
+    rotation = linalg.matrix([[c, -s], [s, c]])
+    second = linalg.quadratic(rotation, linalg.matrix([[along, mixed], [mixed, across]]))
+    result = np.empty((4, 4, *v.shape))
+    result[:2, :2] = p[:2, :2]
+    result[:2, 2:] = linalg.matmul_transposed(p[:2, 2:4], to_velocity)
+    result[2:, :2] = np.swapaxes(result[:2, 2:], 0, 1)
+    result[2:, 2:] = linalg.symmetrise(linalg.quadratic(to_velocity, p[2:4, 2:4]) + second)
+    return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), result)
+
+
+def from_cartesian(belief: Gaussian, spread: Spread, components: int) -> Gaussian:
+    """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.
+
+    The spread of the yaw is limited to that of an angle of which nothing is known, with its correlations kept, since
+    the first-order one grows without bound as the speed goes to zero.
+    """
+    px, py, vx, vy = belief.mean
+    speed = np.hypot(vx, vy)
+    safe = np.maximum(speed, 1e-3)
+    c, s = np.where(speed > 0, vx / safe, 1.0), np.where(speed > 0, vy / safe, 0.0)
+    slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / safe, c / safe]])
+    p = linalg.quadratic(slope, belief.covariance)
+    scale = np.minimum(1.0, spread.yaw / np.sqrt(p[3, 3]))
+    p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
+    batch = px.shape
+    covariance = np.zeros((components, components, *batch))
+    covariance[:4, :4] = linalg.symmetrise(p)
+    covariance[4, 4] = spread.yaw_rate**2
+    if components > 5:
+        covariance[5, 5] = spread.acceleration**2
+    zeros = np.zeros((components - 4, *batch))
+    return Gaussian(np.concatenate([linalg.vector([px, py, speed, np.arctan2(vy, vx)]), zeros]), covariance)

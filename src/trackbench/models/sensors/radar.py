@@ -1,0 +1,63 @@
+"""Radar: range, azimuth, range rate."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.types import Array, Gaussian, Scan
+from trackbench.units import cos_sin
+
+#: Range below which the direction to a target is not defined, m; keeps Jacobians finite on the sensor itself.
+MIN_RANGE = 1e-6
+
+
+class Radar:
+    """Range m, azimuth rad (counter-clockwise from the boresight), range rate m/s (relative to the moving sensor)."""
+
+    kind: ClassVar[str] = "radar"
+    components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
+    angular: ClassVar[tuple[int, ...]] = (1,)
+
+    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+        dx, dy = target[0] - pose[0], target[1] - pose[1]
+        r = np.maximum(np.sqrt(dx * dx + dy * dy), MIN_RANGE)
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        azimuth = np.arctan2(c * dy - s * dx, c * dx + s * dy)
+        rate = (dx * (target[2] - velocity[0]) + dy * (target[3] - velocity[1])) / r
+        return linalg.vector([r, azimuth, rate])
+
+    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
+        dx, dy = target[0] - pose[0], target[1] - pose[1]
+        inverse = 1.0 / np.maximum(np.sqrt(dx * dx + dy * dy), MIN_RANGE)
+        ux, uy = dx * inverse, dy * inverse
+        # Velocity across the line of sight, over the range: the rate at which the line of sight turns.
+        turn = (ux * (target[3] - velocity[1]) - uy * (target[2] - velocity[0])) * inverse
+        return linalg.matrix(
+            [
+                [ux, uy, 0, 0],
+                [-uy * inverse, ux * inverse, 0, 0],
+                [-uy * turn, ux * turn, ux, uy],
+            ]
+        )
+
+    def position(self, scan: Scan) -> Gaussian:
+        """Unbiased conversion from polar to Cartesian.
+
+        Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking", with the
+        covariance conditioned on the measurement.
+        """
+        r, azimuth = scan.reading[0], scan.reading[1]
+        var_r, var_a = scan.noise[0, 0], scan.noise[1, 1]
+        shrink = np.exp(-var_a / 2)
+        angle = azimuth + scan.sensor_pose[2]
+        c, s = cos_sin(angle)
+        mean = linalg.vector([scan.sensor_pose[0] + r * c / shrink, scan.sensor_pose[1] + r * s / shrink])
+        common, twice = shrink**-2 - 2.0, shrink**4
+        square = r * r + var_r
+        xx = common * r * r * c * c + 0.5 * square * (1 + twice * (c * c - s * s))
+        yy = common * r * r * s * s + 0.5 * square * (1 - twice * (c * c - s * s))
+        xy = common * r * r * c * s + 0.5 * square * twice * (2 * c * s)
+        return Gaussian(mean, linalg.matrix([[xx, xy], [xy, yy]]))

@@ -1,0 +1,35 @@
+"""One set of colours for the report and the recording, distinct also to a colour-blind reader.
+
+The first six are Okabe and Ito's (jfly.uni-koeln.de/color), the rest were chosen to stay far from them and from each
+other under simulated protanopia and deuteranopia. All are readable on a dark and on a white ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+TRACKER_COLOURS: tuple[str, ...] = (
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#CC79A7",
+    "#D55E00",
+    "#0072B2",
+    "#8B6DFF",
+    "#A03366",
+    "#80BA5A",
+)
+SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#A9A9A9", "#4FC1B5", "#B98B6D")
+TRUTH_COLOUR = "#8A9099"
+OBSERVER_COLOUR = "#5A87C6"
+BOUND_COLOUR = "#8A9099"
+
+
+def tracker_colour(names: Iterable[str]) -> dict[str, str]:
+    """A colour for each tracker, in the order given (a scenario's own order keeps them stable); repeats after nine."""
+    return {name: TRACKER_COLOURS[i % len(TRACKER_COLOURS)] for i, name in enumerate(names)}
+
+
+def sensor_colour(names: Iterable[str]) -> dict[str, str]:
+    """A colour for each sensor, in the order given; repeats after four."""
+    return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(names)}

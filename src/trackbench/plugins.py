@@ -1,0 +1,109 @@
+"""From a tracker's name in a scenario to the class that it means."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from trackbench.errors import InputError, nearest
+from trackbench.trackers.base import Tracker
+
+GROUP = "trackbench.trackers"
+
+Factory = Callable[..., Tracker]
+
+
+def published() -> dict[str, EntryPoint]:
+    """The trackers that installed packages publish, by name."""
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+def resolve(use: str, folder: Path | None = None) -> Factory:
+    """The class (or function) behind a published name or a ``"module:Attr"``.
+
+    Args:
+        use: what the scenario's ``use:`` says.
+        folder: the scenario's folder, searched for modules before the working directory.
+
+    Raises:
+        InputError: there is no such name, or it cannot be imported; says why.
+    """
+    module, colon, attribute = use.partition(":")
+    with _searched(folder):
+        try:
+            if not colon:
+                return _published(use)
+            found: Any = importlib.import_module(module)
+            for name in attribute.split("."):
+                if not hasattr(found, name):
+                    raise InputError(f"module {module!r} has no {name!r}: {nearest(name, _classes(found))}")
+                found = getattr(found, name)
+        except InputError:
+            raise
+        except ModuleNotFoundError as error:
+            where = f" (looked in {folder or Path.cwd()}, the working directory and the installed packages)"
+            raise InputError(f"cannot import {use!r}: no module named {error.name!r}{where}") from error
+        except Exception as error:
+            raise InputError(f"cannot import {use!r}: {_one_line(error)}") from error
+    if not callable(found):
+        raise InputError(f"{use!r} is not a class")
+    return found  # type: ignore[no-any-return]
+
+
+def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:
+    """A function of no arguments that makes a fresh tracker with the given options.
+
+    Raises:
+        InputError: the name does not resolve, the options do not fit, or what is made has no ``step``.
+    """
+    factory = resolve(use, folder)
+
+    def make() -> Tracker:
+        return factory(**options)
+
+    try:
+        tracker = make()
+    except InputError:
+        raise
+    except ValidationError as invalid:
+        problems = [f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in invalid.errors()]
+        raise InputError(f"{use!r} does not start with these options: {'; '.join(problems)}") from invalid
+    except Exception as error:
+        raise InputError(f"{use!r} does not start with these options: {_one_line(error)}") from error
+    if not callable(getattr(tracker, "step", None)):
+        raise InputError(f"{use!r} has no method step(state, scan)")
+    return make
+
+
+def _published(name: str) -> Factory:
+    known = published()
+    if name not in known:
+        hint = nearest(name, known)
+        raise InputError(f'no tracker is published as {name!r}: {hint} (a class is named "module:Class")')
+    return known[name].load()  # type: ignore[no-any-return]
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _classes(module: Any) -> list[str]:
+    return [name for name, value in vars(module).items() if isinstance(value, type) and not name.startswith("_")]
+
+
+@contextmanager
+def _searched(folder: Path | None) -> Iterator[None]:
+    """With the scenario's folder and the working directory on the module path."""
+    before = list(sys.path)
+    sys.path[:0] = [str(place) for place in (folder, Path.cwd()) if place is not None]
+    try:
+        yield
+    finally:
+        sys.path[:] = before

@@ -1,0 +1,81 @@
+"""How the scores are laid out: errors, NEES and NIS side by side, all runs above the shown run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+
+from trackbench.metrics.consistency import mean_bounds
+from trackbench.recording.series import ALL_RUNS, SHOWN_RUN
+from trackbench.recording.stream import path
+from trackbench.recording.tables import columns, split
+from trackbench.types import COMMON_STATE, Array
+
+#: Time axes end later than the run by this share; with a legend there, it covers no line.
+BESIDE, BESIDE_LEGEND = 1.04, 1.6
+
+
+def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container:
+    """A column each for the error, the NEES and, where any tracker gives innovations, the NIS."""
+    steps, estimates = columns(tables["steps"]), columns(tables["estimates"])
+    runs, shown = f"{summary['runs']} runs", f"run {summary['shown_run']}"
+    end = float(summary["truth"]["duration_s"])
+    targets = len(summary["truth"]["objects"])
+    rmse = [
+        _plot(f"{name} RMSE, {runs}, {unit}", (ALL_RUNS, place), end, _top(steps[column]), legend=True)
+        for name, place, unit, column in (
+            ("Position", "position_rmse", "m", "position_rmse_m"),
+            ("Velocity", "velocity_rmse", "m/s", "velocity_rmse_mps"),
+        )
+    ]
+    error_top = _top(estimates["position_error_m"])
+    error = _plot(f"Position error, {shown}, m", (SHOWN_RUN, "position_error"), end, error_top, legend=True)
+    nees_top = _top(steps["nees_mean"], steps["nees_high"])
+    nees = _plot(f"NEES and 95 % bounds, {runs}", (ALL_RUNS, "nees"), end, nees_top)
+    shown_top = _top(estimates["nees"], mean_bounds(len(COMMON_STATE), targets)[1])
+    shown_nees = _plot(f"NEES and 95 % bounds, {shown}", (SHOWN_RUN, "nees"), end, shown_top)
+    stacks = [rrb.Vertical(rrb.Tabs(*rmse), error), rrb.Vertical(nees, shown_nees)]
+
+    sensors = []
+    shown_nis = split(tables["shown_nis"], "sensor")
+    for (sensor,), rows in split(tables["nis"], "sensor").items():
+        top = _top(rows["nis_mean"], rows["nis_high"])
+        pair = [_plot(f"NIS, {sensor}, {runs}", (ALL_RUNS, "nis", sensor), end, top)]
+        if (sensor,) in shown_nis:
+            bound = mean_bounds(summary["sensors"][sensor]["dof"], targets)[1]
+            shown_top = _top(shown_nis[sensor,]["nis"], bound)
+            pair.append(_plot(f"NIS, {sensor}, {shown}", (SHOWN_RUN, "nis", sensor), end, shown_top))
+        sensors.append(pair)
+    # Two cells at most; further sensors are tabs of theirs.
+    cells = [[plot for pair in sensors[i::2] for plot in pair] for i in range(min(2, len(sensors)))]
+    if cells:
+        stacks.append(rrb.Vertical(*(rrb.Tabs(*cell) for cell in cells)))
+    return rrb.Horizontal(*stacks)
+
+
+def _plot(name: str, place: tuple[str, ...], end: float, top: float, legend: bool = False) -> rrb.TimeSeriesView:
+    whole = rr.TimeRange(
+        start=rr.TimeRangeBoundary.absolute(seconds=0.0),
+        end=rr.TimeRangeBoundary.absolute(seconds=end * (BESIDE_LEGEND if legend else BESIDE)),
+    )
+    return rrb.TimeSeriesView(
+        origin=path("series", *place),
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=whole),
+        axis_y=rrb.ScalarAxis(range=(0.0, top)),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=legend),
+    )
+
+
+def _top(values: Array, bound: Array | None = None) -> float:
+    """Where an axis ends so that neither the start of a track nor one bad tracker flattens everything else."""
+    finite = values[np.isfinite(values)]
+    top = 1.2 * float(np.percentile(finite, 97)) if len(finite) else 1.0
+    if bound is not None and np.isfinite(bound).any():
+        limit = float(np.nanmedian(bound))
+        top = float(np.clip(top, 1.5 * limit, 4.0 * limit))
+    return top

@@ -1,0 +1,82 @@
+"""Writes a run's recording, whole or not at all."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import rerun as rr
+
+from trackbench.errors import InputError
+from trackbench.palette import sensor_colour, tracker_colour
+from trackbench.recording import layout, scene, series, text, views
+from trackbench.recording.stream import Stream
+
+if TYPE_CHECKING:
+    from trackbench.results import RunResult
+
+
+def write(result: RunResult, path: Path) -> None:
+    """Write one run as a Rerun recording (.rrd) with its layout.
+
+    The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
+
+    Raises:
+        InputError: the file cannot be written, or the environment switches Rerun off.
+    """
+    recording = rr.RecordingStream("trackbench")
+    if not rr.is_enabled(recording):
+        raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
+    # To memory first: Rerun's own file sink waits for ever on a full disk.
+    binary = rr.binary_stream(recording)
+    _send(recording, result)
+    content = binary.read()
+    recording.disconnect()
+    _replace(path, content or b"")
+
+
+def _send(recording: rr.RecordingStream, result: RunResult) -> None:
+    summary, tables = result.summary, result.tables
+    trackers = tracker_colour(tracker["name"] for tracker in summary["trackers"])
+    sensors = sensor_colour(summary["sensors"])
+    stream = Stream(recording)
+    windows = views.windows(tables["truth"])
+    recording.send_blueprint(layout.blueprint(summary, tables, windows))
+    recording.send_recording_name(summary["scenario"]["name"])
+    recording.send_property("trackbench", rr.AnyValues(**_properties(summary)))
+    for name, document in (("ranking", text.ranking(summary)), ("about", text.about(summary))):
+        stream.static(name, rr.TextDocument(document, media_type=rr.MediaType.MARKDOWN))
+    scene.send_roads(stream, tables["roads"])
+    views.send_scales(stream, windows)
+    scene.send_vehicles(stream, tables["truth"])
+    scene.send_readings(stream, tables["readings"], sensors)
+    slowest = max(1.0 / sensor["rate_hz"] for sensor in summary["sensors"].values())
+    scene.send_estimates(stream, tables["estimates"], tables["truth"], trackers, slowest)
+    dof = {name: sensor["dof"] for name, sensor in summary["sensors"].items()}
+    series.send_all_runs(stream, tables["steps"], tables["nis"], trackers)
+    series.send_shown_run(stream, tables["estimates"], tables["shown_nis"], dof, trackers)
+
+
+def _properties(summary: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "scenario": summary["scenario"]["name"],
+        "seed": summary["seed"],
+        "runs": summary["runs"],
+        "shown_run": summary["shown_run"],
+        "fingerprint": summary["fingerprint"],
+        "versions": [f"{name} {version}" for name, version in summary["versions"].items()],
+    }
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Put the content under its final name in one step."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        try:
+            temporary.write_bytes(content)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"the recording cannot be written: {error.strerror or error}", file=path) from error

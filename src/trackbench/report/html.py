@@ -1,0 +1,92 @@
+"""The report: one HTML file that needs nothing else, to be read on a screen, a phone or paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from trackbench.report import tables
+from trackbench.report.audit_words import audit_sentences
+from trackbench.report.figures import Look, Picture, looks
+from trackbench.report.numbers import counted, fixed
+from trackbench.report.scene import cost_against_accuracy, map_of_run
+from trackbench.report.series import error_over_time, nees_over_time, nis_over_time, spread
+from trackbench.report.wording import expectations_met, failure, headline, scored, unscored, verdict
+from trackbench.results import RunResult
+
+
+def render(result: RunResult) -> str:
+    """The report of a run as the text of an HTML file, the same for the same result.
+
+    It loads nothing from anywhere: styles and figures are in the file.
+    """
+    summary = result.summary
+    environment = Environment(
+        loader=PackageLoader("trackbench.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    look, order = looks(summary), scored(summary)
+    shown = [look[tracker["name"]] for tracker in order]
+    return environment.get_template("report.html.j2").render(
+        summary=summary,
+        facts=_facts(summary),
+        headline=headline(summary),
+        expectations_met=expectations_met(summary["expectations"]),
+        looks=look,
+        shown=shown,
+        verdicts=[(tracker["name"], verdict(tracker, summary["runs"]), tracker["describe"]) for tracker in order],
+        failures=[(tracker["name"], failure(tracker)) for tracker in unscored(summary)],
+        tables={
+            "ranked": tables.ranked(summary),
+            "per_axis": tables.per_axis(summary),
+            "innovations": tables.innovations(summary),
+            "key_differences": tables.key_differences(summary),
+            "all_differences": tables.all_differences(summary),
+            "expectations": tables.expectations(summary),
+            "sensors": tables.sensors(summary),
+        },
+        accuracy=list(_accuracy(result, shown, look)),
+        honesty=list(_honesty(result, shown)),
+        audit=audit_sentences(summary["truth"].get("audit") or {}),
+    )
+
+
+def _facts(summary: dict[str, Any]) -> list[str]:
+    """The run in a few words."""
+    truth = summary["truth"]
+    facts = [
+        counted(summary["runs"], "run"),
+        counted(len(truth["objects"]), "vehicle"),
+        f"{fixed(truth['duration_s'], 1)} s",
+        counted(len(summary["sensors"]), "sensor"),
+        counted(len(summary["trackers"]), "tracker"),
+        f"seed {summary['seed']}",
+    ]
+    return [" ".join(str(part) for part in (truth["source"], truth.get("env")) if part), *facts]
+
+
+def _accuracy(result: RunResult, shown: list[Look], look: dict[str, Look]) -> Iterator[Picture]:
+    steps = result.tables["steps"]
+    pictures = (
+        error_over_time(steps, shown, "position", "m"),
+        error_over_time(steps, shown, "velocity", "m/s"),
+        spread(steps, shown),
+        cost_against_accuracy(scored(result.summary), look),
+        map_of_run(result.tables, result.summary["shown_run"], shown),
+    )
+    return (picture for picture in pictures if picture)
+
+
+def _honesty(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
+    nees = nees_over_time(result.tables["steps"], shown)
+    nis = (
+        nis_over_time(result.tables["nis"], sensor, shown, number)
+        for number, sensor in enumerate(result.summary["sensors"])
+    )
+    return (picture for picture in (nees, *nis) if picture)

@@ -1,0 +1,53 @@
+"""How numbers are written: as many decimals as a column needs, and the same for the whole column."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+Metric = Mapping[str, Any]
+
+NOT_AVAILABLE = "n/a"
+
+
+def decimals(values: Iterable[float | None], significant: int = 3) -> int:
+    """Decimals that show the smallest value of a column to so many significant digits (0 to 4)."""
+    sizes = [abs(value) for value in values if value is not None and value != 0]
+    if not sizes:
+        return significant - 1
+    return min(4, max(0, significant - 1 - math.floor(math.log10(min(sizes)))))
+
+
+def fixed(value: float | None, places: int) -> str:
+    """``value`` with so many decimals, with a true minus sign; "n/a" for None."""
+    if value is None:
+        return NOT_AVAILABLE
+    text = f"{value:.{places}f}"
+    return text.replace("-", "\N{MINUS SIGN}") if float(text) != 0 else text.lstrip("-")
+
+
+def interval(bounds: Sequence[float] | None, places: int) -> str:
+    """ "0.41 to 0.43", or nothing where there is no interval."""
+    return f"{fixed(bounds[0], places)} to {fixed(bounds[1], places)}" if bounds else ""
+
+
+def percent(share: float | None, places: int = 0) -> str:
+    """A share as "95 %"."""
+    return NOT_AVAILABLE if share is None else f"{fixed(100 * share, places)} %"
+
+
+def half_width(metric: Metric) -> float | None:
+    """Half of the 95 % interval of a metric, or None where it has none."""
+    bounds = metric.get("ci95")
+    return (bounds[1] - bounds[0]) / 2 if bounds else None
+
+
+def counted(number: int, noun: str) -> str:
+    """ "1 run", "2 runs"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def joined(names: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

@@ -1,0 +1,138 @@
+"""The result of a run: a summary in JSON and tables in Parquet, saved whole or not at all, and loaded again."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from trackbench.errors import InputError, TrackbenchError
+
+SCHEMA_VERSION = 1
+SUMMARY = "result.json"
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Everything that a report, a recording or a comparison needs; none of them runs anything again."""
+
+    summary: dict[str, Any]
+    """``result.json``"""
+    tables: dict[str, pa.Table]
+    """Each written as ``NAME.parquet``."""
+
+
+def to_json(summary: Mapping[str, Any]) -> str:
+    """The summary as JSON.
+
+    Raises:
+        ValueError: it holds a NaN or an infinity, which a result never does.
+    """
+    return json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def save(result: RunResult, folder: Path, artifacts: Mapping[str, Callable[[Path], None]]) -> None:
+    """Write a run's folder: under a temporary name beside it, and renamed when it is complete.
+
+    Args:
+        result: what to save.
+        folder: the final name; an earlier result under it is replaced.
+        artifacts: by file name, a function that writes the file (report, recording).
+
+    Raises:
+        TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
+    except OSError as error:
+        raise InputError(f"cannot write to {folder.parent}: {error.strerror}") from error
+    try:
+        temporary.chmod(0o755)
+        (temporary / SUMMARY).write_text(to_json(result.summary), encoding="utf-8")
+        for name, table in result.tables.items():
+            pq.write_table(table, temporary / f"{name}.parquet", compression="zstd")
+        for name, write in artifacts.items():
+            write(temporary / name)
+        _put(temporary, folder)
+    except OSError as error:
+        raise TrackbenchError(f"cannot write {folder}: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def table_files(result: RunResult) -> list[str]:
+    """The names of the Parquet files of a result."""
+    return [f"{name}.parquet" for name in result.tables]
+
+
+def require_writable(out: Path) -> None:
+    """Make sure, before any work, that results can be written.
+
+    Raises:
+        InputError: they cannot.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=out).close()
+    except OSError as error:
+        raise InputError(f"cannot write to {out}: {error.strerror or error}", key="--out") from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file under a temporary name and rename it, so that it is whole or not there.
+
+    Raises:
+        TrackbenchError: it cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.unfinished")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise TrackbenchError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def load(folder: Path) -> RunResult:
+    """The result in a run's folder.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    file = folder / SUMMARY
+    try:
+        summary = json.loads(file.read_text(encoding="utf-8"))
+        tables = {path.stem: pq.read_table(path) for path in sorted(folder.glob("*.parquet"))}
+    except FileNotFoundError as error:
+        raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=folder) from error
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InputError(f"not a readable result: {error}", file=file) from error
+    if not isinstance(summary, dict) or summary.get("schema_version") != SCHEMA_VERSION:
+        raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
+    return RunResult(summary, tables)
+
+
+def _put(temporary: Path, folder: Path) -> None:
+    """Rename; a folder that is there already steps aside first, and comes back if the rename fails."""
+    if not folder.exists():
+        os.replace(temporary, folder)
+        return
+    if not (folder / SUMMARY).is_file() and (not folder.is_dir() or any(folder.iterdir())):
+        raise TrackbenchError(f"{folder} is there already and is not the folder of a run: not replaced")
+    aside = temporary.with_suffix(".replaced")
+    os.replace(folder, aside)
+    try:
+        os.replace(temporary, folder)
+    except OSError:
+        os.replace(aside, folder)
+        raise
+    shutil.rmtree(aside, ignore_errors=True)

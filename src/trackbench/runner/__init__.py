@@ -1,0 +1,1 @@
+"""A scenario times trackers times runs."""

@@ -1,0 +1,262 @@
+"""One block of Monte-Carlo runs through every tracker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from trackbench import plugins
+from trackbench.errors import TrackbenchError
+from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.scorer import Fault, Scorer, Target
+from trackbench.metrics.scores import Scores
+from trackbench.models.motion import Kinematics
+from trackbench.runner.adapters import Batched, Direct, LaneFault, Looped
+from trackbench.sensing.readings import IdealSensor, Readings, sense
+from trackbench.streams import stream
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.types import Array, Estimate, Scan, Truth
+
+#: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
+LANES = 2000
+
+
+@dataclass(frozen=True)
+class Work:
+    """Everything that is the same for every block of a run."""
+
+    scenario: str
+    seed: int
+    runs: int
+    truth: Truth
+    sensors: list[IdealSensor]
+    trackers: Mapping[str, FilterConfig | PluginConfig]
+    folder: Path | None
+    """Where a tracker's module is looked for first."""
+    settle: float
+    divergence: float
+    shown_run: int
+
+    def blocks(self) -> list[range]:
+        """The runs in blocks, which depend on the numbers of runs and objects alone."""
+        size = max(1, LANES // max(1, len(self.truth.ids)))
+        return [range(first, min(first + size, self.runs)) for first in range(0, self.runs, size)]
+
+    def instants(self) -> Array:
+        """Indices of the truth's steps at which any sensor takes a reading."""
+        return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why and where a tracker could not go on."""
+
+    cause: str
+    step: int
+    """Number of the instant, from 0."""
+    time_s: float
+    sensor: str | None
+    run: int | None
+    object: str | None
+
+
+@dataclass
+class Trace:
+    """One tracker's estimates of the shown run."""
+
+    mean: Array
+    """``(4, instants, objects)``, NaN where there is none."""
+    covariance: Array
+    """``(4, 4, instants, objects)``"""
+    nis: dict[str, list[Array]] = field(default_factory=dict)
+    """Per sensor and reading ``(objects,)``, NaN where there is none."""
+
+
+@dataclass
+class Block:
+    """What a block of runs leaves behind."""
+
+    runs: range
+    scores: dict[str, Scores | Failure]
+    traces: dict[str, Trace]
+    scans: list[Scan] | None
+    """Those of the shown run, if it is in this block; batch axis ``(objects,)``."""
+    detections: dict[str, Array]
+    digests: list[bytes]
+
+
+class Stepper(Protocol):
+    """A tracker made ready for a block."""
+
+    def step(self, scan: Scan) -> Estimate | None: ...
+
+
+def run_block(work: Work, runs: range) -> Block:
+    """Synthesise the readings of some runs and take every tracker through them."""
+    readings = sense(work.sensors, work.seed, work.scenario, runs)
+    target = _target(work, readings, runs)
+    shown = work.shown_run - runs.start if work.shown_run in runs else None
+    scores: dict[str, Scores | Failure] = {}
+    traces: dict[str, Trace] = {}
+    for name, config in work.trackers.items():
+        passage = _Passage(work, runs, readings, target, shown)
+        scores[name] = passage.take(config)
+        if passage.trace is not None:
+            traces[name] = passage.trace
+    scans = None if shown is None else [_of_run(scan, len(work.truth.ids), shown) for scan in readings.scans]
+    return Block(runs, scores, traces, scans, readings.detections, readings.digests)
+
+
+class _Passage:
+    """One tracker's way through the readings of a block."""
+
+    def __init__(self, work: Work, runs: range, readings: Readings, target: Target, shown: int | None) -> None:
+        self._work = work
+        self._runs = runs
+        self._readings = readings
+        self._target = target
+        self._shown = shown
+        objects, instants = len(work.truth.ids), len(target.time)
+        self._none = Estimate(np.full((4, objects * len(runs)), np.nan), np.full((4, 4, objects * len(runs)), np.nan))
+        self.trace: Trace | None = None
+        if shown is not None:
+            self.trace = Trace(np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan))
+
+    def take(self, config: FilterConfig | PluginConfig) -> Scores | Failure:
+        """The scores of a tracker, or why there are none."""
+        work, target = self._work, self._target
+        counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
+        scorer = Scorer(target, counts, keep_spread=self._runs.start == 0)
+        named = config.sensors
+        instant, scan = 0, self._readings.scans[0]
+        seconds, steps = 0.0, 0
+        try:
+            stepper = self._stepper(config)
+            for instant, (_, group) in enumerate(groupby(self._readings.scans, key=lambda item: item.time)):
+                latest = self._none
+                for scan in group:
+                    given = scan if named is None or scan.sensor in named else _blinded(scan)
+                    begin = time.perf_counter()
+                    answer = stepper.step(given)
+                    seconds += time.perf_counter() - begin
+                    steps += given.valid.size
+                    latest = answer or self._none
+                    scorer.innovation(instant, given, latest)
+                    self._keep_nis(given, latest)
+                scorer.estimate(latest)
+                self._keep(instant, latest)
+            scores = scorer.scores(seconds, steps)
+        except Fault as fault:
+            return self._failure(fault.cause, fault.instant, None, fault.lane)
+        except LaneFault as fault:
+            return self._failure(_cause(fault.cause), instant, scan.sensor, fault.lane)
+        except Exception as error:
+            return self._failure(_cause(error), instant, scan.sensor, None)
+        if scores.present.sum() > 0 and scores.per_step[0].sum() == 0:
+            return self._failure("it gave no estimate at all", instant, None, None)
+        return scores
+
+    def _stepper(self, config: FilterConfig | PluginConfig) -> Stepper:
+        if isinstance(config, FilterConfig):
+            return Direct(self._primed(build(config)))
+        make = plugins.create(config.use, config.options, self._work.folder)
+        tracker = make()
+        if isinstance(tracker, FilterTracker):
+            return Direct(self._primed(tracker))
+        if getattr(tracker, "batched", False):
+            return Batched(tracker)
+        return Looped(make, len(self._none.mean[0]))
+
+    def _primed(self, tracker: FilterTracker) -> FilterTracker:
+        """The tracker, given its first states drawn from the truth if that is how it starts."""
+        if not tracker.starts_from_truth:
+            return tracker
+        work, truth = self._work, self._work.truth
+        instants = work.instants()
+        objects = np.arange(len(truth.ids))
+        first = instants[np.argmax(truth.alive[instants], axis=0)]
+        shape = (len(objects), len(self._runs))
+
+        def at_start(values: Array) -> Array:
+            found = values[first, objects]
+            own = found if found.shape[1] == 1 else found[:, self._runs.start : self._runs.stop]
+            return np.broadcast_to(own, shape).reshape(-1)
+
+        fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
+        motion = Kinematics(*(at_start(values) for values in fields))
+        normal = np.stack(
+            [
+                stream(work.seed, work.scenario, run, "initial state").standard_normal((6, len(objects)))
+                for run in self._runs
+            ],
+            axis=-1,
+        )
+        when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
+        times = np.broadcast_to(when[:, None], shape).reshape(-1)
+        return tracker.with_prior(times, motion, normal.reshape(6, -1))
+
+    def _keep(self, instant: int, estimate: Estimate) -> None:
+        if self.trace is not None and self._shown is not None:
+            lanes = slice(self._shown, None, len(self._runs))
+            alive = self._target.alive[instant]
+            self.trace.mean[:, instant] = np.where(alive, estimate.mean[:, lanes], np.nan)
+            self.trace.covariance[:, :, instant] = np.where(alive, estimate.covariance[:, :, lanes], np.nan)
+
+    def _keep_nis(self, scan: Scan, estimate: Estimate) -> None:
+        if self.trace is None or self._shown is None:
+            return
+        nis = np.full(len(self._work.truth.ids), np.nan)
+        if estimate.innovation is not None and estimate.innovation_covariance is not None:
+            lanes = slice(self._shown, None, len(self._runs))
+            value = normalised_square(estimate.innovation[:, lanes], estimate.innovation_covariance[:, :, lanes])[0]
+            nis = np.where(scan.valid[lanes], value, np.nan)
+        self.trace.nis.setdefault(scan.sensor, []).append(nis)
+
+    def _failure(self, cause: str, instant: int, sensor: str | None, lane: int | None) -> Failure:
+        at = None if lane is None else divmod(lane, len(self._runs))
+        return Failure(
+            cause=cause,
+            step=instant,
+            time_s=float(self._target.time[instant]),
+            sensor=sensor,
+            run=None if at is None else self._runs.start + at[1],
+            object=None if at is None else self._work.truth.ids[at[0]],
+        )
+
+
+def _target(work: Work, readings: Readings, runs: range) -> Target:
+    truth, instants = work.truth, work.instants()
+    state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, instants]
+    if state.shape[-1] > 1:
+        state = state[..., runs.start : runs.stop]
+    shape = (len(truth.ids), len(runs))
+    start = np.full(shape, np.inf)
+    for scan in reversed(readings.scans):
+        start = np.where(scan.valid.reshape(shape), scan.time, start)
+    return Target(truth.time[instants], state, truth.alive[instants], start + work.settle, work.divergence)
+
+
+def _blinded(scan: Scan) -> Scan:
+    """The scan of a sensor that the tracker does not read: it only tells the time."""
+    return scan._replace(reading=np.full_like(scan.reading, np.nan), valid=np.zeros_like(scan.valid))
+
+
+def _of_run(scan: Scan, objects: int, run: int) -> Scan:
+    lanes = slice(run, None, scan.valid.size // objects)
+    return scan._replace(reading=scan.reading[:, lanes].copy(), valid=scan.valid[lanes].copy())
+
+
+def _cause(error: Exception) -> str:
+    if isinstance(error, TrackbenchError):
+        return str(error)
+    text = str(error).strip().splitlines()
+    kind = type(error).__name__
+    return (text[0] if text else kind) if kind == "TrackerFault" else f"{kind}: {text[0]}" if text else kind

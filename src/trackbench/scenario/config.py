@@ -1,0 +1,92 @@
+"""The whole scenario: truth, sensors, trackers, and how they are run and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from trackbench.config import Config, Name, NonNegative, Positive, Problem
+from trackbench.scenario import cross_checks
+from trackbench.sensing.config import AnySensor
+from trackbench.trackers.config import AnyTracker
+from trackbench.truth.config import HighwayTruth
+
+
+class MonteCarlo(Config):
+    """How often the scene is repeated with other noise."""
+
+    runs: int = Field(100, ge=1, le=1_000_000, description="Number of runs.")
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs.")
+
+
+class BoundConfig(Config):
+    """The posterior Cramer-Rao bound that trackers are held against."""
+
+    acceleration_sigma_mps2: Positive | None = Field(
+        None,
+        description="Standard deviation of the acceleration that the bound allows for, m/s^2; the RMS "
+        "acceleration of the truth unless given.",
+    )
+    velocity_sigma_mps: Positive = Field(
+        20, description="Standard deviation of the velocity before the first reading, m/s."
+    )
+
+
+class Score(Config):
+    """Which errors count, and what they are held against."""
+
+    settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
+    divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
+    bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
+
+
+class Expectation(Config):
+    """What must hold of one metric of one tracker; exactly one of below, above, is and better_than."""
+
+    tracker: str = Field(description="Name of the tracker.")
+    metric: str = Field(description="Dotted path of the metric (`trackbench list metrics` shows them).")
+    below: float | None = Field(None, description="The value must be smaller, in the metric's unit.")
+    above: float | None = Field(None, description="The value must be larger, in the metric's unit.")
+    equals: str | None = Field(None, alias="is", description="The verdict must be this word.")
+    better_than: str | None = Field(
+        None, description="Name of another tracker, which this one must beat by more than chance explains."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        operators = {
+            "below": self.below,
+            "above": self.above,
+            "is": self.equals,
+            "better_than": self.better_than,
+        }
+        given = [name for name, value in operators.items() if value is not None]
+        if not given:
+            yield Problem((), "says nothing: add one of below, above, is, better_than")
+        for name in given[1:]:
+            yield Problem((name,), f"an expectation has one limit: write a second one beside {given[0]}")
+
+
+class RecordingConfig(Config):
+    """What the Rerun recording shows."""
+
+    run: int = Field(0, ge=0, description="The Monte-Carlo run whose readings and estimates are shown, from 0.")
+
+
+class Scenario(Config):
+    """One scene, the sensors that see it, the trackers that follow it, and what is expected of them."""
+
+    name: str = Field(pattern=r"^[a-z0-9_-]+$", max_length=64, description="Name of the result's folder.")
+    description: str = Field("", description="What the scenario shows, in one line.")
+    truth: HighwayTruth = Field(description="Where the true motion comes from.")
+    sensors: dict[Name, AnySensor] = Field(min_length=1, description="The sensors, by name.")
+    trackers: dict[Name, AnyTracker] = Field(min_length=1, description="The trackers to compare, by name.")
+    monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
+    score: Score = Field(default_factory=Score, description="How errors are counted.")
+    expect: list[Expectation] = Field(
+        default_factory=list, description="What must hold; otherwise the exit status is 1."
+    )
+    recording: RecordingConfig = Field(default_factory=RecordingConfig, description="What the recording shows.")
+
+    def problems(self) -> Iterator[Problem]:
+        yield from cross_checks.problems(self)

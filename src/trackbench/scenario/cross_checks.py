@@ -1,0 +1,122 @@
+"""What must fit together between the sections of a scenario."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from trackbench.config import Problem
+from trackbench.errors import nearest
+from trackbench.scenario.metric_names import METRICS, Metric, metrics_by_path
+from trackbench.sensing.presets import presets
+
+if TYPE_CHECKING:
+    from trackbench.scenario.config import Expectation, Scenario
+
+
+def problems(scenario: Scenario) -> Iterator[Problem]:
+    """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
+    yield from _sensor_times(scenario)
+    yield from _tracker_sensors(scenario)
+    runs = scenario.monte_carlo.runs
+    if scenario.score.settle_s >= scenario.truth.duration_s:
+        longest = f"truth.duration_s, which is {scenario.truth.duration_s:g}"
+        yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
+    if scenario.recording.run >= runs:
+        yield Problem(
+            ("recording", "run"),
+            f"must be from 0 to {runs - 1}, because monte_carlo.runs is {runs}",
+        )
+    for index, expectation in enumerate(scenario.expect):
+        for problem in _expectation(scenario, expectation):
+            yield Problem(("expect", index, *problem.at), problem.message)
+
+
+def _sensor_times(scenario: Scenario) -> Iterator[Problem]:
+    truth_rate = scenario.truth.rate_hz
+    for name, sensor in scenario.sensors.items():
+        steps = truth_rate / sensor.rate_hz
+        if not _whole(steps):
+            near = " or ".join(f"{rate:g}" for rate in _nearest_rates(truth_rate, steps))
+            message = f"{sensor.rate_hz:g} Hz does not divide truth.rate_hz, which is {truth_rate}; use {near}"
+            if sensor.preset is not None and sensor.rate_hz == _preset_rate(sensor.preset):
+                message += f" (the rate is that of preset {sensor.preset})"
+            yield Problem(("sensors", name, "rate_hz"), message)
+        elif sensor.phase_s * sensor.rate_hz >= 1:
+            message = f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s"
+            yield Problem(("sensors", name, "phase_s"), message)
+        elif not _whole(sensor.phase_s * truth_rate):
+            near = f"{round(sensor.phase_s * truth_rate) / truth_rate:g}"
+            message = f"must be a multiple of the truth step, which is {1 / truth_rate:g} s; use {near}"
+            yield Problem(("sensors", name, "phase_s"), message)
+
+
+def _nearest_rates(truth_rate: int, steps: float) -> list[float]:
+    """The rates below and above ``truth_rate / steps`` that divide and have at most three decimals."""
+    slower = itertools.chain(range(math.ceil(steps), truth_rate), [truth_rate])
+    faster = range(math.floor(steps), 0, -1)
+    rates = [
+        next((truth_rate / count for count in counts if _whole(1000 * truth_rate / count)), None)
+        for counts in (slower, faster)
+    ]
+    return [rate for rate in rates if rate is not None]
+
+
+def _tracker_sensors(scenario: Scenario) -> Iterator[Problem]:
+    for name, tracker in scenario.trackers.items():
+        for index, sensor in enumerate(tracker.sensors or []):
+            if sensor not in scenario.sensors:
+                message = f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
+                yield Problem(("trackers", name, "sensors", index), message)
+
+
+def _expectation(scenario: Scenario, expectation: Expectation) -> Iterator[Problem]:
+    tracker = scenario.trackers.get(expectation.tracker)
+    if tracker is None:
+        message = f"the scenario has no tracker {expectation.tracker!r}"
+        yield Problem(("tracker",), f"{message}; {nearest(expectation.tracker, scenario.trackers)}")
+    metrics = metrics_by_path(scenario.sensors)
+    metric = metrics.get(expectation.metric)
+    if metric is None:
+        message = f"there is no metric {expectation.metric!r}; {nearest(expectation.metric, metrics)}"
+        yield Problem(("metric",), message)
+        return
+    sensor = expectation.metric.split(".")[1] if "<sensor>" in metric.path else None
+    read = tracker.sensors if tracker is not None else None
+    if read is not None and sensor is not None and sensor not in read:
+        message = f"tracker {expectation.tracker} does not read {sensor}; it reads {', '.join(read)}"
+        yield Problem(("metric",), message)
+    yield from _limit(scenario, expectation, metric)
+
+
+def _limit(scenario: Scenario, expectation: Expectation, metric: Metric) -> Iterator[Problem]:
+    word, rival = expectation.equals, expectation.better_than
+    for operator in ("below", "above"):
+        if metric.words and getattr(expectation, operator) is not None:
+            message = f"{expectation.metric} is a word, not a number; use is: {' | '.join(metric.words)}"
+            yield Problem((operator,), message)
+    if word is not None and not metric.words:
+        yield Problem(("is",), f"{expectation.metric} is a number, not a word; use below or above")
+    elif word is not None and word not in metric.words:
+        yield Problem(("is",), f"{expectation.metric} is never {word!r}; {nearest(word, metric.words)}")
+    if rival is None:
+        return
+    if rival not in scenario.trackers:
+        message = f"the scenario has no tracker {rival!r}; {nearest(rival, scenario.trackers)}"
+        yield Problem(("better_than",), message)
+    elif rival == expectation.tracker:
+        yield Problem(("better_than",), "a tracker cannot be better than itself; name another one")
+    if not metric.paired:
+        paired = ", ".join(entry.path for entry in METRICS if entry.paired)
+        yield Problem(("better_than",), f"trackers are not compared by {expectation.metric}; only by {paired}")
+
+
+def _whole(value: float) -> bool:
+    """Whether ``value`` is a whole number but for rounding."""
+    return abs(value - round(value)) < 1e-6
+
+
+def _preset_rate(preset: str) -> float | None:
+    return presets()[preset].values.get("rate_hz")

@@ -1,0 +1,222 @@
+"""The reference of the scenario file, made from its JSON Schema.
+
+``python -m trackbench.scenario.docs`` prints it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trackbench.scenario.key_units import show, split_key
+from trackbench.scenario.metric_names import METRICS
+from trackbench.scenario.schema import Schema, json_schema
+from trackbench.sensing.presets import list_presets
+
+#: An example of each section; together they are a whole scenario.
+EXAMPLES = {
+    "scenario": """\
+name: highway_overtake
+description: Radar and lidar behind a car that overtakes.
+""",
+    "truth": """\
+truth:
+  source: highway-env
+  env: highway-v0
+  config: {lanes_count: 3, vehicles_count: 12}
+  seed: 1
+  duration_s: 20
+  rate_hz: 20
+  observer: ego
+  targets: {nearest: 4}
+""",
+    "sensors": """\
+sensors:
+  front_radar:
+    type: radar
+    rate_hz: 20
+    mount: {x_m: 2.5}
+    fov_deg: 120
+    max_range_m: 150
+    detection_probability: 0.95
+    range_sigma_m: 0.3
+    azimuth_sigma_deg: 0.5
+    range_rate_sigma_mps: 0.1
+    dropouts:
+      - {from_s: 8, to_s: 10}
+  roof_lidar:
+    type: lidar
+    preset: velodyne_vlp16
+    position_sigma_m: 0.15   # a key that is written wins over the preset
+""",
+    "trackers": """\
+trackers:
+  raw: {use: raw}
+  ekf_cv:
+    filter: ekf
+    motion: cv
+    acceleration_sigma_mps2: 3
+    sensors: [front_radar, roof_lidar]
+  ukf_ctrv:
+    filter: ukf
+    motion: ctrv
+    acceleration_sigma_mps2: 2
+    yaw_acceleration_sigma_radps2: 0.5
+    initial: {from: first_reading, velocity_sigma_mps: 20}
+""",
+    "monte_carlo": """\
+monte_carlo: {runs: 100, seed: 7}
+""",
+    "score": """\
+score:
+  settle_s: 2
+  divergence_m: 20
+""",
+    "expect": """\
+expect:
+  - {tracker: ekf_cv, metric: position_rmse, below: 1.0}
+  - {tracker: ekf_cv, metric: nis.front_radar.inside95, above: 0.9}
+  - {tracker: ukf_ctrv, metric: nees.verdict, is: consistent}
+  - {tracker: ukf_ctrv, metric: position_rmse, better_than: raw}
+""",
+    "recording": """\
+recording: {run: 0}
+""",
+}
+
+#: For each section the classes that describe it, each under its heading.
+SECTIONS: dict[str, dict[str, str]] = {
+    "truth": {
+        "HighwayTruth": "",
+        "FixedObserver": "`observer` as a fixed point",
+        "NearestTargets": "`targets` by distance",
+        "IdTargets": "`targets` by name",
+    },
+    "sensors": {
+        "RadarConfig": "Radar",
+        "LidarConfig": "Lidar",
+        "Mount": "`mount`",
+        "Dropout": "Each of `dropouts`",
+    },
+    "trackers": {
+        "FilterConfig": "A built-in filter",
+        "InitialConfig": "`initial`",
+        "PluginConfig": "Your own tracker",
+    },
+    "monte_carlo": {"MonteCarlo": ""},
+    "score": {"Score": "", "BoundConfig": "`bound`"},
+    "expect": {"Expectation": ""},
+    "recording": {"RecordingConfig": ""},
+}
+
+INTRODUCTION = """\
+# The scenario file
+
+<!-- Made from the schema by `python -m trackbench.scenario.docs`. Change the field descriptions, not this page. -->
+
+A scenario is one YAML file: the true motion, the sensors that see it, the trackers that follow it, and what is
+expected of them. `trackbench check FILE` validates it, `trackbench schema` prints its JSON Schema for editors, and
+`--set key.path=value` sets any key from the command line (`--set trackers.ekf_cv.acceleration_sigma_mps2=2`; the items
+of a list count from 0).
+
+The unit is the end of a key's name: `_m` metres, `_s` seconds, `_hz` Hz, `_deg` degrees, `_rad` radians, `_mps` m/s,
+`_mps2` m/s^2, `_mps3` m/s^3, `_radps` rad/s, `_radps2` rad/s^2. Angles are counter-clockwise. YAML is read by the rules
+of version 1.2: `on`, `yes` and `1:30` are text. `<<: *name` merges a mapping with an anchor.
+"""
+
+
+def scenario_markdown() -> str:
+    """The whole page."""
+    schema = json_schema()
+    parts = schema["$defs"]
+    blocks = [INTRODUCTION, "## The top level", _example("scenario"), _table(schema)]
+    for section, classes in SECTIONS.items():
+        blocks += [f"## {section}", _example(section)]
+        for name, heading in classes.items():
+            blocks += [f"### {heading}"] if heading else []
+            blocks += [parts[name]["description"], _table(parts[name])]
+        if section == "sensors":
+            blocks.append(_presets())
+        if section == "expect":
+            blocks.append(_metrics())
+    return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
+
+
+def _example(section: str) -> str:
+    return f"```yaml\n{EXAMPLES[section]}```"
+
+
+def _table(part: Schema) -> str:
+    rows = ["| key | type | unit | default | meaning |", "| --- | --- | --- | --- | --- |"]
+    required = {*part.get("required", ()), *part.get("then", {}).get("required", ())}
+    for key, field in part["properties"].items():
+        unit = split_key(key)[1]
+        default = "required" if key in required else _value(field.get("default"))
+        if key in part.get("then", {}).get("required", ()) and key not in part["required"]:
+            default = "required, or from the preset"
+        cells = (
+            f"`{key}`",
+            _type(field),
+            unit.words if unit else "",
+            default,
+            field["description"],
+        )
+        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(rows)
+
+
+def _type(field: Schema) -> str:
+    options = field.get("anyOf") or field.get("oneOf") or ()
+    if options:
+        return " or ".join(dict.fromkeys(_type(option) for option in options if option != {"type": "null"}))
+    if "const" in field:
+        return f"`{field['const']}`"
+    if "enum" in field:
+        return ", ".join(f"`{word}`" for word in field["enum"])
+    if "$ref" in field or field["type"] == "object":
+        return "mapping"
+    if field["type"] == "array":
+        return f"list of {_type(field['items'])}".replace("mapping", "mappings")
+    names = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
+    return names[field["type"]] + _bounds(field)
+
+
+def _bounds(field: Schema) -> str:
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    bounds = [f"{sign} {show(field[name])}" for name, sign in signs.items() if name in field]
+    return ", " + ", ".join(bounds) if bounds else ""
+
+
+def _value(value: Any) -> str:
+    if value is None or value == "":
+        return ""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f"`{show(value)}`" if isinstance(value, int | float) else f"`{value}`"
+
+
+def _presets() -> str:
+    rows = [
+        "### Presets",
+        "",
+        "| preset | type | sensor | assumed, where no figure is published |",
+        "| --- | --- | --- | --- |",
+    ]
+    for preset in list_presets():
+        assumed = ", ".join(f"`{key}`" for key in preset.assumed)
+        rows.append(f"| `{preset.name}` | {preset.kind} | {preset.title} | {assumed} |")
+    rows += ["", "The sources, and how each figure was converted, are in `src/trackbench/sensing/presets.yaml`."]
+    return "\n".join(rows)
+
+
+def _metrics() -> str:
+    rows = ["### Metrics", "", "| metric | unit | meaning |", "| --- | --- | --- |"]
+    for metric in METRICS:
+        unit = " or ".join(f"`{word}`" for word in metric.words) or metric.unit
+        rows.append(f"| `{metric.path}` | {unit} | {metric.meaning} |")
+    paired = ", ".join(f"`{metric.path}`" for metric in METRICS if metric.paired)
+    rows += ["", f"`better_than` compares run by run, and only by {paired}."]
+    return "\n".join(rows)
+
+
+if __name__ == "__main__":
+    print(scenario_markdown(), end="")

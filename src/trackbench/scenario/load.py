@@ -1,0 +1,111 @@
+"""A scenario file, read and validated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from trackbench.errors import InputError, InputErrors, nearest
+from trackbench.scenario.config import Scenario
+from trackbench.scenario.explain import explain
+from trackbench.scenario.overrides import apply_overrides
+from trackbench.scenario.source import Document, KeyPath, dotted, parse
+
+
+@dataclass(frozen=True)
+class LoadedScenario:
+    """A valid scenario and where it came from."""
+
+    config: Scenario
+    path: Path
+    text: str
+    """The file as it is on disk, without the overrides."""
+    overrides: tuple[str, ...]
+    """Each ``key.path=value`` that was set over the file."""
+    document: Document
+    """The plain values that were validated, each with its place."""
+
+    def locate(self, error: InputError) -> InputError:
+        """The same error with the file and line of its key."""
+        if isinstance(error, InputErrors):
+            return InputErrors([self.locate(part) for part in error.errors])
+        if error.file is not None:
+            return error
+        origin = self.document.origin(_key_path(self.document, error.key))
+        return error.located(file=origin.file, line=origin.line)
+
+
+def load_scenario(path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
+    """Read, override and validate a scenario file.
+
+    What needs highway-env or a plug-in to be known is left to ``check``.
+
+    Args:
+        path: the YAML file.
+        overrides: ``key.path=value`` each; the value is read as YAML.
+
+    Raises:
+        InputError: the file cannot be read or is not YAML.
+        InputErrors: everything that is wrong in it, in the order of its lines.
+    """
+    text = _read(path)
+    document = parse(text, str(path))
+    if not isinstance(document.value, dict):
+        found = "is empty" if document.value is None else "is not a mapping of keys to values"
+        required = ", ".join(name for name, field in Scenario.model_fields.items() if field.is_required())
+        message = f"the file {found}; a scenario has the keys {required}"
+        raise InputError(message, file=path, line=document.origin(()).line)
+    document = apply_overrides(document, overrides)
+    try:
+        config = Scenario.model_validate(document.value)
+    except ValidationError as invalid:
+        problems = explain(invalid.errors(include_url=False), Scenario)
+        raise _in_file_order(document, problems) from None
+    except RecursionError:
+        raise InputError("nested too deeply", file=path) from None
+    return LoadedScenario(config, path, text, tuple(overrides), document)
+
+
+def _read(path: Path) -> str:
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        names = [entry.name for entry in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+        hint = f"; {nearest(path.name, names)}" if names else ""
+        raise InputError(f"there is no such file{hint}", file=path) from None
+    except IsADirectoryError:
+        raise InputError("this is a folder; name a scenario file in it", file=path) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read: {reason}", file=path) from None
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        message = f"not UTF-8 text (byte 0x{raw[error.start]:02x}); save the file as UTF-8"
+        raise InputError(message, file=path, line=line) from None
+
+
+def _in_file_order(document: Document, problems: Iterable[tuple[KeyPath, str]]) -> InputError:
+    errors = []
+    for path, message in problems:
+        origin = document.origin(path)
+        errors.append(InputError(message, key=dotted(path) or None, file=origin.file, line=origin.line))
+    unique = list({str(error): error for error in errors}.values())
+    unique.sort(key=lambda error: (error.line is None, error.line or 0))
+    return unique[0] if len(unique) == 1 else InputErrors(unique)
+
+
+def _key_path(document: Document, key: str | None) -> KeyPath:
+    """A dotted key as the path that the document knows; indices of lists become numbers."""
+    path: KeyPath = ()
+    node = document.value
+    for part in key.split(".") if key else ():
+        is_index = isinstance(node, list) and part.isdecimal() and int(part) < len(node)
+        step: str | int = int(part) if is_index else part
+        path = (*path, step)
+        node = node[step] if is_index else node.get(part) if isinstance(node, dict) else None
+    return path

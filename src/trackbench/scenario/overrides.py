@@ -1,0 +1,66 @@
+"""``--set key.path=value``: values of the command line put into a document before it is validated."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+from trackbench.errors import InputError
+from trackbench.scenario.source import Document, KeyPath, Origin, dotted, parse
+
+
+def apply_overrides(document: Document, overrides: Sequence[str]) -> Document:
+    """A copy of ``document`` with each ``key.path=value`` set; values are read as YAML, list indices count from 0.
+
+    Whether a key exists is left to the validation.
+
+    Raises:
+        InputError: no ``=``, a value that is not YAML, an index outside its list, a path through a plain value.
+    """
+    value, origins = copy.deepcopy(document.value), dict(document.origins)
+    for override in overrides:
+        origin = Origin(f"--set {override}")
+        key, equals, text = override.partition("=")
+        parts = key.strip().split(".")
+        if not equals or not all(parts):
+            raise InputError("write --set key.path=value, such as --set monte_carlo.runs=10", file=origin.file)
+        path = _set(value, parts, _read(text, origin), origin)
+        origins = {at: place for at, place in origins.items() if at[: len(path)] != path}
+        origins[path] = origin
+    return Document(value, origins)
+
+
+def _read(text: str, origin: Origin) -> Any:
+    try:
+        return parse(text, origin.file).value
+    except InputError as error:
+        raise InputError(error.message, file=origin.file) from None
+
+
+def _set(root: Any, parts: list[str], new: Any, origin: Origin) -> KeyPath:
+    """Set the value and return the path of what changed: of the outermost mapping that had to be made."""
+    node = root
+    path: KeyPath = ()
+    changed: KeyPath | None = None
+    for position, part in enumerate(parts):
+        key: Any = _index(node, part, path, origin) if isinstance(node, list) else part
+        if not isinstance(node, dict | list):
+            at = dotted(path)
+            message = f"it is {node!r}, which has no key {part!r}; set it as a whole: --set '{at}={{...}}'"
+            raise InputError(message, key=at, file=origin.file)
+        path = (*path, key)
+        if position == len(parts) - 1:
+            node[key] = new
+        elif isinstance(node, dict) and node.get(key) is None:
+            node[key] = {}
+            changed = changed or path
+        node = node[key]
+    return changed or path
+
+
+def _index(items: list[Any], part: str, path: KeyPath, origin: Origin) -> int:
+    if part.isdecimal() and int(part) < len(items):
+        return int(part)
+    choices = f"choose from 0 to {len(items) - 1}" if items else "it is empty"
+    raise InputError(f"{part!r} is not an index of this list; {choices}", key=dotted(path), file=origin.file)

@@ -1,0 +1,192 @@
+"""YAML text to plain values, with the place of each one for error messages.
+
+Scalars follow the core schema of YAML 1.2: ``1e-3`` is a number, and ``on``, ``1:30`` and dates are text. Keys are
+always text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import yaml
+
+from trackbench.errors import InputError, InputErrors
+
+KeyPath = tuple[str | int, ...]
+
+#: Aliases can make a short file expand without end; no scenario comes near this.
+MAX_VALUES = 100_000
+
+
+class Origin(NamedTuple):
+    """Where a value was written."""
+
+    file: str
+    """The file, or the option of the command line."""
+    line: int | None = None
+    """From 1; None for an option."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """A YAML document as plain values (dict, list, str, int, float, bool, None)."""
+
+    value: Any
+    origins: dict[KeyPath, Origin]
+
+    def origin(self, path: KeyPath) -> Origin:
+        """Where the value at ``path``, or the nearest mapping or list around it, was written."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.origins:
+                return self.origins[path[:length]]
+        return self.origins[()]
+
+
+def dotted(path: KeyPath) -> str:
+    """``("sensors", "front", "rate_hz")`` as users write it: ``sensors.front.rate_hz``."""
+    return ".".join(part if (part := str(raw)).isprintable() else repr(part) for raw in path)
+
+
+def parse(text: str, file: str) -> Document:
+    """Parse one YAML document.
+
+    Raises:
+        InputError: a syntax error, a key given twice, an anchor that contains itself, an unknown tag.
+    """
+    try:
+        node = _Loader(text).get_single_node()
+        builder = _Builder(file)
+        value = builder.build(node, ()) if node is not None else None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        raise InputError(_syntax(error), file=file, line=mark.line + 1 if mark else None) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise InputError("a control character, which YAML does not allow", file=file, line=line) from None
+    except RecursionError:
+        raise InputError("nested too deeply", file=file) from None
+    if builder.repeated:
+        raise InputErrors(builder.repeated)
+    builder.origins[()] = Origin(file, node.start_mark.line + 1 if node is not None else 1)
+    return Document(value, builder.origins)
+
+
+class _Loader(yaml.SafeLoader):
+    pass
+
+
+_Loader.yaml_implicit_resolvers = {}
+for _tag, _pattern, _first in (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        list("-+.0123456789"),
+    ),
+    ("merge", r"<<", ["<"]),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
+
+
+class _Builder:
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.origins: dict[KeyPath, Origin] = {}
+        self.repeated: list[InputError] = []
+        self._open: set[int] = set()
+        self._count = 0
+
+    def build(self, node: yaml.Node, path: KeyPath) -> Any:
+        self._count += 1
+        if self._count > MAX_VALUES:
+            raise self._error(f"more than {MAX_VALUES} values, aliases expanded", node, path)
+        if id(node) in self._open:
+            raise self._error("an anchor that contains itself", node, path)
+        if node.tag not in _TAGS[type(node)]:
+            raise self._error(f"the tag {node.tag!r} is not known; remove it", node, path)
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.ScalarNode):
+                return self._scalar(node, path)
+            if isinstance(node, yaml.SequenceNode):
+                return [self._item(child, (*path, i), child) for i, child in enumerate(node.value)]
+            assert isinstance(node, yaml.MappingNode)
+            return self._mapping(node, path)
+        finally:
+            self._open.remove(id(node))
+
+    def _item(self, node: yaml.Node, path: KeyPath, place: yaml.Node) -> Any:
+        self.origins[path] = Origin(self.file, place.start_mark.line + 1)
+        return self.build(node, path)
+
+    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        lines: dict[str, int] = {}
+        for key_node, value_node in self._merged(node, path):
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise self._error("a key must be a single word", key_node, path)
+            result[key_node.value] = self._item(value_node, (*path, key_node.value), key_node)
+        for key_node, _ in node.value:
+            key = key_node.value
+            if key in lines and key_node.tag != _MERGE:
+                message = f"this key is given twice, first in line {lines[key]}; remove one"
+                self.repeated.append(self._error(message, key_node, (*path, key)))
+            lines.setdefault(key, key_node.start_mark.line + 1)
+        return result
+
+    def _merged(self, node: yaml.MappingNode, path: KeyPath) -> Iterator[tuple[yaml.Node, yaml.Node]]:
+        """The entries of a mapping after those that it merges in, so that its own come last and win."""
+        for key_node, value_node in node.value:
+            if key_node.tag == _MERGE:
+                parts = value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
+                for part in reversed(parts):
+                    if not isinstance(part, yaml.MappingNode) or id(part) in self._open:
+                        raise self._error("<< needs a mapping that was given before", key_node, path)
+                    self._open.add(id(part))
+                    yield from self._merged(part, path)
+                    self._open.remove(id(part))
+        yield from (entry for entry in node.value if entry[0].tag != _MERGE)
+
+    def _scalar(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
+        text = node.value
+        try:
+            match node.tag.removeprefix(_PREFIX):
+                case "null":
+                    return None
+                case "bool":
+                    return {"true": True, "false": False}[text.lower()]
+                case "int":
+                    return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+                case "float":
+                    return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+        except (ValueError, KeyError):
+            raise self._error(f"{text[:40]!r} does not fit its tag or is too long", node, path) from None
+        return text
+
+    def _error(self, message: str, node: yaml.Node, path: KeyPath) -> InputError:
+        return InputError(message, key=dotted(path) or None, file=self.file, line=node.start_mark.line + 1)
+
+
+_PREFIX = "tag:yaml.org,2002:"
+_MERGE = _PREFIX + "merge"
+_TAGS = {
+    yaml.ScalarNode: {_PREFIX + name for name in ("null", "bool", "int", "float", "str", "merge")},
+    yaml.SequenceNode: {_PREFIX + "seq"},
+    yaml.MappingNode: {_PREFIX + "map"},
+}
+
+
+def _syntax(error: yaml.MarkedYAMLError) -> str:
+    problem = error.problem or "syntax error"
+    if "'\\t'" in problem:
+        return "a tab where YAML needs spaces"
+    if "mapping values are not allowed" in problem:
+        return "not valid YAML: a second ': ' in one line, or wrong indentation; quote text that contains ': '"
+    if "another document" in problem:
+        return "a second YAML document; a scenario file holds one"
+    return f"not valid YAML: {problem}"

@@ -1,0 +1,71 @@
+"""What to say about a key that does not exist: most often its unit is wrong or missing."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import Any, NamedTuple
+
+from trackbench.config import Config
+from trackbench.errors import nearest
+from trackbench.scenario.key_units import Unit, convert, show, split_key
+from trackbench.scenario.places import keyed_fields, models
+
+
+class Advice(NamedTuple):
+    """What to write instead."""
+
+    message: str
+    key: str | None
+    """The key that was meant, where that is clear."""
+
+
+def advise(key: str, value: Any, model: type[Config], root: type[Config]) -> Advice:
+    """Advice on the unknown ``key`` of ``model``, in a file whose whole is described by ``root``."""
+    keys = list(keyed_fields(model))
+    meant = _same_quantity(key, keys)
+    if meant is not None:
+        return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
+    homes = _homes(key, root, ())
+    if homes:
+        return Advice(f"unknown key here; it belongs to {' or '.join(homes)}", None)
+    if split_key(key)[1] is not None:
+        # No key measures this quantity, so one that is spelt alike would mislead.
+        return Advice(f"unknown key; choose from: {', '.join(keys)}", None)
+    close = get_close_matches(key, keys, n=1)
+    if close and split_key(close[0])[1] is not None:
+        return Advice(f"unknown key; {_use(close[0], None, value)}", close[0])
+    return Advice(f"unknown key; {nearest(key, keys)}", close[0] if close else None)
+
+
+def _same_quantity(key: str, keys: list[str]) -> str | None:
+    """The key with the same name but for its unit, or a misspelt one of the same quantity."""
+    stem, unit = split_key(key)
+    if unit is not None and stem in keys:
+        return stem
+    stems: dict[str, str] = {}
+    for known in keys:
+        known_stem, known_unit = split_key(known)
+        if known_unit is not None and (unit is None or unit.quantity == known_unit.quantity):
+            stems[known_stem] = known
+    close = get_close_matches(stem.lower(), stems, n=1, cutoff=0.8 if unit else 0.9)
+    return stems[close[0]] if close else None
+
+
+def _use(key: str, given: Unit | None, value: Any) -> str:
+    unit = split_key(key)[1]
+    words = f"use {key} ({unit.words})" if unit else f"use {key}"
+    if unit is None or given is None or isinstance(value, bool) or not isinstance(value, int | float):
+        return words
+    converted = convert(value, given, unit)
+    return words if converted is None else f"{words}: {show(converted)}"
+
+
+def _homes(key: str, model: type[Config], path: tuple[str, ...]) -> list[str]:
+    """The sections outside of which ``key`` was found, by their dotted names."""
+    found = []
+    for name, field in keyed_fields(model).items():
+        for part in models(field.annotation):
+            if key in keyed_fields(part):
+                found.append(".".join((*path, name)))
+            found += _homes(key, part, (*path, name))
+    return list(dict.fromkeys(found))

@@ -1,0 +1,1 @@
+"""Truth and sensor models to readings."""

@@ -1,0 +1,126 @@
+"""Synthetic readings of a block of Monte-Carlo runs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.sensing.geometry import sensor_motion
+from trackbench.sensing.noise import biases, standard_deviations
+from trackbench.sensing.schedule import firing_steps, silent
+from trackbench.streams import stream
+from trackbench.types import Array, Mask, Scan, Truth
+from trackbench.units import difference
+
+
+@dataclass(frozen=True)
+class IdealSensor:
+    """What one sensor would read without noise, at each of its instants."""
+
+    name: str
+    config: RadarConfig | LidarConfig
+    steps: npt.NDArray[np.intp]
+    """``(instants,)`` indices into the truth."""
+    time: Array
+    """``(instants,)`` s."""
+    reading: Array
+    """``(m, instants, objects, runs or 1)``."""
+    visible: Mask
+    """``(instants, objects, runs or 1)``: present, in range, in view, and the sensor not silent."""
+    pose: Array
+    """``(3, instants)``."""
+    velocity: Array
+    """``(2, instants)``."""
+    noise: Array
+    """``(m, m)``."""
+
+
+def ideal_sensors(truth: Truth, sensors: Mapping[str, RadarConfig | LidarConfig]) -> list[IdealSensor]:
+    """The noiseless side of sensing, which is the same in every run."""
+    return [_ideal(truth, name, config) for name, config in sensors.items()]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The scans of a block of runs, in the order in which a tracker gets them."""
+
+    scans: list[Scan]
+    """Sorted by time, then in the scenario's order of sensors; batch axis ``(objects * runs,)``, objects slowest."""
+    detections: dict[str, Array]
+    """Per sensor ``(instants, objects)``: in how many runs of the block the object was detected."""
+    digests: list[bytes]
+    """A fingerprint of each run's readings."""
+
+
+def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Readings:
+    """The readings of some of the runs. A run's noise depends on nothing but its number and the seed."""
+    scans: list[Scan] = []
+    hashes = [hashlib.sha256() for _ in runs]
+    detections: dict[str, Array] = {}
+    for sensor in sensors:
+        reading, valid = _noisy(sensor, seed, scenario, runs, hashes)
+        detections[sensor.name] = valid.sum(axis=-1).astype(float)
+        size, lanes = len(sensor.noise), valid.shape[1] * valid.shape[2]
+        for k, time in enumerate(sensor.time):
+            scans.append(
+                Scan(
+                    time=float(time),
+                    sensor=sensor.name,
+                    kind=sensor.config.type,
+                    reading=reading[k].reshape(size, lanes),
+                    valid=valid[k].reshape(lanes),
+                    noise=sensor.noise,
+                    sensor_pose=sensor.pose[:, k],
+                    sensor_velocity=sensor.velocity[:, k],
+                    arrival_time=float(time) + sensor.config.latency_s,
+                )
+            )
+    # Stable: sensors that fire together stay in the scenario's order.
+    scans.sort(key=lambda scan: scan.time)
+    return Readings(scans, detections, [run.digest() for run in hashes])
+
+
+def _ideal(truth: Truth, name: str, config: RadarConfig | LidarConfig) -> IdealSensor:
+    steps = firing_steps(config, truth.time)
+    motion = sensor_motion(truth.observer, config.mount)
+    pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
+    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
+    reading = SENSOR_MODELS[config.type].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
+    polar = SENSOR_MODELS["radar"].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
+    time = truth.time[steps]
+    visible = truth.alive[steps][:, :, None] & ~silent(config, time)[:, None, None]
+    # A full circle sees all of it, whatever the rounding of an azimuth of pi.
+    visible = visible & ((np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2) | (config.fov_deg >= 360.0))
+    if config.max_range_m is not None:
+        visible = visible & (polar[0] <= config.max_range_m)
+    noise = np.diag(standard_deviations(config) ** 2)
+    return IdealSensor(name, config, steps, time, reading, visible, pose, velocity, noise)
+
+
+def _noisy(
+    sensor: IdealSensor, seed: int, scenario: str, runs: range, hashes: Sequence[hashlib._Hash]
+) -> tuple[Array, Mask]:
+    """Readings ``(instants, m, objects, runs)``, NaN where not detected, and where they are."""
+    size, instants, objects = sensor.reading.shape[:3]
+    model = SENSOR_MODELS[sensor.config.type]
+    sigma, bias = standard_deviations(sensor.config), biases(sensor.config)
+    readings = np.empty((instants, size, objects, len(runs)))
+    valid = np.empty((instants, objects, len(runs)), dtype=bool)
+    for i, run in enumerate(runs):
+        random = stream(seed, scenario, run, sensor.name)
+        error = random.standard_normal((size, instants, objects)) * sigma[:, None, None] + bias[:, None, None]
+        chance = random.random((instants, objects))
+        of_run = run if sensor.reading.shape[-1] > 1 else 0
+        detected = sensor.visible[..., of_run] & (chance < sensor.config.detection_probability)
+        noisy = difference(sensor.reading[..., of_run], -error, model.angular)
+        noisy = np.where(detected, noisy, np.nan)
+        hashes[i].update(noisy.tobytes())
+        readings[..., i] = np.swapaxes(noisy, 0, 1)
+        valid[..., i] = detected
+    return readings, valid

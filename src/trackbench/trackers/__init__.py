@@ -1,0 +1,1 @@
+"""Trackers: what a scenario names. A tracker starts a track, keeps time and runs a filter."""

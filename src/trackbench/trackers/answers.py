@@ -1,0 +1,67 @@
+"""What a tracker may answer, and what is wrong with any other answer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trackbench.types import Array, Estimate, Scan
+
+NOT_FINITE = "the estimate is not finite"
+NOT_DEFINITE = "the covariance is not positive definite"
+
+#: Largest difference of mirrored entries of a covariance, relative to its largest entry.
+ASYMMETRY = 1e-6
+
+
+class TrackerFault(Exception):
+    """What a tracker gave cannot be an estimate."""
+
+
+def unpack(answer: Any) -> tuple[Any, Any]:
+    """State and estimate from what ``step`` returned."""
+    if not isinstance(answer, tuple) or len(answer) != 2:
+        raise TrackerFault(f"step must return (state, estimate), not {_described(answer)}")
+    return answer
+
+
+def checked(answer: Any, scan: Scan) -> Estimate | None:
+    """An estimate of the right shapes.
+
+    Raises:
+        TrackerFault: it is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
+    """
+    if answer is None:
+        return None
+    if not isinstance(answer, Estimate):
+        if not isinstance(answer, tuple) or len(answer) != 2:
+            raise TrackerFault(f"the estimate must be (mean, covariance) or None, not {_described(answer)}")
+        answer = Estimate(*answer)
+    batch = np.shape(scan.valid)
+    mean = _array("mean", answer.mean, (4, *batch))
+    covariance = _array("covariance", answer.covariance, (4, 4, *batch))
+    innovation, spread = answer.innovation, answer.innovation_covariance
+    if innovation is not None and spread is not None:
+        size = len(np.atleast_1d(innovation))
+        innovation = _array("innovation", innovation, (size, *batch))
+        spread = _array("innovation covariance", spread, (size, size, *batch))
+    gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
+    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1))):
+        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
+    return Estimate(*(mean, covariance, answer.state, answer.state_covariance, innovation, spread, answer.repaired))
+
+
+def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise TrackerFault(f"the {what} is not an array of numbers: {_described(value)}") from None
+    if array.shape != shape:
+        raise TrackerFault(f"the {what} has the shape {array.shape}, where {shape} is needed")
+    return array
+
+
+def _described(value: Any) -> str:
+    text = repr(value)
+    return f"{type(value).__name__} {text if len(text) <= 60 else text[:57] + '...'}"

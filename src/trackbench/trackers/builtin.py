@@ -1,0 +1,82 @@
+"""The built-in filters as trackers, made from the keys that a scenario gives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trackbench.filters import (
+    CUBATURE,
+    ExtendedKalmanFilter,
+    Filter,
+    IteratedExtendedKalmanFilter,
+    KalmanFilter,
+    SigmaPointFilter,
+    classic,
+    scaled,
+)
+from trackbench.models.motion import MOTION_MODELS, MotionModel
+from trackbench.trackers.config import MOTION_NOISE, FilterConfig
+from trackbench.trackers.filtered import FilterTracker
+
+#: What each name stands for, as ``trackbench list filters`` shows it.
+FILTERS = {
+    "kf": "Kalman filter on positions (a radar reading is converted, its range rate left out); motion cv or ca",
+    "ekf": "extended Kalman filter of first order",
+    "iekf": "iterated extended Kalman filter",
+    "ukf": "unscented Kalman filter, scaled or classic sigma points, augmented or not",
+    "ckf": "cubature Kalman filter of third degree",
+}
+
+
+def build(config: FilterConfig) -> FilterTracker:
+    """The tracker that a scenario's ``filter:`` entry describes."""
+    return FilterTracker(_filter(config), config.initial)
+
+
+def kf(**options: Any) -> FilterTracker:
+    """A Kalman filter; the options are the keys of a scenario's tracker entry. Likewise the functions below."""
+    return build(FilterConfig(filter="kf", **options))
+
+
+def ekf(**options: Any) -> FilterTracker:
+    """An extended Kalman filter."""
+    return build(FilterConfig(filter="ekf", **options))
+
+
+def iekf(**options: Any) -> FilterTracker:
+    """An iterated extended Kalman filter."""
+    return build(FilterConfig(filter="iekf", **options))
+
+
+def ukf(**options: Any) -> FilterTracker:
+    """An unscented Kalman filter."""
+    return build(FilterConfig(filter="ukf", **options))
+
+
+def ckf(**options: Any) -> FilterTracker:
+    """A cubature Kalman filter."""
+    return build(FilterConfig(filter="ckf", **options))
+
+
+def _motion(config: FilterConfig) -> MotionModel:
+    sigmas = [getattr(config, key) for key in MOTION_NOISE[config.motion]]
+    return MOTION_MODELS[config.motion](*sigmas)
+
+
+def _filter(config: FilterConfig) -> Filter:
+    motion = _motion(config)
+    match config.filter:
+        case "kf":
+            return KalmanFilter(motion)
+        case "ekf":
+            return ExtendedKalmanFilter(motion)
+        case "iekf":
+            return IteratedExtendedKalmanFilter(motion, config.iterations)
+        case "ckf":
+            return SigmaPointFilter(motion, CUBATURE, augmented=False)
+        case "ukf":
+            if config.sigma_points == "classic":
+                rule = classic(config.kappa)
+            else:
+                rule = scaled(config.alpha, config.beta, config.kappa or 0.0)
+            return SigmaPointFilter(motion, rule, config.augmented)

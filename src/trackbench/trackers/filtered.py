@@ -1,0 +1,133 @@
+"""A tracker that runs one of the built-in filters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.errors import TrackbenchError
+from trackbench.filters import Belief, Filter
+from trackbench.models.motion import Kinematics
+from trackbench.trackers import initial
+from trackbench.trackers.base import Prior
+from trackbench.trackers.config import InitialConfig
+from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
+
+
+class TrackState(NamedTuple):
+    """What the tracker knows after a scan."""
+
+    time: float
+    belief: Belief
+    started: Mask
+    """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
+    waiting: initial.FirstReading | None = None
+
+
+@dataclass(frozen=True)
+class FilterTracker:
+    """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid."""
+
+    filter: Filter
+    initial: InitialConfig
+    prior: Prior | None = None
+    """Set by the bench where ``initial`` says that tracks start from the truth."""
+
+    batched: ClassVar = True
+
+    def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
+        """Predict to the scan's time and take its readings in.
+
+        Raises:
+            TrackbenchError: the scan is older than the state.
+        """
+        if state is None:
+            state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
+        elapsed = scan.time - state.time
+        if elapsed < 0.0:
+            raise TrackbenchError(
+                f"reading of {scan.sensor} at {scan.time:g} s is older than the estimate at {state.time:g} s: "
+                "out-of-sequence readings are not supported"
+            )
+        belief, started = self._predict(state, elapsed), state.started
+        if self.prior is not None:
+            belief, started = self._given(self.prior, scan.time, belief, started)
+        innovation = innovation_covariance = None
+        if np.any(scan.valid):
+            update = self.filter.update(belief, scan)
+            belief = update.belief
+            innovation = np.where(started, update.innovation, np.nan)
+            innovation_covariance = update.innovation_covariance
+        waiting = state.waiting
+        if self.prior is None and not np.all(started):
+            begin = initial.start(self.filter.motion, self.initial, scan, waiting)
+            begun = _choose(begin.ready & ~started, begin.belief, belief)
+            belief = begun._replace(repaired=belief.repaired)
+            started, waiting = started | begin.ready, begin.waiting
+        repaired = None if belief.repaired is None else belief.repaired & started
+        estimate = self._estimate(belief, started)._replace(
+            innovation=innovation, innovation_covariance=innovation_covariance, repaired=repaired
+        )
+        return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
+
+    @property
+    def starts_from_truth(self) -> bool:
+        """Whether the bench is to draw the first states and hand them in by ``with_prior``."""
+        return self.initial.source == "truth"
+
+    def with_prior(self, time: Array, motion: Kinematics, normal: Array) -> FilterTracker:
+        """This tracker, its tracks starting at the given times from the given motion with a drawn error.
+
+        Args:
+            time: ``(...)`` s.
+            motion: the true motion at that time, each ``(...)``.
+            normal: ``(6, ...)`` standard normal numbers, of which the first ``n`` are used.
+        """
+        sigma = initial.prior_sigma(self.filter.motion, self.initial)
+        truth = self.filter.motion.from_kinematics(motion)
+        drawn = truth + linalg.expand(sigma, truth) * normal[: len(sigma)]
+        return replace(self, prior=Prior(time, drawn, np.diag(sigma**2)))
+
+    def _placeholder(self, valid: Mask) -> Belief:
+        size = len(self.filter.motion.components)
+        shape = np.shape(valid)
+        covariance = linalg.expand(np.eye(size), np.empty((size, size, *shape)))
+        return Belief(np.ones((size, *shape)), np.broadcast_to(covariance, (size, size, *shape)).copy())
+
+    def _predict(self, state: TrackState, elapsed: float) -> Belief:
+        if not np.any(state.started):
+            return state.belief
+        belief = self.filter.predict(state.belief, elapsed)
+        if np.all(state.started):
+            return belief
+        # A placeholder stays what it is, so that its covariance does not grow without bound.
+        held = _choose(state.started, belief, state.belief)
+        return belief._replace(mean=held.mean, covariance=held.covariance)
+
+    def _given(self, prior: Prior, time: float, belief: Belief, started: Mask) -> tuple[Belief, Mask]:
+        """The belief with the tracks whose time has come started from the truth, ready for their first update."""
+        fresh = (time >= prior.time) & ~started
+        if not np.any(fresh):
+            return belief, started
+        covariance = np.broadcast_to(linalg.expand(prior.covariance, prior.mean[None]), belief.covariance.shape)
+        # A prediction over no time gives the sigma points that an update may reuse.
+        begun = self.filter.predict(Belief(prior.mean, covariance), 0.0)
+        chosen = _choose(fresh, Gaussian(begun.mean, begun.covariance), belief)
+        if begun.points is not None:
+            points = begun.points if belief.points is None else np.where(fresh, begun.points, belief.points)
+            chosen = chosen._replace(points=points)
+        return chosen, started | fresh
+
+    def _estimate(self, belief: Belief, started: Mask) -> Estimate:
+        mean, covariance = self.filter.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
+        if not np.all(started):
+            mean = np.where(started, mean, np.nan)
+            covariance = np.where(started, covariance, np.nan)
+        return Estimate(mean, covariance, belief.mean, belief.covariance)
+
+
+def _choose(where: Mask, a: Gaussian | Belief, b: Gaussian | Belief) -> Belief:
+    return Belief(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))

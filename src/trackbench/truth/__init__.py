@@ -1,0 +1,78 @@
+"""Ground truth: simulated once, audited, and kept.
+
+The simulator takes a second to import, so nothing here imports it before it is needed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from trackbench.truth import cache as store
+from trackbench.truth.config import HighwayTruth
+from trackbench.types import Truth
+
+__all__ = ["LoadedTruth", "list_envs", "load_truth", "validate"]
+
+OWN_CLASSES = "highway_env."
+
+
+class LoadedTruth(NamedTuple):
+    """A truth and how it was come by."""
+
+    truth: Truth
+    cached: bool
+    """Whether it was read from the cache."""
+    notes: tuple[str, ...] = ()
+    """What went wrong with the cache, a line each."""
+
+
+def load_truth(config: HighwayTruth, *, cache: bool = True) -> LoadedTruth:
+    """The truth that ``config`` describes, from the cache if it is there.
+
+    Raises:
+        InputError: the configuration cannot be simulated, or the audit is told to refuse and finds a fault.
+    """
+    file = store.path(config) if cache and _determined(config) else None
+    notes = []
+    if file is not None:
+        try:
+            stored = store.read(file, config)
+        except ValueError as error:
+            notes.append(f"cache: {error}; simulated again")
+        else:
+            if stored is not None:
+                return LoadedTruth(stored, cached=True)
+
+    from trackbench.truth import highway
+
+    truth = highway.simulate(config)
+    if file is not None:
+        try:
+            store.write(file, config, truth)
+        except OSError as error:
+            notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
+    return LoadedTruth(truth, cached=False, notes=tuple(notes))
+
+
+def validate(config: HighwayTruth) -> None:
+    """Check everything that can be checked without simulating.
+
+    Raises:
+        InputError: an unknown environment or key, a value of the wrong type, rates that do not divide.
+    """
+    from trackbench.truth import highway
+
+    highway.validate(config)
+
+
+def list_envs() -> list[str]:
+    """The environments that a scenario can name."""
+    from trackbench.truth import highway
+
+    return highway.list_envs()
+
+
+def _determined(config: HighwayTruth) -> bool:
+    """Whether the configuration and the versions determine the truth: a user's own driver class may change."""
+    vehicles = config.config.get("other_vehicles_type", OWN_CLASSES)
+    return str(vehicles).startswith(OWN_CLASSES)

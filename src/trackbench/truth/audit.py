@@ -1,0 +1,250 @@
+"""Does the truth tell the truth? Velocity against displacement, jumps, and the clock.
+
+A velocity that contradicts the motion corrupts every Doppler reading, velocity error and NEES. So each step's
+displacement is compared with the velocity that is said to cause it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from trackbench.errors import InputError
+from trackbench.types import Array, Mask, Truth
+from trackbench.units import wrap_angle
+
+#: Largest velocity error that passes, m/s: half the range-rate sigma of a good automotive radar.
+TOLERANCE_MPS = 0.05
+#: A displacement that no vehicle on wheels could make is a jump, m/s^2 (twice the grip of a tyre).
+IMPOSSIBLE_MPS2 = 20.0
+#: Steps on each side of the median that says where a body ought to have gone.
+NEIGHBOURS = 2
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What a source states besides the motion."""
+
+    velocity: Array
+    """``(2, steps, objects, runs)`` m/s."""
+    clock: Array
+    """``(steps,)`` the source's own time, s; NaN where it keeps none."""
+    collided: Mask
+    """``(steps, objects)``: after a collision."""
+    observer_collided: Mask
+    """``(steps,)``."""
+
+
+def audit(truth: Truth, mode: Literal["repair", "refuse"], reported: Reported | None = None) -> Truth:
+    """The truth with its faults repaired, and what was found and done in ``Truth.audit``.
+
+    A velocity that the source misstates is replaced by course and slip (which ``truth`` already holds), or by the
+    displacement where those contradict the motion too. A track is cut where its body jumps, and the whole truth
+    where the observer does: what follows a collision in a simulator is no motion of a vehicle.
+
+    Raises:
+        InputError: in mode "refuse", where anything would have to be repaired.
+    """
+    if len(truth.time) < 2:
+        raise InputError("the truth has less than two steps", key="truth.duration_s")
+    if reported is None:
+        never = np.zeros_like(truth.alive)
+        reported = Reported(_velocity(truth), truth.time, never, np.zeros(len(truth.time), dtype=bool))
+    truth, cut = _without_observer_jump(truth, reported.observer_collided)
+    steps = len(truth.time)
+    stated, clock = reported.velocity[:, :steps], reported.clock[:steps]
+
+    jumped = _jumps(_displacement(truth), _velocity(truth), _together(truth.alive), truth.time)
+    jumped |= _begins(reported.collided[:steps]) & _together(truth.alive)
+    jumps = [_jump(truth, step, body) for body in range(len(truth.ids)) for step in np.flatnonzero(jumped[:, body])[:1]]
+    repaired = replace(truth, alive=truth.alive & ~_from_then_on(jumped))
+
+    moving = _together(repaired.alive)
+    before = _errors(_displacement(truth), stated, moving)
+    own = _errors(_displacement(truth), _velocity(truth), moving)
+    wrong = np.flatnonzero(_worst(own) > TOLERANCE_MPS).tolist()
+    misstated = np.flatnonzero(_worst(before) > TOLERANCE_MPS).tolist()
+    repaired = _velocity_from_displacement(repaired, wrong)
+    after = _errors(_displacement(truth), _velocity(repaired), moving)
+
+    drift = float(np.nanmax(np.abs(clock - truth.time))) if np.isfinite(clock).any() else None
+    repairs = {
+        "velocity_from_course_and_slip": [truth.ids[i] for i in misstated if i not in wrong],
+        "velocity_from_displacement": [truth.ids[i] for i in wrong],
+        "cut_at_jump": [jump["object"] for jump in (*cut, *jumps)],
+        "own_clock": drift is not None and drift > float(truth.time[1]) / 2,
+    }
+    findings: dict[str, Any] = {
+        "mode": mode,
+        "verdict": "repaired" if any(repairs.values()) else "consistent",
+        "tolerance_mps": TOLERANCE_MPS,
+        "velocity_error_before": _summary(before, truth),
+        "velocity_error_after": _summary(after, truth),
+        "jumps": [*cut, *jumps],
+        "clock_drift_s": drift,
+        "repaired": repairs,
+    }
+    if mode == "refuse" and findings["verdict"] != "consistent":
+        raise InputError(f"{_complaint(findings)}; audit: repair corrects it", key="truth.audit")
+    return replace(repaired, audit={**truth.audit, **findings})
+
+
+def _velocity(truth: Truth) -> Array:
+    """``(2, steps, objects, runs)`` m/s."""
+    return np.stack([truth.vx, truth.vy])
+
+
+def _displacement(truth: Truth) -> Array:
+    """Mean velocity of each step, ``(2, steps - 1, objects, runs)`` m/s."""
+    dt = np.diff(truth.time)[:, None, None]
+    return np.stack([np.diff(truth.px, axis=0), np.diff(truth.py, axis=0)]) / dt
+
+
+def _together(alive: Mask) -> Mask:
+    """``(steps - 1, objects)``: where a body is there at both ends of a step."""
+    return alive[:-1] & alive[1:]
+
+
+def _errors(displacement: Array, velocity: Array, moving: Mask) -> Array:
+    """Velocity that the displacement does not bear out, ``(steps - 1, objects)`` m/s, NaN where absent.
+
+    For each body by the rule of integration that fits it better: Euler's (the velocity at the start of a step
+    moves it, as highway-env does for all but its dynamic bicycle) or the trapezoid.
+    """
+    euler = np.hypot(*(displacement - velocity[:, :-1])).max(axis=-1)
+    trapezoid = np.hypot(*(displacement - 0.5 * (velocity[:, :-1] + velocity[:, 1:]))).max(axis=-1)
+    euler, trapezoid = (np.where(moving, error, np.nan) for error in (euler, trapezoid))
+    return np.where(_typical(euler) <= _typical(trapezoid), euler, trapezoid)
+
+
+def _typical(errors: Array) -> Array:
+    return np.array(
+        [np.median(column[np.isfinite(column)]) if np.isfinite(column).any() else 0.0 for column in errors.T]
+    )
+
+
+def _worst(errors: Array) -> Array:
+    return np.asarray(np.nanmax(errors, axis=0, initial=0.0))
+
+
+def _jumps(displacement: Array, velocity: Array, moving: Mask, time: Array) -> Mask:
+    """``(steps - 1, objects)``: steps that neither the velocity nor the steps around them account for.
+
+    A wrong velocity along a smooth path is not a jump: there the displacement goes on as it did.
+    """
+    unexplained = _errors(displacement, velocity, moving)
+    path = np.where(moving[..., None], displacement, np.nan)
+    padded = np.pad(path, ((0, 0), (NEIGHBOURS, NEIGHBOURS), (0, 0), (0, 0)), constant_values=np.nan)
+    window = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1, axis=1)
+    absent = np.isnan(window).all(axis=-1, keepdims=True)
+    expected = np.nanmedian(np.where(absent, 0.0, window), axis=-1)
+    strange = np.hypot(*(displacement - expected)).max(axis=-1)
+    limit = TOLERANCE_MPS + IMPOSSIBLE_MPS2 * np.diff(time)[:, None]
+    found: Mask = (unexplained > TOLERANCE_MPS) & (strange > limit)
+    return found
+
+
+def _begins(state: Mask) -> Mask:
+    """The steps in which ``state`` becomes true."""
+    return state[1:] & ~state[:-1]
+
+
+def _from_then_on(jumped: Mask) -> Mask:
+    """``(steps, objects)``: the end of a jump and all that follows."""
+    after = np.logical_or.accumulate(jumped, axis=0)
+    return np.concatenate([np.zeros_like(after[:1]), after])
+
+
+def _jump(truth: Truth, step: int, body: int) -> dict[str, Any]:
+    across = np.hypot(*(_displacement(truth) - _velocity(truth)[:, :-1]))[step, body].max()
+    return {
+        "object": truth.ids[body],
+        "time_s": float(truth.time[step + 1]),
+        "distance_m": float(across * (truth.time[step + 1] - truth.time[step])),
+    }
+
+
+def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[dict[str, Any]]]:
+    """The truth up to the observer's first jump."""
+    carrier = truth.observer
+    px, py, vx, vy = (a[:, None, None] for a in (carrier.px, carrier.py, carrier.vx, carrier.vy))
+    displacement = np.stack([np.diff(px, axis=0), np.diff(py, axis=0)]) / np.diff(truth.time)[:, None, None]
+    moving = np.ones((len(truth.time) - 1, 1), dtype=bool)
+    jumped = _jumps(displacement, np.stack([vx, vy]), moving, truth.time)[:, 0] | _begins(collided)
+    found = np.flatnonzero(jumped)
+    if not found.size:
+        return truth, []
+    end = int(found[0]) + 1
+    if end < 2:
+        raise InputError("the observer collides at the start; choose another truth.seed", key="truth.seed")
+    distance = np.hypot(*(displacement[:, end - 1, 0, 0] - np.array([carrier.vx[end - 1], carrier.vy[end - 1]])))
+    jump = {
+        "object": "observer",
+        "time_s": float(truth.time[end]),
+        "distance_m": float(distance * (truth.time[end] - truth.time[end - 1])),
+    }
+    return _until(truth, end), [jump]
+
+
+def _until(truth: Truth, end: int) -> Truth:
+    """The first ``end`` steps."""
+    per_step = ("time", "px", "py", "heading", "course", "speed", "acceleration", "yaw_rate", "alive")
+    carrier = {name: getattr(truth.observer, name)[:end] for name in ("px", "py", "yaw", "vx", "vy", "yaw_rate")}
+    return replace(
+        truth,
+        **{name: getattr(truth, name)[:end] for name in per_step},
+        observer=replace(truth.observer, **carrier),
+        audit={
+            **truth.audit,
+            "ended_early": {"time_s": float(truth.time[end - 1]), "reason": "the observer collides or jumps"},
+        },
+    )
+
+
+def _velocity_from_displacement(truth: Truth, bodies: Sequence[int]) -> Truth:
+    """Course, speed and acceleration of ``bodies`` from their positions."""
+    if not bodies:
+        return truth
+    course, speed, acceleration = truth.course.copy(), truth.speed.copy(), truth.acceleration.copy()
+    vx, vy = _displacement(truth)
+    dt = np.diff(truth.time)[:, None]
+    for i in bodies:
+        last = np.flatnonzero(truth.alive[:, i])[-1]
+        course[:-1, i] = np.arctan2(vy[:, i], vx[:, i])
+        speed[:-1, i] = np.hypot(vx[:, i], vy[:, i])
+        course[last:, i], speed[last:, i] = course[last - 1, i], speed[last - 1, i]
+        acceleration[:-1, i] = np.diff(speed[:, i], axis=0) / dt
+        acceleration[last:, i] = 0.0
+    return replace(truth, course=wrap_angle(course), speed=speed, acceleration=acceleration)
+
+
+def _summary(errors: Array, truth: Truth) -> dict[str, Any]:
+    """Largest and mean error, and where it is largest; null where nothing moves."""
+    if not np.isfinite(errors).any():
+        return {"max_mps": None, "mean_mps": None, "object": None, "time_s": None}
+    step, body = np.unravel_index(np.nanargmax(errors), errors.shape)
+    return {
+        "max_mps": float(errors[step, body]),
+        "mean_mps": float(np.nanmean(errors)),
+        "object": truth.ids[int(body)],
+        "time_s": float(truth.time[step]),
+    }
+
+
+def _complaint(findings: dict[str, Any]) -> str:
+    worst = findings["velocity_error_before"]
+    parts = []
+    if worst["max_mps"] is not None and worst["max_mps"] > TOLERANCE_MPS:
+        parts.append(
+            f"the simulator's velocity contradicts the motion, by up to {worst['max_mps']:.2g} m/s "
+            f"({worst['object']} at {worst['time_s']:.2f} s)"
+        )
+    parts += [
+        f"{jump['object']} jumps by {jump['distance_m']:.2g} m at {jump['time_s']:.2f} s" for jump in findings["jumps"]
+    ]
+    if findings["repaired"]["own_clock"]:
+        parts.append(f"the simulator's clock is off by {findings['clock_drift_s']:.3g} s")
+    return "; ".join(parts)

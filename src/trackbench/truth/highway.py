@@ -1,0 +1,275 @@
+"""Ground truth from highway-env: the only module that knows it and gymnasium."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import io
+import logging
+import math
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from trackbench.errors import InputError, nearest
+from trackbench.truth.audit import Reported, audit
+from trackbench.truth.config import FixedObserver, HighwayTruth, IdTargets, NearestTargets
+from trackbench.truth.frames import Frames, held
+from trackbench.truth.recorder import Recorder
+from trackbench.truth.roads import lane_edges
+from trackbench.truth.settings import complete
+from trackbench.types import Observer, Truth
+
+with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
+    warnings.simplefilter("ignore")
+    import highway_env  # noqa: F401  (registers the environments)
+    from highway_env import utils
+    from highway_env.envs.common import action as actions
+    from highway_env.envs.common import observation as observations
+    from highway_env.envs.common.abstract import AbstractEnv
+    from highway_env.envs.lane_keeping_env import LaneKeepingEnv
+    from highway_env.envs.parking_env import ParkingEnv
+    from highway_env.vehicle.behavior import IDMVehicle
+    from highway_env.vehicle.controller import ControlledVehicle
+    from highway_env.vehicle.kinematics import Vehicle
+
+#: Observing costs half of a step, and nothing here looks at what the environment observes.
+NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
+NOT_FOR_IDM = {ParkingEnv: "has no lanes to follow", LaneKeepingEnv: "needs its own dynamic vehicle"}
+OBSERVATIONS = {
+    "AttributesObservation": observations.AttributesObservation,
+    "ExitObservation": observations.ExitObservation,
+    "GrayscaleObservation": observations.GrayscaleObservation,
+    "Kinematics": observations.KinematicObservation,
+    "KinematicsGoal": observations.KinematicsGoalObservation,
+    "LidarObservation": observations.LidarObservation,
+    "MultiAgentObservation": observations.MultiAgentObservation,
+    "OccupancyGrid": observations.OccupancyGridObservation,
+    "TimeToCollision": observations.TimeToCollisionObservation,
+    "TupleObservation": observations.TupleObservation,
+}
+ACTIONS = {
+    "ContinuousAction": actions.ContinuousAction,
+    "DiscreteAction": actions.DiscreteAction,
+    "DiscreteMetaAction": actions.DiscreteMetaAction,
+    "MultiAgentAction": actions.MultiAgentAction,
+}
+
+
+def list_envs() -> list[str]:
+    """The registered highway-env ids."""
+    return sorted(name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith("highway_env"))
+
+
+def validate(config: HighwayTruth) -> None:
+    """Set the environment up without simulating it.
+
+    Raises:
+        InputError: an unknown id or key, a value of the wrong type, rates that do not divide.
+    """
+    with _isolated():
+        _prepare(config).close()
+
+
+def simulate(config: HighwayTruth) -> Truth:
+    """Run the environment and record every simulation step of every vehicle.
+
+    Raises:
+        InputError: see `validate`; a target that never appears; an audit that is told to refuse.
+    """
+    steps = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
+    with _isolated():
+        env = _prepare(config)
+        recorder = Recorder(env)
+        action = _neutral(env.action_type)
+        ended = None
+        try:
+            while len(recorder.frames) < steps and ended is None:
+                recorder.note_clock()
+                _, _, terminated, truncated, _ = env.step(action)
+                if terminated or truncated:
+                    ended = _reason(env, bool(truncated))
+        except Exception as error:
+            raise InputError(
+                f"{config.env} fails after {len(recorder.frames) / config.rate_hz:.2f} s: "
+                f"{type(error).__name__}: {error}",
+                key="truth",
+            ) from error
+        finally:
+            env.close()
+    frames = recorder.result(steps, 1.0 / config.rate_hz)
+    early = None if len(frames.px) == steps else {"time_s": (len(frames.px) - 1) * frames.dt, "reason": ended}
+    return _truth(config, frames, env.road.network.lanes_list(), early)
+
+
+def _truth(config: HighwayTruth, frames: Frames, lanes: list[Any], ended_early: dict[str, Any] | None) -> Truth:
+    observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
+    targets = _targets(config, frames, observer)
+    truth = frames.truth(targets, observer)
+    everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
+    truth = replace(
+        truth,
+        roads=lane_edges(lanes, *everywhere),
+        source=config.model_dump(mode="json"),
+        audit={"ended_early": ended_early},
+    )
+    velocity = [held(a[:, targets], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
+    observer_collided = frames.collided[:, 0] & (config.observer == "ego")
+    stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, targets], observer_collided)
+    return audit(truth, config.audit, stated)
+
+
+def _fixed(at: FixedObserver, steps: int) -> Observer:
+    px, py, yaw, zero = (np.full(steps, value) for value in (at.x, at.y, math.radians(at.yaw_deg), 0.0))
+    return Observer(px, py, yaw, zero, zero, zero)
+
+
+def _targets(config: HighwayTruth, frames: Frames, observer: Observer) -> list[int]:
+    bodies = [i for i in range(len(frames.ids)) if i > 0 or config.observer != "ego"]
+    if isinstance(config.targets, IdTargets):
+        known = {frames.ids[i]: i for i in bodies}
+        for name in config.targets.ids:
+            if name not in known:
+                raise InputError(
+                    f"there is no vehicle {name!r} in this scene; {nearest(name, known)}", key="truth.targets.ids"
+                )
+        bodies = sorted({known[name] for name in config.targets.ids})
+    elif isinstance(config.targets, NearestTargets):
+        distance = np.hypot(frames.px - observer.px[:, None], frames.py - observer.py[:, None])
+        bodies.sort(key=lambda i: float(np.nanmin(distance[:, i])))
+        bodies = sorted(bodies[: config.targets.nearest])
+    if not bodies:
+        raise InputError(f"there is no vehicle to track in {config.env} with this configuration", key="truth.targets")
+    return bodies
+
+
+def _prepare(config: HighwayTruth) -> AbstractEnv:
+    """The environment, reset and with the ego's driver in place."""
+    ids = list_envs()
+    if config.env not in ids:
+        raise InputError(f"unknown highway-env id {config.env!r}; {nearest(config.env, ids)}", key="truth.env")
+    env: AbstractEnv = gymnasium.make(config.env, disable_env_checker=True).unwrapped
+    settings = _settings(config, env.config)
+    try:
+        env.reset(seed=config.seed, options={"config": settings})
+    except Exception as error:
+        raise InputError(
+            f"{config.env} cannot be set up with this configuration: {type(error).__name__}: {error}",
+            key="truth.config",
+        ) from error
+    if config.ego == "idm":
+        _let_idm_drive(env, config.env)
+    return env
+
+
+def _settings(config: HighwayTruth, defaults: dict[str, Any]) -> dict[str, Any]:
+    variants = {
+        "action": {name: _parameters(cls) for name, cls in ACTIONS.items()},
+        "observation": {name: _parameters(cls) for name, cls in OBSERVATIONS.items()},
+    }
+    given = complete(config.config, defaults, variants)
+    simulation = given.get("simulation_frequency", config.rate_hz)
+    if simulation != config.rate_hz:
+        raise InputError(
+            f"is set by truth.rate_hz ({config.rate_hz}); leave it out", key="truth.config.simulation_frequency"
+        )
+    policy = given.get("policy_frequency", defaults["policy_frequency"])
+    if config.rate_hz % policy:
+        divisors = [n for n in range(1, config.rate_hz + 1) if config.rate_hz % n == 0]
+        near = [max(n for n in divisors if n < policy), *[n for n in divisors if n > policy][:1]]
+        raise InputError(
+            f"{policy} does not divide truth.rate_hz ({config.rate_hz}); write {' or '.join(map(str, near))}",
+            key="truth.config.policy_frequency",
+        )
+    if defaults.get("length") is not None and given.get("length") == 0:
+        raise InputError("0 draws a length that the seed does not determine; write it", key="truth.config.length")
+    vehicle = given.get("other_vehicles_type", defaults["other_vehicles_type"])
+    try:
+        utils.class_from_path(vehicle)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(
+            f"{vehicle!r} is not the path of a class ({error})", key="truth.config.other_vehicles_type"
+        ) from error
+    settings = {"observation": NO_OBSERVATION, **given, "simulation_frequency": config.rate_hz}
+    if "duration" in defaults and "duration" not in given:
+        settings["duration"] = max(defaults["duration"], config.duration_s + 2.0 / policy)
+    return settings
+
+
+def _parameters(cls: type) -> set[str]:
+    """The named arguments of a class and of its bases, which they are passed on to."""
+    constructors = (vars(base)["__init__"] for base in cls.__mro__[:-1] if "__init__" in vars(base))
+    named = (p for init in constructors for p in inspect.signature(init).parameters.values())
+    return {p.name for p in named if p.kind is not p.VAR_KEYWORD} - {"self", "env"}
+
+
+def _let_idm_drive(env: AbstractEnv, name: str) -> None:
+    """Put an IDM/MOBIL driver in the place of every controlled vehicle; it stays the environment's ego."""
+    for kind, reason in NOT_FOR_IDM.items():
+        if isinstance(env, kind):
+            raise InputError(f"{name} {reason}; write ego: idle", key="truth.ego")
+    drivers = []
+    for ego in env.controlled_vehicles:
+        if isinstance(ego, ControlledVehicle):
+            driver = IDMVehicle.create_from(ego)
+        else:
+            driver = IDMVehicle(env.road, ego.position, ego.heading, ego.speed)
+        # Rewards read attributes of the vehicle class that the environment made.
+        vars(driver).update({key: value for key, value in vars(ego).items() if key not in vars(driver)})
+        env.road.vehicles[env.road.vehicles.index(ego)] = driver
+        drivers.append(driver)
+    env.controlled_vehicles = drivers
+    env.define_spaces()
+
+
+def _neutral(kind: actions.ActionType) -> Any:
+    """The action that keeps speed and lane, or that neither accelerates nor steers."""
+    if isinstance(kind, actions.MultiAgentAction):
+        return tuple(_neutral(agent) for agent in kind.agents_action_types)
+    if isinstance(kind, actions.DiscreteMetaAction):
+        return kind.actions_indexes["IDLE"]
+    if isinstance(kind, actions.DiscreteAction):
+        return kind.actions_per_axis**kind.size // 2
+    ranges = [kind.acceleration_range] * kind.longitudinal + [kind.steering_range] * kind.lateral
+    return np.array([np.clip((low + high) / (low - high), -1.0, 1.0) for low, high in ranges])
+
+
+def _reason(env: AbstractEnv, truncated: bool) -> str:
+    if env.vehicle.crashed:
+        return "the ego vehicle collides"
+    return "the environment's time limit" if truncated else "the environment's terminal state"
+
+
+@contextlib.contextmanager
+def _isolated() -> Iterator[None]:
+    """Nothing leaks out: no warning, no message, and no change of highway-env's classes.
+
+    Intersections tune the driver model by writing to the attributes of its class, so that without this a scenario's
+    truth would depend on which scenarios ran before it.
+    """
+    log = logging.getLogger("highway_env")
+    level = log.level
+    before = {cls: dict(vars(cls)) for cls in _family(Vehicle)}
+    log.setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
+        for cls, attributes in before.items():
+            for name in [name for name in vars(cls) if name not in attributes]:
+                delattr(cls, name)
+            for name, value in attributes.items():
+                if vars(cls)[name] is not value:
+                    setattr(cls, name, value)
+
+
+def _family(cls: type[Any]) -> Iterator[type[Any]]:
+    yield cls
+    for child in cls.__subclasses__():
+        yield from _family(child)

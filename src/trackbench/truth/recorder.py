@@ -1,0 +1,74 @@
+"""Notes what happens inside an environment's step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from trackbench.truth.frames import Frames
+from trackbench.types import Array
+
+
+class Recorder:
+    """Stands in for ``road.step`` and notes, at the start of each step, every vehicle on the road."""
+
+    def __init__(self, env: Any) -> None:
+        self.frames: list[dict[int, tuple[float, ...]]] = []
+        self._env = env
+        self._bodies: list[Any] = [env.vehicle]
+        self._numbers = {id(env.vehicle): 0}
+        self._clock: dict[int, float] = {}
+        self._step: Callable[[float], None] = env.road.step
+        env.road.step = self
+
+    def __call__(self, dt: float) -> None:
+        vehicles = list(self._env.road.vehicles)
+        before = [(*v.position, v.heading, v.speed, *v.velocity, v.crashed) for v in vehicles]
+        self._step(dt)
+        # Steering is what this step used, so it is read after the step has clipped it.
+        self.frames.append(
+            {self._number(v): (*state, float(v.action["steering"])) for v, state in zip(vehicles, before, strict=True)}
+        )
+
+    def note_clock(self) -> None:
+        """The environment's time between two of its steps; within one it runs ahead."""
+        self._clock[len(self.frames)] = float(self._env.time)
+
+    def _number(self, vehicle: Any) -> int:
+        if id(vehicle) not in self._numbers:
+            self._numbers[id(vehicle)] = len(self._bodies)
+            self._bodies.append(vehicle)  # keeps it alive, so that no other can take its id
+        return self._numbers[id(vehicle)]
+
+    def result(self, steps: int, dt: float) -> Frames:
+        """The first ``steps`` frames; the ego is body 0."""
+        raw = np.full((8, min(steps, len(self.frames)), len(self._bodies)), np.nan)
+        for k, frame in enumerate(self.frames[:steps]):
+            for body, state in frame.items():
+                raw[:, k, body] = state
+        seen = np.isfinite(raw[0]).any(axis=0)
+        raw = raw[:, :, seen]
+        px, py, heading, speed, vx, vy, crashed, steering = raw
+        return Frames(
+            dt=dt,
+            ids=tuple("ego" if i == 0 else f"v{i}" for i in np.flatnonzero(seen)),
+            px=px,
+            py=py,
+            heading=heading,
+            # The slip angle of the kinematic bicycle (Polack et al. 2017): beta = atan(tan(steering) / 2).
+            slip=np.arctan(0.5 * np.tan(steering)),
+            speed=speed,
+            reported_vx=vx,
+            reported_vy=vy,
+            collided=crashed == 1.0,
+            length=np.array([float(v.LENGTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
+            width=np.array([float(v.WIDTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
+            clock=self._times(px.shape[0]),
+        )
+
+    def _times(self, steps: int) -> Array:
+        kept = any(self._clock.values())
+        return np.array([self._clock.get(k, math.nan) if kept else math.nan for k in range(steps)])

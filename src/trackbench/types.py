@@ -1,0 +1,143 @@
+"""The values that travel between the layers.
+
+Arrays put component axes first and batch axes last: a state is ``(n, ...)``, a covariance ``(n, n, ...)``, a
+measurement ``(m, ...)``. The trailing axes are whatever runs in parallel (Monte-Carlo runs, objects) or nothing.
+SI units and radians throughout; angles are counter-clockwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+#: The space in which trackers of different state are compared, in the fixed frame.
+COMMON_STATE = ("px", "py", "vx", "vy")
+
+
+class Gaussian(NamedTuple):
+    """A mean ``(n, ...)`` and its covariance ``(n, n, ...)``."""
+
+    mean: Array
+    covariance: Array
+
+
+class Scan(NamedTuple):
+    """One sensor's readings at one instant: what a real tracker would know, and nothing of the truth."""
+
+    time: float
+    """When the measurement was taken, s."""
+    sensor: str
+    """The sensor's name in the scenario."""
+    kind: str
+    """"radar" or "lidar"."""
+    reading: Array
+    """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
+    sensor. Lidar: x, y in the sensor's frame, m. NaN where not valid."""
+    valid: Mask
+    """``(...)``: False where the sensor did not detect the object."""
+    noise: Array
+    """``(m, m)`` covariance that the sensor states."""
+    sensor_pose: Array
+    """``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame."""
+    sensor_velocity: Array
+    """``(2,)`` vx, vy of the sensor in the fixed frame, m/s."""
+    arrival_time: float
+    """When the reading reached the tracker (``time`` plus the sensor's latency), s."""
+
+
+class Estimate(NamedTuple):
+    """What a tracker says after a scan. Only ``mean`` and ``covariance`` are required."""
+
+    mean: Array
+    """``(4, ...)`` px, py, vx, vy in the fixed frame."""
+    covariance: Array
+    """``(4, 4, ...)``."""
+    state: Array | None = None
+    """``(n, ...)`` the tracker's own state."""
+    state_covariance: Array | None = None
+    """``(n, n, ...)``."""
+    innovation: Array | None = None
+    """``(m, ...)`` measurement minus its prediction; ignored where the scan is not valid."""
+    innovation_covariance: Array | None = None
+    """``(m, m, ...)``."""
+    repaired: Mask | None = None
+    """``(...)`` True where a covariance had to be made positive definite again at this scan."""
+
+
+@dataclass(frozen=True)
+class Observer:
+    """The body that carries the sensors, at each step of the truth."""
+
+    px: Array
+    """``(steps,)`` m."""
+    py: Array
+    """``(steps,)`` m."""
+    yaw: Array
+    """``(steps,)`` heading, rad."""
+    vx: Array
+    """``(steps,)`` m/s."""
+    vy: Array
+    """``(steps,)`` m/s."""
+    yaw_rate: Array
+    """``(steps,)`` rad/s."""
+    length: float = 0.0
+    """m; 0 for a fixed point."""
+    width: float = 0.0
+    """m; 0 for a fixed point."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The motion of every target and of the observer, on a regular grid of times.
+
+    Kinematic arrays are ``(steps, objects, runs)``, where the last axis has length 1 if the motion is the same in
+    every run. Values where ``alive`` is False are finite but mean nothing.
+    """
+
+    time: Array
+    """``(steps,)`` s, from 0."""
+    ids: tuple[str, ...]
+    """A name for each object."""
+    px: Array
+    """m."""
+    py: Array
+    """m."""
+    heading: Array
+    """Direction in which the body points, rad."""
+    course: Array
+    """Direction in which it moves (heading plus slip angle), rad."""
+    speed: Array
+    """Along the course, m/s."""
+    acceleration: Array
+    """Rate of change of speed, m/s^2."""
+    yaw_rate: Array
+    """Rate of change of heading, rad/s."""
+    alive: Mask
+    """``(steps, objects)``: whether the object is in the scene."""
+    length: Array
+    """``(objects,)`` m."""
+    width: Array
+    """``(objects,)`` m."""
+    observer: Observer
+    roads: tuple[Array, ...] = ()
+    """Lane edges to draw, each ``(points, 2)`` m."""
+    source: dict[str, Any] = field(default_factory=dict)
+    """Where the truth came from, as it goes into the result (JSON values only)."""
+    audit: dict[str, Any] = field(default_factory=dict)
+    """What the audit found and did, as it goes into the result (JSON values only)."""
+
+    @property
+    def vx(self) -> Array:
+        """``(steps, objects, runs)`` m/s."""
+        return self.speed * np.cos(self.course)
+
+    @property
+    def vy(self) -> Array:
+        """``(steps, objects, runs)`` m/s."""
+        return self.speed * np.sin(self.course)

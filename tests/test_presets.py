@@ -1,0 +1,33 @@
+"""Every figure of a preset has a source, or is named assumed with the reason."""
+
+import pytest
+
+from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.sensing.presets import Preset, list_presets, presets
+
+CLASSES = {"radar": RadarConfig, "lidar": LidarConfig}
+
+
+def test_the_sensors_with_published_figures_are_there() -> None:
+    assert set(presets()) == {"bosch_lrr3", "continental_ars30x", "smartmicro_umrr", "ouster_os1", "velodyne_vlp16"}
+
+
+@pytest.mark.parametrize("preset", list_presets(), ids=lambda preset: preset.name)
+def test_preset(preset: Preset) -> None:
+    sensor = CLASSES[preset.kind](preset=preset.name)
+
+    assert {key: getattr(sensor, key) for key in preset.values} == preset.values
+    assert preset.title
+    assert preset.source
+    assert set(preset.sources) | set(preset.assumed) == set(preset.values)
+    assert not set(preset.sources) & set(preset.assumed)
+    assert all(len(reason) > 10 for reason in (*preset.sources.values(), *preset.assumed.values()))
+
+
+def test_a_key_that_is_given_wins() -> None:
+    assert LidarConfig(preset="ouster_os1", position_sigma_m=0.2).position_sigma_m == 0.2
+
+
+def test_a_preset_of_the_other_kind_is_refused() -> None:
+    with pytest.raises(ValueError, match="no radar preset has the name 'ouster_os1'"):
+        RadarConfig(preset="ouster_os1")
