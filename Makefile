@@ -2,14 +2,15 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types contracts unit install benchmark reference docs clean
+.PHONY: demo test lint types contracts unit install benchmark reference clean docs/scenario-file.md
 
+# The main job: a shipped highway-env scenario to a result, a report and a recording.
 demo: $(VENV)/.installed
-	$(BIN)/trackbench run scenarios/highway.yaml --out results/demo
-	@echo
-	@echo "Report:    results/demo/highway/report.html"
-	@echo "Recording: $(BIN)/rerun results/demo/highway/recording.rrd"
+	$(BIN)/trackbench run scenarios/highway.yaml
+	@echo "Open results/highway/report.html in a browser, and the recording with:"
+	@echo "  $(BIN)/rerun results/highway/recording.rrd"
 
+# Everything that must hold of a commit.
 test: $(VENV)/.installed-dev lint types contracts unit
 
 lint: $(VENV)/.installed-dev
@@ -39,8 +40,11 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@ $(VENV)/.installed
 
 # Everything that is committed under results/ and docs/ and made by a command.
-reference: $(VENV)/.installed
+reference: $(VENV)/.installed docs/scenario-file.md
 	$(BIN)/trackbench run scenarios/
+
+docs/scenario-file.md: $(VENV)/.installed
+	$(BIN)/python -m trackbench.scenario.docs > $@
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/speed.py

@@ -76,7 +76,7 @@ def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.Mon
         lambda raw: raw[:-30] + bytes([raw[-30] ^ 1]) + raw[-29:],
         lambda raw: b"",
         lambda raw: b"something else\n" * 100,
-        lambda raw: raw.replace(b"trackbench truth 1", b"trackbench truth 9"),
+        lambda raw: raw.replace(cache.HEADER.encode(), b"trackbench truth 9"),
     ],
     ids=["truncated", "one bit", "empty", "foreign", "other format"],
 )

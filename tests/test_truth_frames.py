@@ -88,7 +88,7 @@ class Ring(Straight):
 def test_lane_edges_are_clipped_simplified_and_drawn_once() -> None:
     lanes = [Straight(0.0, 10_000.0, [2, 1]), Straight(4.0, 10_000.0, [1, 0])]
     edges = lane_edges(lanes, np.array([200.0, 300.0]), np.zeros(2))
-    np.testing.assert_allclose(edges, [[[100, -2], [400, -2]], [[100, 2], [400, 2]]])
+    np.testing.assert_allclose(edges, [[[100, 2], [400, 2]], [[100, -2], [400, -2]]])
 
 
 def test_curved_lane_keeps_its_shape() -> None:

@@ -56,6 +56,16 @@ def test_slip_angle_matters_on_a_roundabout() -> None:
     assert caught.value.key == "truth.audit"
 
 
+def test_frame_is_right_handed_seen_from_above() -> None:
+    """Traffic keeps right in highway-env, so that it goes round counter-clockwise, and its right lane has the lower y."""
+    around = simulate(configured("roundabout-v1", seed=0, duration_s=6, observer=ROADSIDE))
+    inside = around.alive[..., None] & (np.hypot(around.px, around.py) < 25)
+    assert (around.px * around.vy - around.py * around.vx)[inside].mean() > 0
+    oncoming = simulate(configured("two-way-v0"))
+    towards = oncoming.vx[0, :, 0] < 0
+    assert oncoming.py[0, towards, 0].min() > oncoming.py[0, ~towards, 0].max()
+
+
 def test_straight_traffic_needs_no_repair() -> None:
     truth = simulate(configured("two-way-v0", audit="refuse"))
     assert truth.audit["verdict"] == "consistent"

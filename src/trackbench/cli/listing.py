@@ -56,7 +56,7 @@ def _sensors() -> Iterable[Row]:
     yield "radar", "range, azimuth, range rate"
     yield "lidar", "position in the sensor's frame"
     for preset in list_presets():
-        yield preset.name, f"{preset.kind} preset: {preset.title}"
+        yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"
 
 
 def _metrics() -> Iterable[Row]:

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.recording.series import ALL_RUNS, SHOWN_RUN
 from trackbench.recording.stream import path
-from trackbench.recording.tables import columns, split
+from trackbench.recording.tables import split
 from trackbench.types import COMMON_STATE, Array
 
 #: Time axes end later than the run by this share; with a legend there, it covers no line.
@@ -21,22 +21,22 @@ BESIDE, BESIDE_LEGEND = 1.04, 1.6
 
 def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container:
     """A column each for the error, the NEES and, where any tracker gives innovations, the NIS."""
-    steps, estimates = columns(tables["steps"]), columns(tables["estimates"])
+    steps, estimates = tables["steps"], tables["estimates"]
     runs, shown = f"{summary['runs']} runs", f"run {summary['shown_run']}"
     end = float(summary["truth"]["duration_s"])
     targets = len(summary["truth"]["objects"])
     rmse = [
-        _plot(f"{name} RMSE, {runs}, {unit}", (ALL_RUNS, place), end, _top(steps[column]), legend=True)
+        _plot(f"{name} RMSE, {runs}, {unit}", (ALL_RUNS, place), end, _top(_values(steps, column)), legend=True)
         for name, place, unit, column in (
             ("Position", "position_rmse", "m", "position_rmse_m"),
             ("Velocity", "velocity_rmse", "m/s", "velocity_rmse_mps"),
         )
     ]
-    error_top = _top(estimates["position_error_m"])
+    error_top = _top(_values(estimates, "position_error_m"))
     error = _plot(f"Position error, {shown}, m", (SHOWN_RUN, "position_error"), end, error_top, legend=True)
-    nees_top = _top(steps["nees_mean"], steps["nees_high"])
+    nees_top = _top(_values(steps, "nees_mean"), _values(steps, "nees_high"))
     nees = _plot(f"NEES and 95 % bounds, {runs}", (ALL_RUNS, "nees"), end, nees_top)
-    shown_top = _top(estimates["nees"], mean_bounds(len(COMMON_STATE), targets)[1])
+    shown_top = _top(_values(estimates, "nees"), mean_bounds(len(COMMON_STATE), targets)[1])
     shown_nees = _plot(f"NEES and 95 % bounds, {shown}", (SHOWN_RUN, "nees"), end, shown_top)
     stacks = [rrb.Vertical(rrb.Tabs(*rmse), error), rrb.Vertical(nees, shown_nees)]
 
@@ -46,7 +46,7 @@ def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container
         top = _top(rows["nis_mean"], rows["nis_high"])
         pair = [_plot(f"NIS, {sensor}, {runs}", (ALL_RUNS, "nis", sensor), end, top)]
         if (sensor,) in shown_nis:
-            bound = mean_bounds(summary["sensors"][sensor]["dof"], targets)[1]
+            bound = mean_bounds(int(rows["dof"].max()), targets)[1]
             shown_top = _top(shown_nis[sensor,]["nis"], bound)
             pair.append(_plot(f"NIS, {sensor}, {shown}", (SHOWN_RUN, "nis", sensor), end, shown_top))
         sensors.append(pair)
@@ -69,6 +69,11 @@ def _plot(name: str, place: tuple[str, ...], end: float, top: float, legend: boo
         axis_y=rrb.ScalarAxis(range=(0.0, top)),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=legend),
     )
+
+
+def _values(table: pa.Table, name: str) -> Array:
+    """A column; none where every tracker failed."""
+    return table.column(name).to_numpy() if table.num_rows else np.empty(0)
 
 
 def _top(values: Array, bound: Array | None = None) -> float:

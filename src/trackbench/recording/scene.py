@@ -60,7 +60,8 @@ def send_vehicles(stream: Stream, truth: pa.Table) -> None:
         stream.columns(path(*FRAMES, name), rows["time_s"][alive], frame)
 
         entity = path(*VEHICLES, name)
-        half = np.stack([rows["length_m"], rows["width_m"]], axis=1)[alive] / 2
+        # A fixed observer has no size; it is drawn as a square metre.
+        half = np.maximum(np.stack([rows["length_m"], rows["width_m"]], axis=1)[alive] / 2, 0.5)
         nose = half * (1.0, 0.0)
         batches = (
             _pose(px, py, rows["heading_rad"][alive]),
@@ -102,8 +103,8 @@ def send_estimates(stream: Stream, estimates: pa.Table, truth: pa.Table, colours
         entity = path(*ESTIMATES, tracker, name)
         points = np.stack([rows["px_m"], rows["py_m"]], axis=1)
         stream.columns(entity, time, rr.Points2D.columns(positions=points).partition(count))
-        style = rr.Points2D.from_fields(colors=rgba(colours[tracker]), radii=pixels(2.5), draw_order=30.0)
-        stream.static(entity, style)
+        dot = rr.Points2D.from_fields(colors=rgba(colours[tracker]), radii=pixels(2.5), draw_order=30.0)
+        stream.static(entity, dot)
 
         half, rotation = ellipse(rows["p_00"], rows["p_01"], rows["p_11"])
         batches = (
@@ -112,8 +113,8 @@ def send_estimates(stream: Stream, estimates: pa.Table, truth: pa.Table, colours
         )
         covariance = f"{entity}/covariance"
         stream.columns(covariance, time, *(batch.partition(count) for batch in batches))
-        style = rr.Ellipses2D.from_fields(colors=rgba(colours[tracker]), line_radii=pixels(0.75), draw_order=25.0)
-        stream.static(covariance, style)
+        outline = rr.Ellipses2D.from_fields(colors=rgba(colours[tracker]), line_radii=pixels(0.75), draw_order=25.0)
+        stream.static(covariance, outline)
 
 
 def _labels(stream: Stream, rows: Columns) -> None:

@@ -27,24 +27,22 @@ def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: dict[
     for quantity, unit in (("position", "m"), ("velocity", "mps")):
         place = ("series", ALL_RUNS, f"{quantity}_rmse")
         _lines(stream, place, by_tracker, f"{quantity}_rmse_{unit}", colours)
-        _bounds(stream, place, "Cramér-Rao bound", by_tracker, (f"{quantity}_bound_{unit}",))
+        _bounds(stream, place, "Cramér-Rao bound", by_tracker, (f"{quantity}_bound_{unit}",), colours)
     place = ("series", ALL_RUNS, "nees")
     _lines(stream, place, by_tracker, "nees_mean", colours)
-    _bounds(stream, place, "95 % bounds", by_tracker, ("nees_low", "nees_high"))
+    _bounds(stream, place, "95 % bounds", by_tracker, ("nees_low", "nees_high"), colours)
     for sensor, rows_by_tracker in _by_sensor(nis).items():
-        place = ("series", ALL_RUNS, "nis", sensor)
-        _lines(stream, place, rows_by_tracker, "nis_mean", colours)
-        _bounds(stream, place, "95 % bounds", rows_by_tracker, ("nis_low", "nis_high"))
+        nis_place = ("series", ALL_RUNS, "nis", sensor)
+        _lines(stream, nis_place, rows_by_tracker, "nis_mean", colours)
+        _bounds(stream, nis_place, "95 % bounds", rows_by_tracker, ("nis_low", "nis_high"), colours)
 
 
 def send_shown_run(
-    stream: Stream, estimates: pa.Table, shown_nis: pa.Table, dof: dict[str, int], colours: dict[str, str]
+    stream: Stream, estimates: pa.Table, shown_nis: pa.Table, nis: pa.Table, colours: dict[str, str]
 ) -> None:
-    """The shown run's RMS position error over the targets, and its NEES and NIS averaged over the targets.
-
-    Args:
-        dof: degrees of freedom of each sensor's readings.
-    """
+    """The shown run's RMS position error over the targets, and its NEES and NIS averaged over the targets."""
+    # A tracker may take less of a reading than its sensor gives, so the degrees of freedom are its own.
+    dof = {key: int(rows["dof"][0]) for key, rows in split(nis, "tracker", "sensor").items()}
     by_tracker = {tracker: rows for (tracker,), rows in split(estimates, "tracker").items()}
     error, nees = {}, {}
     for tracker, rows in by_tracker.items():
@@ -54,11 +52,12 @@ def send_shown_run(
     _lines(stream, ("series", SHOWN_RUN, "position_error"), error, "value", colours)
     _with_bounds(stream, ("series", SHOWN_RUN, "nees"), nees, colours)
     for sensor, rows_by_tracker in _by_sensor(shown_nis).items():
-        nis = {
-            tracker: _mean_with_bounds(rows["time_s"], rows["nis"], dof[sensor])
+        means = {
+            tracker: _mean_with_bounds(rows["time_s"], rows["nis"], dof[tracker, sensor])
             for tracker, rows in rows_by_tracker.items()
+            if (tracker, sensor) in dof
         }
-        _with_bounds(stream, ("series", SHOWN_RUN, "nis", sensor), nis, colours)
+        _with_bounds(stream, ("series", SHOWN_RUN, "nis", sensor), means, colours)
 
 
 def _by_sensor(table: pa.Table) -> dict[str, dict[str, Columns]]:
@@ -76,7 +75,7 @@ def _mean_with_bounds(time: Array, values: Array, dof: int) -> Columns:
 
 def _with_bounds(stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], colours: dict[str, str]) -> None:
     _lines(stream, place, rows, "value", colours)
-    _bounds(stream, place, "95 % bounds", rows, ("low", "high"))
+    _bounds(stream, place, "95 % bounds", rows, ("low", "high"), colours)
 
 
 def _lines(
@@ -88,21 +87,38 @@ def _lines(
 
 
 def _bounds(
-    stream: Stream, place: tuple[str, ...], name: str, rows: dict[str, Columns], fields: tuple[str, ...]
+    stream: Stream,
+    place: tuple[str, ...],
+    name: str,
+    rows: dict[str, Columns],
+    fields: tuple[str, ...],
+    colours: dict[str, str],
 ) -> None:
-    """One line for each field where the trackers share it, as they do when they use the same readings."""
+    """One line for all trackers that share a bound, in its tracker's colour where only some do and it is of one."""
     for field in fields:
-        drawn: list[tuple[Array, Array]] = []
-        for tracker_rows in rows.values():
-            time, values = tracker_rows["time_s"], tracker_rows[field]
-            if np.isfinite(values).any() and not any(_same(time, values, *other) for other in drawn):
-                drawn.append((time, values))
-                entity = path(*place, "bounds", f"{field}_{len(drawn)}")
-                _line(stream, entity, time, values, name, BOUND_COLOUR, 2.0)
+        shared: list[list[str]] = []
+        for tracker, tracker_rows in rows.items():
+            if np.isfinite(tracker_rows[field]).any():
+                group = next((group for group in shared if _same(rows[group[0]], tracker_rows, field)), None)
+                if group is None:
+                    shared.append([tracker])
+                else:
+                    group.append(tracker)
+        for i, group in enumerate(shared, start=1):
+            longest = max((rows[tracker] for tracker in group), key=lambda each: np.isfinite(each[field]).sum())
+            alone = len(shared) > 1 and len(group) == 1
+            colour = colours[group[0]] if alone else BOUND_COLOUR
+            label = name if len(shared) == 1 else f"{name}: {', '.join(group)}"
+            entity = path(*place, "bounds", f"{field}_{i}")
+            _line(stream, entity, longest["time_s"], longest[field], label, colour, 2.0)
 
 
-def _same(time: Array, values: Array, other_time: Array, other_values: Array) -> bool:
-    return np.array_equal(time, other_time) and np.allclose(values, other_values, rtol=SAME, equal_nan=True)
+def _same(a: Columns, b: Columns, field: str) -> bool:
+    """Whether a bound is the same at nearly all instants that both have: tracks start a reading apart, for example."""
+    _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
+    first, second = a[field][at_a], b[field][at_b]
+    both = np.isfinite(first) & np.isfinite(second)
+    return bool(both.any() and np.isclose(first[both], second[both], rtol=SAME).mean() > 0.9)
 
 
 def _line(stream: Stream, entity: str, time: Array, values: Array, name: str, colour: str, width: float) -> None:

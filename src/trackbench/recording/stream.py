@@ -25,9 +25,9 @@ def rgba(colour: str) -> int:
     return int(colour[1:] + "FF", 16)
 
 
-def pixels(size: float) -> rr.components.Radius:
-    """A radius on the screen, whatever the zoom."""
-    return rr.Radius.ui_points(size)
+def pixels(size: float) -> float:
+    """A radius on the screen, whatever the zoom: Rerun takes negative radii for that."""
+    return -size
 
 
 class Stream:

@@ -18,7 +18,12 @@ def columns(table: pa.Table) -> Columns:
 
 
 def split(table: pa.Table, *keys: str) -> dict[tuple[str, ...], Columns]:
-    """The rows of each combination of ``keys``, each sorted by ``time_s``; combinations in order of appearance."""
+    """The rows of each combination of ``keys``, each sorted by ``time_s``; combinations in order of appearance.
+
+    A table without rows may lack its columns too.
+    """
+    if not table.num_rows:
+        return {}
     rows = columns(table)
     time = rows["time_s"]
     code = np.zeros(len(time), dtype=np.int64)

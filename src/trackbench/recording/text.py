@@ -37,7 +37,7 @@ def about(summary: dict[str, Any]) -> str:
         "",
         f"- truth: {source}, {len(truth['objects'])} targets, {truth['duration_s']:g} s",
         f"- shown: Monte-Carlo run {summary['shown_run']} of {summary['runs']}, seed {summary['seed']}",
-        f"- readings: fingerprint `{summary['fingerprint'][:16]}`",
+        f"- readings: fingerprint `{summary['fingerprint'].removeprefix('sha256:')[:16]}`",
         "",
         "### In the scene",
         "",

@@ -18,7 +18,7 @@ TRAIL = 0.3
 #: The most that the wide view shows around the observer unless even the nearest target is farther, and its margin, m.
 REACH, MARGIN = 55.0, 7.0
 #: Half the size of a close-up, m, and how many targets have one.
-CLOSE, MOST_CLOSE = 4.0, 6
+CLOSE, MOST_CLOSE = 3.0, 6
 BACKGROUND = (16, 18, 22)
 SCALE_COLOUR = "#C8CDD4"
 
@@ -45,8 +45,8 @@ def windows(truth: pa.Table) -> list[Window]:
     reach = max(REACH, float(np.percentile(nearest[np.isfinite(nearest)], 90)))
 
     def extent(offsets: Any) -> tuple[float, float]:
-        low, high = np.percentile(np.append(offsets[alive], 0.0), [5, 95])
-        return max(float(low), -reach) - MARGIN, min(float(high), reach) + MARGIN
+        low, high = np.clip(np.percentile(offsets[alive], [5, 95]), -reach, reach)
+        return float(min(low, 0.0)) - MARGIN, float(max(high, 0.0)) + MARGIN
 
     wide = Window(observer, extent(x), extent(y_down), 10.0)
     return [wide, *(Window(name, (-CLOSE, CLOSE), (-CLOSE, CLOSE), 1.0) for name in list(targets)[:MOST_CLOSE])]

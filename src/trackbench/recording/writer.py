@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import rerun as rr
 
-from trackbench.errors import InputError
+from trackbench.errors import InputError, TrackbenchError
 from trackbench.palette import sensor_colour, tracker_colour
 from trackbench.recording import layout, scene, series, text, views
 from trackbench.recording.stream import Stream
@@ -23,7 +23,8 @@ def write(result: RunResult, path: Path) -> None:
     The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
 
     Raises:
-        InputError: the file cannot be written, or the environment switches Rerun off.
+        TrackbenchError: the file cannot be written.
+        InputError: the environment switches Rerun off.
     """
     recording = rr.RecordingStream("trackbench")
     if not rr.is_enabled(recording):
@@ -53,9 +54,8 @@ def _send(recording: rr.RecordingStream, result: RunResult) -> None:
     scene.send_readings(stream, tables["readings"], sensors)
     slowest = max(1.0 / sensor["rate_hz"] for sensor in summary["sensors"].values())
     scene.send_estimates(stream, tables["estimates"], tables["truth"], trackers, slowest)
-    dof = {name: sensor["dof"] for name, sensor in summary["sensors"].items()}
     series.send_all_runs(stream, tables["steps"], tables["nis"], trackers)
-    series.send_shown_run(stream, tables["estimates"], tables["shown_nis"], dof, trackers)
+    series.send_shown_run(stream, tables["estimates"], tables["shown_nis"], tables["nis"], trackers)
 
 
 def _properties(summary: dict[str, Any]) -> dict[str, Any]:
@@ -79,4 +79,4 @@ def _replace(path: Path, content: bytes) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"the recording cannot be written: {error.strerror or error}", file=path) from error
+        raise TrackbenchError(f"cannot write {path}: {error.strerror or error}") from error

@@ -73,9 +73,10 @@ def _facts(summary: dict[str, Any]) -> list[str]:
 
 def _accuracy(result: RunResult, shown: list[Look], look: dict[str, Look]) -> Iterator[Picture]:
     steps = result.tables["steps"]
+    acceleration = result.summary.get("bound", {}).get("acceleration_sigma_mps2")
     pictures = (
-        error_over_time(steps, shown, "position", "m"),
-        error_over_time(steps, shown, "velocity", "m/s"),
+        error_over_time(steps, shown, "position", "m", acceleration),
+        error_over_time(steps, shown, "velocity", "m/s", acceleration),
         spread(steps, shown),
         cost_against_accuracy(scored(result.summary), look),
         map_of_run(result.tables, result.summary["shown_run"], shown),

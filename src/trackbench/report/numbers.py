@@ -34,7 +34,7 @@ def interval(bounds: Sequence[float] | None, places: int) -> str:
 
 def percent(share: float | None, places: int = 0) -> str:
     """A share as "95 %"."""
-    return NOT_AVAILABLE if share is None else f"{fixed(100 * share, places)} %"
+    return NOT_AVAILABLE if share is None else f"{fixed(100 * share, places)}\N{NO-BREAK SPACE}%"
 
 
 def half_width(metric: Metric) -> float | None:

@@ -18,8 +18,10 @@ from trackbench.report.svg import GRID, INK, MUTED, draw, in_page
 from trackbench.types import Array
 
 _HEIGHT = 250.0
-_PANEL = 105.0
+_PANEL = 125.0
 _TIME = "time, s"
+#: Errors are averaged over time to about so many points, or a sensor that alternates with another fills the figure.
+_POINTS = 100
 
 
 class _Line(NamedTuple):
@@ -28,11 +30,16 @@ class _Line(NamedTuple):
     value: Array
 
 
-def error_over_time(steps: pa.Table, shown: Sequence[Look], quantity: str, unit: str) -> Picture | None:
-    """RMSE of ``quantity`` ("position" or "velocity") over time with its bound; None if there is nothing to draw."""
+def error_over_time(
+    steps: pa.Table, shown: Sequence[Look], quantity: str, unit: str, acceleration: float | None
+) -> Picture | None:
+    """RMSE of ``quantity`` ("position" or "velocity") over time with its bound; None if there is nothing to draw.
+
+    ``acceleration`` (m/s^2) is the standard deviation that the bound assumes.
+    """
     suffix = unit.replace("/", "p")
-    lines = _lines(steps, shown, f"{quantity}_rmse_{suffix}")
-    bounds = _distinct(_lines(steps, shown, f"{quantity}_bound_{suffix}"))
+    lines = _smooth(_lines(steps, shown, f"{quantity}_rmse_{suffix}"))
+    bounds = _distinct(_smooth(_lines(steps, shown, f"{quantity}_bound_{suffix}")))
     if not lines:
         return None
 
@@ -50,12 +57,14 @@ def error_over_time(steps: pa.Table, shown: Sequence[Look], quantity: str, unit:
         Entry(_bound_label(group, len(bounds)), "currentColor" if len(bounds) == 1 else group[0].look.colour, "dash")
         for group in bounds
     ]
-    caption = f"RMSE of the {quantity} over all runs and objects at each instant; lower is better. " + (
-        "No unbiased tracker of the same readings can stay below the dashed Cramér-Rao bound: the distance to it is "
-        "what a better tracker could still gain."
-        if bounds
-        else "No Cramér-Rao bound is available."
-    )
+    caption = f"RMSE of the {quantity} over all runs and objects, {_window(lines)}; lower is better."
+    if bounds:
+        caption += " The distance to the dashed Cramér-Rao bound is what a better tracker could still gain."
+    if bounds and acceleration is not None:
+        caption += (
+            f" The bound assumes random accelerations of {acceleration:.2g} m/s²; a tracker can be below it while the "
+            "vehicles move more smoothly than that."
+        )
     svg = in_page(draw(paint, _HEIGHT), name, alternative, titles(line.look for line in lines))
     return Picture(
         name,
@@ -69,10 +78,10 @@ def error_over_time(steps: pa.Table, shown: Sequence[Look], quantity: str, unit:
 
 def spread(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
     """A panel per tracker: its position RMSE within the spread of the runs, and the bound."""
-    lines = _lines(steps, shown, "position_rmse_m")
-    low = {line.look.key: line.value for line in _lines(steps, shown, "position_p10_m")}
-    high = {line.look.key: line.value for line in _lines(steps, shown, "position_p90_m")}
-    bounds = {line.look.key: line for line in _lines(steps, shown, "position_bound_m")}
+    lines = _smooth(_lines(steps, shown, "position_rmse_m"))
+    low = {line.look.key: line.value for line in _smooth(_lines(steps, shown, "position_p10_m"))}
+    high = {line.look.key: line.value for line in _smooth(_lines(steps, shown, "position_p90_m"))}
+    bounds = {line.look.key: line for line in _smooth(_lines(steps, shown, "position_bound_m"))}
     if not lines or not low:
         return None
     columns = 2 if len(lines) > 1 else 1
@@ -100,8 +109,8 @@ def spread(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
     alternative = f"Position error over time with the spread of the runs, one panel for each of {_shown(lines)}."
     caption = (
         "One panel per tracker, on the same axes: the line is the RMSE, the band holds the middle 80 % of the errors "
-        "of single runs and objects (10th to 90th percentile), dashed is the Cramér-Rao bound. A line above its band "
-        "means that a few runs are far worse than the rest."
+        f"of single runs and objects (10th to 90th percentile), {_window(lines)}; dashed is the Cramér-Rao bound. A "
+        "line above its band means that a few runs are far worse than the rest."
     )
     svg = in_page(draw(paint, max(_HEIGHT, 40 + _PANEL * rows)), name, alternative, {})
     legend = (
@@ -120,7 +129,7 @@ def nees_over_time(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
         "tracker that knows its own accuracy stays in the grey band 95 % of the time. Above it the tracker is "
         "optimistic: its errors are larger than it claims. Below it, it is pessimistic."
     )
-    return _with_band("nees", "NEES over time: does it know its own error?", caption, "NEES", steps, lines, "nees")
+    return _with_band("nees", "NEES over time", caption, "NEES", steps, lines, "nees")
 
 
 def nis_over_time(nis: pa.Table, sensor: str, shown: Sequence[Look], number: int) -> Picture | None:
@@ -181,6 +190,25 @@ def _lines(table: pa.Table, shown: Sequence[Look], name: str) -> list[_Line]:
         if np.isfinite(value).any():
             found.append(_Line(look, column(rows, "time_s"), value))
     return found
+
+
+def _smooth(lines: Sequence[_Line]) -> list[_Line]:
+    """Root mean squares over equal stretches of time."""
+    return [_Line(line.look, *_stretches(line.time, line.value)) for line in lines]
+
+
+def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
+    size = max(1, round(len(time) / _POINTS))
+    starts = np.arange(0, len(time), size)
+    known = np.isfinite(value)
+    count = np.add.reduceat(known.astype(float), starts)
+    square = np.add.reduceat(np.where(known, value, 0.0) ** 2, starts)
+    steps = np.add.reduceat(np.ones(len(time)), starts)
+    return np.add.reduceat(time, starts) / steps, np.sqrt(square / np.where(count > 0, count, np.nan))
+
+
+def _window(lines: Sequence[_Line]) -> str:
+    return f"averaged over {np.diff(lines[0].time[:2]).sum():.2g} s"
 
 
 def _distinct(lines: Sequence[_Line]) -> list[list[_Line]]:

@@ -40,6 +40,7 @@ _STYLE: dict[Any, Any] = {
     "axes.titlecolor": INK,
     "axes.unicode_minus": True,
     "figure.facecolor": "none",
+    "figure.labelsize": 11,
     "savefig.facecolor": "none",
     "grid.color": GRID,
     "grid.linewidth": 1.0,

@@ -36,20 +36,18 @@ def unscored(summary: Mapping[str, Any]) -> list[Tracker]:
 def verdict(tracker: Tracker, runs: int) -> str:
     """One sentence on a tracker's accuracy, honesty and health, without its name.
 
-    For example "0.41 m position RMSE, 38 % above the Cramér-Rao bound; optimistic: errors are larger than claimed
-    (NEES 6.1 for 4)".
+    For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; optimistic: errors are larger than claimed
+    (NEES 6.1, should be 4)".
     """
     metrics = tracker["metrics"]
     rmse = metrics["position_rmse"]["value"]
-    parts = [
-        f"{fixed(rmse, decimals([rmse], 2))} m position RMSE" + _above_bound(metrics["position_efficiency"]["value"])
-    ]
+    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE" + _above_bound(metrics["position_efficiency"]["value"])]
     nees = metrics["nees"]
     if nees["mean"] is None:
         parts.append("no covariance to judge" if not nees.get("reason") else f"NEES n/a: {nees['reason']}")
     else:
         mean = fixed(nees["mean"], decimals([nees["mean"]], 2))
-        parts.append(f"{nees['verdict']}: {MEANING[nees['verdict']]} (NEES {mean} for {nees['dof']})")
+        parts.append(f"{nees['verdict']}: {MEANING[nees['verdict']]} (NEES {mean}, should be {nees['dof']})")
     return "; ".join(parts + _complaints(tracker["health"], runs))
 
 
@@ -111,7 +109,7 @@ def headline(summary: Mapping[str, Any]) -> str:
     second = differences.get(names[0], names[1])
     if second is None:
         return text + "."
-    gap = decimals([second.value], 2)
+    gap = decimals([(second.ci95[1] - second.ci95[0]) / 2] if second.ci95 else [second.value], 1)
     bounds = f" (95 % interval {interval((-second.ci95[1], -second.ci95[0]), gap)} m)" if second.ci95 else ""
     return f"{text}. The next, {names[1]}, is {fixed(-second.value, gap)} m worse{bounds}, a real difference."
 

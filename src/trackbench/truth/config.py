@@ -10,7 +10,10 @@ from trackbench.config import MAPPING, PROBLEM, WORD, Angle, Config, shape
 
 
 class FixedObserver(Config):
-    """A point beside the road that carries the sensors."""
+    """A point beside the road that carries the sensors.
+
+    The fixed frame is highway-env's with its y turned up, so that angles count counter-clockwise from above.
+    """
 
     x: float = Field(0, description="Position along x in the fixed frame, m.")
     y: float = Field(0, description="Position along y in the fixed frame, m.")
@@ -18,7 +21,7 @@ class FixedObserver(Config):
 
 
 class NearestTargets(Config):
-    """The vehicles that are nearest to the observer at the start."""
+    """The vehicles that come closest to the observer."""
 
     nearest: int = Field(ge=1, le=1000, description="How many vehicles to track.")
 
@@ -74,7 +77,7 @@ class HighwayTruth(Config):
     )
     targets: Targets = Field(
         "all",
-        description="Which vehicles are tracked: all, {nearest: N} of them at the start, or {ids: [...]}.",
+        description="Which vehicles are tracked: all, the {nearest: N} by closest approach to the observer, or {ids: [...]}.",
     )
     ego: Literal["idle", "idm"] = Field(
         "idm",

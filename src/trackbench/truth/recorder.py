@@ -51,18 +51,19 @@ class Recorder:
                 raw[:, k, body] = state
         seen = np.isfinite(raw[0]).any(axis=0)
         raw = raw[:, :, seen]
-        px, py, heading, speed, vx, vy, crashed, steering = raw
+        px, down, clockwise, speed, vx, vy_down, crashed, steering = raw
         return Frames(
             dt=dt,
             ids=tuple("ego" if i == 0 else f"v{i}" for i in np.flatnonzero(seen)),
             px=px,
-            py=py,
-            heading=heading,
+            # The simulator's y points down its screen, to the right of the cars; the fixed frame's points up.
+            py=-down,
+            heading=-clockwise,
             # The slip angle of the kinematic bicycle (Polack et al. 2017): beta = atan(tan(steering) / 2).
-            slip=np.arctan(0.5 * np.tan(steering)),
+            slip=-np.arctan(0.5 * np.tan(steering)),
             speed=speed,
             reported_vx=vx,
-            reported_vy=vy,
+            reported_vy=-vy_down,
             collided=crashed == 1.0,
             length=np.array([float(v.LENGTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),
             width=np.array([float(v.WIDTH) for v, kept in zip(self._bodies, seen, strict=True) if kept]),

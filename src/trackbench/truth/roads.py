@@ -25,7 +25,10 @@ class Lane(Protocol):
 
 
 def lane_edges(lanes: Iterable[Lane], px: Array, py: Array) -> tuple[Array, ...]:
-    """The marked edges of ``lanes`` within 100 m of the area that the positions span, each ``(points, 2)`` m."""
+    """The marked edges of ``lanes`` within 100 m of the area that the positions span, each ``(points, 2)`` m.
+
+    Positions and edges are in the fixed frame, whose y is the simulator's turned up.
+    """
     low = np.array([px.min(), py.min()]) - MARGIN_M
     high = np.array([px.max(), py.max()]) + MARGIN_M
     edges: dict[tuple[float, ...], Array] = {}
@@ -41,7 +44,7 @@ def lane_edges(lanes: Iterable[Lane], px: Array, py: Array) -> tuple[Array, ...]
 
 def _edge(lane: Lane, side: float) -> Array:
     s = np.linspace(0.0, lane.length, max(2, int(np.ceil(lane.length / SPACING_M)) + 1))
-    return np.array([lane.position(at, side * lane.width_at(at)) for at in s])
+    return np.array([lane.position(at, side * lane.width_at(at)) for at in s]) * (1.0, -1.0)
 
 
 def _parts(points: Array, inside: Mask) -> list[Array]:
