@@ -11,7 +11,8 @@ import pyarrow as pa
 import pytest
 from rich.console import Console
 
-from trackbench.report import html
+from trackbench.report import html, markdown
+from trackbench.report.console import print_summary
 from trackbench.report.significance import Differences, letters
 from trackbench.results import RunResult, to_json
 
@@ -52,7 +53,10 @@ def tracker(name: str, place: int) -> dict[str, Any]:
             "rmse": {axis: metric(0.7 * rmse, "m") for axis in ("px", "py", "vx", "vy")},
             "nees": chi_square(nees, 4, "the tracker gives no covariance"),
             "nis": {
-                sensor: {**chi_square(scale and dof * scale, dof, no_innovation), "inside95": scale and min(0.99, 0.95 / scale)}
+                sensor: {
+                    **chi_square(scale and dof * scale, dof, no_innovation),
+                    "inside95": scale and min(0.99, 0.95 / scale),
+                }
                 for sensor, dof in SENSORS.items()
             },
             "whiteness": {
@@ -173,18 +177,28 @@ def make_tables() -> dict[str, pa.Table]:
         nees = np.full(TIME.size, np.nan) if NEES[name] is None else NEES[name] * rng.normal(1, 0.08, TIME.size)
         steps.append(
             {
-                "tracker": [name] * TIME.size, "time_s": TIME, "position_rmse_m": error, "velocity_rmse_mps": 2.1 * error,
-                "position_p10_m": 0.4 * error, "position_p90_m": 1.6 * error, "nees_mean": nees,
-                "nees_low": np.full(TIME.size, 3.6), "nees_high": np.full(TIME.size, 4.4),
-                "position_bound_m": BOUND * settling, "velocity_bound_mps": 0.8 * settling,
+                "tracker": [name] * TIME.size,
+                "time_s": TIME,
+                "position_rmse_m": error,
+                "velocity_rmse_mps": 2.1 * error,
+                "position_p10_m": 0.4 * error,
+                "position_p90_m": 1.6 * error,
+                "nees_mean": nees,
+                "nees_low": np.full(TIME.size, 3.6),
+                "nees_high": np.full(TIME.size, 4.4),
+                "position_bound_m": BOUND * settling,
+                "velocity_bound_mps": 0.8 * settling,
             }  # fmt: skip
         )
         if name not in ("raw", "alpha_beta"):
             nis += [
                 {
-                    "tracker": [name] * TIME.size, "sensor": [sensor] * TIME.size, "time_s": TIME,
+                    "tracker": [name] * TIME.size,
+                    "sensor": [sensor] * TIME.size,
+                    "time_s": TIME,
                     "nis_mean": dof * (NEES[name] or 4) / 4 * rng.normal(1, 0.08, TIME.size),
-                    "nis_low": np.full(TIME.size, 0.9 * dof), "nis_high": np.full(TIME.size, 1.1 * dof),
+                    "nis_low": np.full(TIME.size, 0.9 * dof),
+                    "nis_high": np.full(TIME.size, 1.1 * dof),
                 }  # fmt: skip
                 for sensor, dof in SENSORS.items()
             ]
@@ -192,15 +206,23 @@ def make_tables() -> dict[str, pa.Table]:
             noise = rmse * rng.standard_normal(path.shape)
             estimates.append(
                 {
-                    "tracker": [name] * TIME.size, "object": [target] * TIME.size, "time_s": TIME,
-                    "px_m": path[0] + noise[0], "py_m": path[1] + noise[1], "position_error_m": np.hypot(*noise),
+                    "tracker": [name] * TIME.size,
+                    "object": [target] * TIME.size,
+                    "time_s": TIME,
+                    "px_m": path[0] + noise[0],
+                    "py_m": path[1] + noise[1],
+                    "position_error_m": np.hypot(*noise),
                 }  # fmt: skip
             )
     bodies = {**paths, "observer": np.stack([21 * TIME, np.full(TIME.size, 4.0)])}
     truth = [
         {
-            "object": [name] * TIME.size, "role": ["observer" if name == "observer" else "target"] * TIME.size,
-            "time_s": TIME, "alive": np.full(TIME.size, True), "px_m": path[0], "py_m": path[1],
+            "object": [name] * TIME.size,
+            "role": ["observer" if name == "observer" else "target"] * TIME.size,
+            "time_s": TIME,
+            "alive": np.full(TIME.size, True),
+            "px_m": path[0],
+            "py_m": path[1],
         }  # fmt: skip
         for name, path in bodies.items()
     ]
@@ -217,3 +239,214 @@ def result() -> RunResult:
     made = RunResult(make_summary(), make_tables())
     to_json(made.summary)
     return made
+
+
+class Page(HTMLParser):
+    """What the tests look at in a page: elements with their attributes, nesting, and text."""
+
+    VOID = ("meta", "link", "input", "br")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None], tuple[str, ...]]] = []
+        self.rows: list[list[str]] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(text)
+        assert self._open == [], "every element is closed"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(self._open)))
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag not in self.VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(self._open)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self._open:
+            self.text += data
+        if self._open and "td" in self._open and "small" not in self._open and "svg" not in self._open:
+            self.rows[-1][-1] += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes, _ in self.elements if name == tag]
+
+
+@pytest.fixture(scope="module")
+def page(result: RunResult) -> Page:
+    return Page(html.render(result))
+
+
+def ranked_rows(page: Page) -> dict[str, list[str]]:
+    return {row[1]: row for row in page.rows if row and row[0].isdigit()}
+
+
+def test_the_page_loads_nothing(result: RunResult, page: Page) -> None:
+    links = [value for _, attributes, _ in page.elements for key, value in attributes.items() if key in ("href", "src")]
+    assert all(str(link).startswith(("#", "data:")) for link in links)
+    assert not {"script", "iframe", "img"} & {tag for tag, _, _ in page.elements}
+    text = html.render(result)
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "@import" not in text
+
+
+def test_figures_have_captions_and_alternatives(page: Page) -> None:
+    inside = [tag for tag, _, parents in page.elements if "figure" in parents]
+    figures, drawings = page.all("figure"), page.all("svg")
+    assert len(figures) == len(drawings) == inside.count("figcaption") == 8
+    assert all(drawing["role"] == "img" and len(str(drawing["aria-label"])) > 20 for drawing in drawings)
+    identities = [attributes["id"] for _, attributes, _ in page.elements if "id" in attributes]
+    assert len(identities) == len(set(identities))
+
+
+def test_references_inside_drawings_resolve(page: Page) -> None:
+    identities = {attributes.get("id") for _, attributes, _ in page.elements}
+    used = [str(a["clip-path"])[5:-1] for _, a, _ in page.elements if "clip-path" in a]
+    used += [str(a["href"])[1:] for tag, a, _ in page.elements if tag == "use"]
+    assert used
+    assert set(used) <= identities
+
+
+def test_drawings_take_the_colours_of_the_page(result: RunResult) -> None:
+    text = html.render(result)
+    assert "currentColor" in text
+    assert not any(stand_in in text for stand_in in ("#010203", "#020304", "#030405"))
+
+
+def test_the_page_is_the_same_every_time(result: RunResult) -> None:
+    assert html.render(result) == html.render(RunResult(make_summary(), make_tables()))
+
+
+def test_ranked_values_are_those_of_the_result(page: Page) -> None:
+    rows = ranked_rows(page)
+    assert list(rows) == list(RMSE)
+    assert {name: float(row[3]) for name, row in rows.items()} == RMSE
+    assert rows["ekf_tight"][6] == "96.00"
+    assert rows["ekf_tight"][10:12] == ["3", "7"]
+    assert [row[2] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
+    assert "0.374 to 0.390" in page.text
+
+
+def test_missing_values_are_na_with_their_reason(page: Page) -> None:
+    assert ranked_rows(page)["raw"][4].startswith("n/a")
+    assert ranked_rows(page)["alpha_beta"][6].startswith("n/a")
+    reasons = [abbreviation["title"] for abbreviation in page.all("abbr")]
+    assert "raw gives no velocity" in reasons
+    assert page.text.count("raw gives no velocity") == 1
+    assert "None" not in page.text
+    assert "nan" not in page.text
+
+
+def test_verdicts_in_words(page: Page) -> None:
+    assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
+    assert "no difference was shown between it and ekf_ctrv." in page.text
+    assert "0.412 m position RMSE, 18\N{NO-BREAK SPACE}% above the Cramér-Rao bound; pessimistic" in page.text
+    assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
+    assert "1 of 2 expectations failed" in page.text
+    assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
+    assert "v3 jumps by 1.4 m at 15.00 s" in page.text
+
+
+def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
+    assert "ValueError: matrix <3> is singular (step 12, 0.60 s, sensor roof_lidar, run 0, object v1)" in page.text
+    assert "mine" not in ranked_rows(page)
+
+
+def test_text_is_escaped() -> None:
+    summary = make_summary()
+    attack = "<script>alert('x')</script>"
+    summary["scenario"] |= {"name": attack, "description": attack, "text": attack}
+    summary["truth"]["objects"][0] = attack
+    tables = make_tables()
+    tables["truth"] = tables["truth"].set_column(0, "object", pa.array([attack] * tables["truth"].num_rows))
+    page = Page(html.render(RunResult(summary, tables)))
+    assert not page.all("script")
+    assert page.text.count(attack) >= 4
+
+
+def test_every_tracker_failed() -> None:
+    summary = make_summary()
+    summary |= {"trackers": [failed_tracker()], "ranking": ["mine"], "differences": []}
+    empty = pa.table({})
+    page = Page(html.render(RunResult(summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty})))
+    assert "No tracker finished." in page.text
+    assert "is singular" in page.text
+    assert [figure["id"] for figure in page.all("figure")] == ["map"]
+
+
+def test_one_run_gives_no_intervals() -> None:
+    summary = make_summary()
+    for entry in summary["trackers"]:
+        for value in entry["metrics"].values():
+            if isinstance(value, dict) and "ci95" in value:
+                value["ci95"] = None
+    for entry in summary["differences"]:
+        entry |= {"ci95": None, "p_value": 1.0, "verdict": "no difference shown"}
+    page = Page(html.render(RunResult(summary, make_tables())))
+    assert {row[2] for row in ranked_rows(page).values()} == {"a"}
+    assert "95 % interval 0" not in page.text
+
+
+def test_markdown_table(result: RunResult) -> None:
+    lines = markdown.table(result).splitlines()
+    assert lines[0].count("|") == lines[2].count("|")
+    assert lines[2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
+    assert "1. n/a: the tracker gives no covariance" in lines
+    assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_terminal_output_fits(result: RunResult, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    output = io.StringIO()
+    print_summary(result, Console(file=output, width=width))
+    text = output.getvalue()
+    assert max(len(line) for line in text.splitlines()) <= width
+    assert "\x1b" not in text
+    assert all(name in text for name in (*RMSE, "mine"))
+    assert "0.412 ±0.008" in text
+    assert "FAILED ekf_cv position_rmse below 0.4: 0.412" in text
+    assert "passed ekf_cv position_rmse below 0.5: 0.412" in text
+    assert "FAILED mine: ValueError: matrix <3> is singular" in text
+
+
+def test_terminal_colours_only_where_wanted(result: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    def printed(**options: Any) -> str:
+        output = io.StringIO()
+        print_summary(result, Console(file=output, width=80, force_terminal=True, **options))
+        return output.getvalue()
+
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert "\x1b[31m" in printed(color_system="standard") or "\x1b[1;31m" in printed(color_system="standard")
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "31m" not in printed()
+
+
+def test_letters_say_exactly_who_differs() -> None:
+    names = ["a", "b", "c", "d"]
+    real = {("a", "c"), ("a", "d"), ("b", "d")}
+    entries = [
+        {
+            "a": x,
+            "b": y,
+            "value": -1.0,
+            "ci95": [-2, 0],
+            "verdict": "a better" if (x, y) in real else "no difference shown",
+        }
+        for i, x in enumerate(names)
+        for y in names[i + 1 :]
+    ]
+    found = letters(names, Differences(entries))
+    for i, x in enumerate(names):
+        for y in names[i + 1 :]:
+            assert bool(set(found[x]) & set(found[y])) == ((x, y) not in real)
+    assert found == {"a": "a", "b": "ab", "c": "bc", "d": "c"}

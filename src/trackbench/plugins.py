@@ -50,7 +50,7 @@ def resolve(use: str, folder: Path | None = None) -> Factory:
         except ModuleNotFoundError as error:
             where = f" (looked in {folder or Path.cwd()}, the working directory and the installed packages)"
             raise InputError(f"cannot import {use!r}: no module named {error.name!r}{where}") from error
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise InputError(f"cannot import {use!r}: {_one_line(error)}") from error
     if not callable(found):
         raise InputError(f"{use!r} is not a class")
@@ -75,7 +75,7 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
     except ValidationError as invalid:
         problems = [f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in invalid.errors()]
         raise InputError(f"{use!r} does not start with these options: {'; '.join(problems)}") from invalid
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{use!r} does not start with these options: {_one_line(error)}") from error
     if not callable(getattr(tracker, "step", None)):
         raise InputError(f"{use!r} has no method step(state, scan)")
@@ -90,7 +90,7 @@ def _published(name: str) -> Factory:
     return known[name].load()  # type: ignore[no-any-return]
 
 
-def _one_line(error: Exception) -> str:
+def _one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 

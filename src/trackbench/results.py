@@ -87,6 +87,17 @@ def require_writable(out: Path) -> None:
         raise InputError(f"cannot write to {out}: {error.strerror or error}", key="--out") from error
 
 
+def require_replaceable(folder: Path) -> None:
+    """Make sure that a run's folder can take this name: it is free, empty, or that of an earlier run.
+
+    Raises:
+        InputError: something else is there, which is not to be lost.
+    """
+    free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
+    if not free and not (folder / SUMMARY).is_file():
+        raise InputError("there already, and not the folder of a run: not replaced", file=folder)
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file under a temporary name and rename it, so that it is whole or not there.
 
@@ -126,13 +137,13 @@ def _put(temporary: Path, folder: Path) -> None:
     if not folder.exists():
         os.replace(temporary, folder)
         return
-    if not (folder / SUMMARY).is_file() and (not folder.is_dir() or any(folder.iterdir())):
-        raise TrackbenchError(f"{folder} is there already and is not the folder of a run: not replaced")
+    require_replaceable(folder)
     aside = temporary.with_suffix(".replaced")
     os.replace(folder, aside)
     try:
         os.replace(temporary, folder)
-    except OSError:
-        os.replace(aside, folder)
+    except BaseException:
+        if not folder.exists():
+            os.replace(aside, folder)
         raise
     shutil.rmtree(aside, ignore_errors=True)

@@ -85,9 +85,11 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
 
 
 @click.command("list")
-@click.argument("what", type=click.Choice(list(LISTS)))
+@click.argument("what", type=click.Choice(list(LISTS)), metavar="WHAT")
 def list_command(what: str) -> None:
     """Show what a scenario can name.
+
+    WHAT is scenarios, trackers, filters, motion-models, sensors, metrics or envs.
 
     \b
     Example:

@@ -14,8 +14,9 @@ from trackbench.cli.validate import check_command, schema_command
 from trackbench.errors import InputError, TrackbenchError
 
 BAD_INPUT = 2
-#: What a shell reports of a program that Ctrl-C ended.
+#: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
 INTERRUPTED = 130
+UNREAD = 141
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -52,10 +53,10 @@ def main() -> None:
         status = BAD_INPUT
     except KeyboardInterrupt:
         status = _interrupted()
-    except BrokenPipeError:
-        # The reader of our output has gone; what is still buffered goes nowhere.
+    except (BrokenPipeError, SystemExit):
+        # Click and Rich turn a broken pipe into an exit with status 1. What is still buffered goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = 0
+        status = UNREAD
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -37,15 +37,15 @@ class Prepared:
 
 @click.command("run")
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SCENARIO.yaml...")
-@click.option("--runs", type=click.IntRange(1), help="Monte-Carlo runs, instead of the scenario's.")
-@click.option("--seed", type=click.IntRange(0), help="Seed of the noise, instead of the scenario's.")
+@click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
+@click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), default=Path("results"), show_default=True,
+    "--out", type=click.Path(path_type=Path, file_okay=False), metavar="DIR", default=Path("results"), show_default=True,
     help="Where each scenario gets a folder of its name.",
 )  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), default=1, show_default=True, help="Processes; same result.")
+@click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 def run_command(
@@ -59,28 +59,32 @@ def run_command(
     no_recording: bool,
     as_json: bool,
 ) -> None:
-    """Run scenarios: score every tracker, write a result, a report and a recording of each.
+    """Score every tracker; write a result, a report and a recording.
 
-    A folder stands for the scenario files in it; several scenarios are also compared with each other.
+    A folder stands for the scenarios in it; several are also compared.
 
     \b
     Examples:
-      trackbench run scenarios/highway.yaml --runs 1000 --workers 2
-      trackbench run scenarios/highway.yaml --set sensors.front_radar.azimuth_sigma_deg=1
       trackbench run scenarios/
+      trackbench run scenarios/highway.yaml --runs 1000 --workers 2
+      trackbench run scenarios/highway.yaml --set score.settle_s=2
 
-    Exit status: 0 all expectations met, 1 one failed, 2 bad input, 3 a tracker failed.
+    \b
+    Exit status:
+      0 all expectations met   1 one failed   2 bad input   3 a tracker failed
     """
     overrides = [
         *settings,
         *([] if runs is None else [f"monte_carlo.runs={runs}"]),
         *([] if seed is None else [f"monte_carlo.seed={seed}"]),
     ]
-    chosen = None if trackers is None else [name.strip() for name in trackers.split(",") if name.strip()]
+    chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
     files = list(scenario_files(scenarios))
     results.require_writable(out)
     prepared = [prepare(file, overrides, chosen) for file in files]
     _require_distinct(prepared)
+    for item in prepared:
+        results.require_replaceable(out / item.loaded.config.name)
     console = Console(stderr=as_json, width=None)
     found = [_run(item, out, workers, no_recording, console, as_json) for item in prepared]
     if len(found) > 1:

@@ -8,12 +8,14 @@ import numpy as np
 
 from trackbench.metrics.consistency import normalised_square, point95
 from trackbench.metrics.scores import ERROR_FIELDS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, NisScores, Scores
-from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
+from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.types import Array, Estimate, Mask, Scan
 from trackbench.units import wrap_angle
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0
+#: Where a squared error or a NEES is beyond this, sums of them would overflow.
+OVERFLOW = 1e100
 #: Numbers of lanes and instants whose product makes one batch of scoring; fits the second-level cache.
 BATCH = 4000
 
@@ -141,12 +143,15 @@ class Scorer:
         course = wrap_angle(np.arctan2(mean[3], mean[2]).reshape(shape) - true_course).reshape(scored.shape)
         values = np.empty((len(ERROR_FIELDS), filled, self._lanes))
         values[0] = 1.0
-        np.multiply(error, error, out=values[1:5])
+        with np.errstate(over="ignore"):
+            np.multiply(error, error, out=values[1:5])
         values[5] = nees
         values[6] = moving
         np.multiply(course, course, out=values[7])
         np.copyto(values, 0.0, where=~scored)
         np.copyto(values[7], 0.0, where=~moving)
+        if not values.max() < OVERFLOW:
+            self._reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW))
         self._per_step[:, here] = values.sum(axis=2)
         per_lane = values.sum(axis=1)
         self._per_run += per_lane.reshape(len(ERROR_FIELDS), self._objects, self._runs).sum(axis=1)
@@ -196,7 +201,7 @@ class _Innovations:
         self._first, self._waiting = here.stop, []
         self._dof = len(innovation)
         nis, white, positive = normalised_square(innovation, covariance)
-        used = used & positive & np.isfinite(nis)
+        used = used & positive & (nis < OVERFLOW)
         nis = np.where(used, nis, 0.0)
         white = np.where(used, white, 0.0)
         if self._last is None:

@@ -178,6 +178,8 @@ def _whiteness(nis: NisScores) -> Json:
     pairs = nis.per_run[NIS_RUN["pairs"]].sum()
     if pairs == 0:
         return {"value": None, "unit": "1", "reason": "there are no two innovations in a row"}
+    if square.sum() == 0:
+        return {"value": None, "unit": "1", "reason": "every innovation is zero"}
     correlation = ratio(product, square)
     bound = float(1.96 / np.sqrt(pairs * nis.dof))
     return {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rerun as rr
 
@@ -12,9 +12,7 @@ from trackbench.errors import InputError, TrackbenchError
 from trackbench.palette import sensor_colour, tracker_colour
 from trackbench.recording import layout, scene, series, text, views
 from trackbench.recording.stream import Stream
-
-if TYPE_CHECKING:
-    from trackbench.results import RunResult
+from trackbench.results import RunResult
 
 
 def write(result: RunResult, path: Path) -> None:

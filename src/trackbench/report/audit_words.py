@@ -7,6 +7,9 @@ from typing import Any
 
 from trackbench.report.numbers import decimals, fixed, joined
 
+#: m/s or m; what is smaller is not worth its digits.
+_NEGLIGIBLE = 0.001
+
 
 def audit_sentences(audit: Mapping[str, Any]) -> list[str]:
     """The findings of ``trackbench.truth.audit`` as sentences, the conclusion first; none where there was no audit."""
@@ -54,4 +57,6 @@ def _velocity(audit: Mapping[str, Any]) -> list[str]:
 
 
 def _two_digits(value: float) -> str:
+    if value < _NEGLIGIBLE:
+        return f"less than {_NEGLIGIBLE:g}"
     return fixed(value, decimals([value], 2))

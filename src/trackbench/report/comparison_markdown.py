@@ -63,7 +63,8 @@ def _lead(standings: Sequence[Standing]) -> str:
     if len(standings) < 2:
         return ""
     first, second = standings[:2]
-    text = f"{first.tracker} has the best mean rank, {fixed(first.mean_rank, 1)} against {fixed(second.mean_rank, 1)} of {second.tracker}"
+    ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
+    text = f"{first.tracker} has the best mean rank, {ranks}"
     if first.first_share is None:
         return f"{text}, in one scenario."
     certainty = "certain" if first.first_share >= _CERTAIN else "not certain"
@@ -72,9 +73,9 @@ def _lead(standings: Sequence[Standing]) -> str:
 
 def _method(scenarios: int) -> str:
     text = (
-        "Rank by position RMSE within each scenario, averaged. Won, lost and undecided count the pairings with every other "
-        "tracker in every scenario: won where the error is smaller by a difference that is real (paired over runs, 5 % "
-        "level after Holm), undecided where no difference was shown. "
+        "Rank by position RMSE within each scenario, averaged. Won, lost and undecided count the pairings with every "
+        "other tracker in every scenario: won where the error is smaller by a difference that is real (paired over "
+        "runs, 5 % level after Holm), undecided where no difference was shown. "
     )
     if scenarios < 2:
         return text + "One scenario says nothing of how the order would change in another."

@@ -51,7 +51,8 @@ def render(result: RunResult) -> str:
             "expectations": tables.expectations(summary),
             "sensors": tables.sensors(summary),
         },
-        accuracy=list(_accuracy(result, shown, look)),
+        cost=cost_against_accuracy(order, look),
+        accuracy=list(_accuracy(result, shown)),
         honesty=list(_honesty(result, shown)),
         audit=audit_sentences(summary["truth"].get("audit") or {}),
     )
@@ -71,14 +72,13 @@ def _facts(summary: dict[str, Any]) -> list[str]:
     return [" ".join(str(part) for part in (truth["source"], truth.get("env")) if part), *facts]
 
 
-def _accuracy(result: RunResult, shown: list[Look], look: dict[str, Look]) -> Iterator[Picture]:
+def _accuracy(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
     steps = result.tables["steps"]
     acceleration = result.summary.get("bound", {}).get("acceleration_sigma_mps2")
     pictures = (
         error_over_time(steps, shown, "position", "m", acceleration),
         error_over_time(steps, shown, "velocity", "m/s", acceleration),
         spread(steps, shown),
-        cost_against_accuracy(scored(result.summary), look),
         map_of_run(result.tables, result.summary["shown_run"], shown),
     )
     return (picture for picture in pictures if picture)

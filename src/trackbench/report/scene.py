@@ -20,6 +20,7 @@ from trackbench.types import Array
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 _ELONGATED = 4.0
 _MARGIN_M = 6.0
+_TALLEST = 400.0
 
 
 @dataclass(frozen=True)
@@ -77,26 +78,28 @@ def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) 
         if not stretched:
             axes.set_aspect("equal")
 
-    height = 200.0 if stretched else min(WIDTH, 60 + (WIDTH - 50) * box.height / box.width)
+    height = 200.0 if stretched else min(_TALLEST, 60 + (WIDTH - 50) * box.height / box.width)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
         f"{fixed(box.width, 0)} m by {fixed(box.height, 0)} m"
         + (f", with the estimates of {' and '.join(look.name for look in drawn)}." if drawn else ".")
     )
-    caption = (
-        f"Run {run} from above: dashed is the truth, from the dot to the name; the observer's path is dotted. "
-        "Estimates of the best and of the last ranked tracker; the ring is where its error was largest"
-        + "".join(f" ({look.name}: {_say(moment)})" for look, moment in zip(drawn, moments, strict=True) if moment)
-        + ". The recording shows all trackers."
-        + (" The road is stretched across: the axes differ in scale." if stretched else "")
-    )
+    worst = "; ".join(f"{look.name}: {_say(moment)}" for look, moment in zip(drawn, moments, strict=True) if moment)
+    caption = f"Run {run} from above: dashed is the truth, from the dot to the name; the observer's path is dotted. "
+    if drawn:
+        caption += (
+            "Estimates of the best and of the last ranked tracker, each with a ring where its error was largest "
+            f"({worst}); the recording shows all trackers. "
+        )
+    if stretched:
+        caption += "The scene is stretched across: the axes differ in scale."
     legend = (
         Entry("truth", "currentColor", "dash"),
         Entry("observer", "var(--muted)", "dash"),
         *entries(reversed(drawn)),
     )
     svg = in_page(draw(paint, height), "map", alternative, titles(drawn))
-    return Picture("map", "From above", caption, alternative, svg, legend)
+    return Picture("map", "From above", caption.strip(), alternative, svg, legend)
 
 
 def cost_against_accuracy(trackers: Sequence[Mapping[str, Any]], shown: Mapping[str, Look]) -> Picture | None:

@@ -45,7 +45,7 @@ def error_over_time(
 
     def paint(figure: Figure) -> None:
         axes = figure.add_subplot(xlabel=_TIME, ylabel=f"{quantity} RMSE, {unit}")
-        _draw(axes, lines)
+        _draw(axes, steps, lines)
         for group in bounds:
             colour = INK if len(bounds) == 1 else group[0].look.colour
             axes.plot(group[0].time, group[0].value, color=colour, linestyle=(0, (4, 2)), linewidth=1.3)
@@ -100,7 +100,7 @@ def spread(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
             axes.set_title(line.look.name, fontsize=10, loc="left", pad=2)
         for axes in panels[len(lines) :]:
             axes.set_visible(False)
-        _time_axis(panels[0], lines)
+        _time_axis(panels[0], steps)
         fit_value_axis(panels[0], [*high.values(), *low.values(), *(line.value for line in lines)])
         figure.supxlabel(_TIME)
         figure.supylabel("position error, m")
@@ -157,7 +157,7 @@ def _with_band(
         if band:
             low, high = band
             axes.fill_between(low.time, low.value, high.value, color=MUTED, alpha=0.35)
-        _draw(axes, lines)
+        _draw(axes, table, lines)
         if fit_value_axis(axes, [line.value for line in (*lines, *band)]):
             axes.set_ylabel(f"{label}, logarithmic")
 
@@ -167,17 +167,17 @@ def _with_band(
     return Picture(name, title, caption, alternative, svg, (*entries(line.look for line in lines), *key))
 
 
-def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
-    """The best tracker on top."""
+def _draw(axes: Axes, table: pa.Table, lines: Sequence[_Line]) -> None:
+    """The best tracker on top, over the whole time of ``table``."""
     for line in reversed(lines):
         look = line.look
         axes.plot(line.time, line.value, color=look.colour, linestyle=look.style, gid=look.key)
-    _time_axis(axes, lines)
+    _time_axis(axes, table)
     axes.grid(axis="x", color=GRID, linewidth=0.6)
 
 
-def _time_axis(axes: Axes, lines: Sequence[_Line]) -> None:
-    axes.set_xlim(min(line.time[0] for line in lines), max(line.time[-1] for line in lines))
+def _time_axis(axes: Axes, table: pa.Table) -> None:
+    axes.set_xlim(0, float(column(table, "time_s").max()))
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
 
 
@@ -199,7 +199,7 @@ def _smooth(lines: Sequence[_Line]) -> list[_Line]:
 
 def _stretches(time: Array, value: Array) -> tuple[Array, Array]:
     size = max(1, round(len(time) / _POINTS))
-    starts = np.arange(0, len(time), size)
+    starts = np.arange(0, len(time) - size + 1, size)
     known = np.isfinite(value)
     count = np.add.reduceat(known.astype(float), starts)
     square = np.add.reduceat(np.where(known, value, 0.0) ** 2, starts)

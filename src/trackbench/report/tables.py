@@ -140,10 +140,7 @@ def all_differences(summary: Summary) -> Table:
     rows = [
         [
             Cell(a, tracker=a),
-            *(
-                Cell("\N{EM DASH}") if a == b else _difference(differences.get(a, b), places, interval_shown=False)
-                for b in names
-            ),
+            *(Cell("\N{EM DASH}") if a == b else _in_matrix(differences.get(a, b), places) for b in names),
         ]
         for a in names
     ]
@@ -254,15 +251,26 @@ def _decimals_of(differences: Iterable[Difference | None]) -> int:
     return decimals(widths, 1) if widths else decimals([d.value for d in known], 2)
 
 
-def _difference(found: Difference | None, places: int, *, interval_shown: bool = True) -> Cell:
-    """A paired difference; the tone says whether the first of the pair is really better or worse."""
+def _difference(found: Difference | None, places: int) -> Cell:
+    """A paired difference with its verdict and interval."""
     if found is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
-    tone = "" if found.better is None else "good" if found.better == found.a else "bad"
-    sign = "+" if found.value > 0 else ""
-    verdict = {"": NO_DIFFERENCE, "good": "better", "bad": "worse"}[tone]
-    bounds = interval(found.ci95, places) if interval_shown else ""
-    return Cell(sign + fixed(found.value, places), (verdict, *_line(bounds)), tone)
+    verdict = NO_DIFFERENCE if found.better is None else "better" if found.better == found.a else "worse"
+    return Cell(_signed(found.value, places), (verdict, *_line(interval(found.ci95, places))))
+
+
+def _in_matrix(found: Difference | None, places: int) -> Cell:
+    """A paired difference whose colour says whether the first of the pair is better or worse."""
+    if found is None:
+        return Cell(NOT_AVAILABLE, reason="the pair was not compared")
+    if found.better is None:
+        return Cell(_signed(found.value, places), (NO_DIFFERENCE,))
+    won = found.better == found.a
+    return Cell(_signed(found.value, places), ("better" if won else "worse",), "good" if won else "bad")
+
+
+def _signed(value: float, places: int) -> str:
+    return ("+" if value > 0 else "") + fixed(value, places)
 
 
 def _found(value: Any) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.trackers.answers import NOT_FINITE, TrackerFault, checked, unpack
+from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.types import Estimate, Scan
@@ -32,42 +32,60 @@ class Batched:
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = tracker
         self._state: Any = None
+        self._estimated = False
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimates of all lanes, or None while there is none at all."""
         self._state, answer = unpack(self._tracker.step(self._state, scan))
-        return checked(answer, scan)
+        estimate = checked(answer, scan)
+        if estimate is None and self._estimated:
+            raise TrackerFault(GIVEN_UP)
+        self._estimated = estimate is not None
+        return estimate
 
 
 class Looped:
-    """A tracker that knows one object: a fresh one for each lane, from the lane's first reading to its end."""
+    """A tracker that knows one object: a fresh one for each lane, called from the lane's first reading on."""
 
     def __init__(self, make: Callable[[], Tracker], lanes: int) -> None:
         self._trackers = [make() for _ in range(lanes)]
         self._states: list[Any] = [None] * lanes
         self._begun = [False] * lanes
+        self._known = [False] * lanes
 
     def step(self, scan: Scan) -> Estimate | None:
-        """Step every lane that has had a reading. Lanes are ``(lanes,)``."""
+        """Step every lane that has had a reading. Lanes are ``(lanes,)``.
+
+        Raises:
+            LaneFault: a lane's tracker raised, or what it gave is not an estimate.
+        """
         answers: list[Estimate | None] = []
-        for lane, tracker in enumerate(self._trackers):
+        for lane in range(len(self._trackers)):
             self._begun[lane] = self._begun[lane] or bool(scan.valid[lane])
-            if not self._begun[lane]:
-                answers.append(None)
-                continue
-            own = scan._replace(reading=scan.reading[:, lane].copy(), valid=scan.valid[lane])
-            self._states[lane], answer = unpack(tracker.step(self._states[lane], own))
-            estimate = checked(answer, own)
-            if estimate is not None and not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
-                raise LaneFault(TrackerFault(NOT_FINITE), lane)
-            answers.append(estimate)
+            try:
+                answers.append(self._one(lane, scan) if self._begun[lane] else None)
+            except (Exception, SystemExit) as error:
+                raise LaneFault(error, lane) from error
         return together(answers, len(scan.reading))
+
+    def _one(self, lane: int, scan: Scan) -> Estimate | None:
+        own = scan._replace(reading=scan.reading[:, lane], valid=scan.valid[lane])
+        self._states[lane], answer = unpack(self._trackers[lane].step(self._states[lane], own))
+        estimate = checked(answer, own)
+        if estimate is None:
+            if self._known[lane]:
+                raise TrackerFault(GIVEN_UP)
+            return None
+        if not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
+            raise TrackerFault(NOT_FINITE)
+        self._known[lane] = True
+        return estimate
 
 
 class LaneFault(Exception):
     """A fault of one lane."""
 
-    def __init__(self, cause: Exception, lane: int) -> None:
+    def __init__(self, cause: BaseException, lane: int) -> None:
         super().__init__(str(cause))
         self.cause = cause
         self.lane = lane

@@ -158,7 +158,7 @@ class _Passage:
             return self._failure(fault.cause, fault.instant, None, fault.lane)
         except LaneFault as fault:
             return self._failure(_cause(fault.cause), instant, scan.sensor, fault.lane)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             return self._failure(_cause(error), instant, scan.sensor, None)
         if scores.present.sum() > 0 and scores.per_step[0].sum() == 0:
             return self._failure("it gave no estimate at all", instant, None, None)
@@ -254,7 +254,7 @@ def _of_run(scan: Scan, objects: int, run: int) -> Scan:
     return scan._replace(reading=scan.reading[:, lanes].copy(), valid=scan.valid[lanes].copy())
 
 
-def _cause(error: Exception) -> str:
+def _cause(error: BaseException) -> str:
     if isinstance(error, TrackbenchError):
         return str(error)
     text = str(error).strip().splitlines()

@@ -47,6 +47,9 @@ def _sensor_times(scenario: Scenario) -> Iterator[Problem]:
         elif sensor.phase_s * sensor.rate_hz >= 1:
             message = f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s"
             yield Problem(("sensors", name, "phase_s"), message)
+        elif sensor.phase_s > scenario.truth.duration_s:
+            message = f"the first reading is after the end, which is at {scenario.truth.duration_s:g} s"
+            yield Problem(("sensors", name, "phase_s"), message)
         elif not _whole(sensor.phase_s * truth_rate):
             near = f"{round(sensor.phase_s * truth_rate) / truth_rate:g}"
             message = f"must be a multiple of the truth step, which is {1 / truth_rate:g} s; use {near}"

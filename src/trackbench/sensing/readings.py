@@ -67,6 +67,9 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
         reading, valid = _noisy(sensor, seed, scenario, runs, hashes)
         detections[sensor.name] = valid.sum(axis=-1).astype(float)
         size, lanes = len(sensor.noise), valid.shape[1] * valid.shape[2]
+        for shared in (reading, valid, sensor.noise, sensor.pose, sensor.velocity):
+            # One tracker must not change what the next one reads.
+            shared.setflags(write=False)
         for k, time in enumerate(sensor.time):
             scans.append(
                 Scan(

@@ -10,6 +10,8 @@ from trackbench.types import Array, Estimate, Scan
 
 NOT_FINITE = "the estimate is not finite"
 NOT_DEFINITE = "the covariance is not positive definite"
+TOO_LARGE = "the error, or its ratio to the covariance, is too large for any score"
+GIVEN_UP = "it gave None after an estimate: where a reading is missed, the estimate is to be predicted"
 
 #: Largest difference of mirrored entries of a covariance, relative to its largest entry.
 ASYMMETRY = 1e-6
@@ -54,6 +56,8 @@ def checked(answer: Any, scan: Scan) -> Estimate | None:
 
 def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
     try:
+        if np.iscomplexobj(value):
+            raise TypeError
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise TrackerFault(f"the {what} is not an array of numbers: {_described(value)}") from None

@@ -29,12 +29,12 @@ FILTERS = {
 
 
 def build(config: FilterConfig) -> FilterTracker:
-    """The tracker that a scenario's ``filter:`` entry describes."""
+    """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
     return FilterTracker(_filter(config), config.initial)
 
 
 def kf(**options: Any) -> FilterTracker:
-    """A Kalman filter; the options are the keys of a scenario's tracker entry. Likewise the functions below."""
+    """A Kalman filter on positions."""
     return build(FilterConfig(filter="kf", **options))
 
 
