@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -161,7 +162,8 @@ def _run(item: Prepared, out: Path, workers: int, no_recording: bool, console: C
     from trackbench.runner.run import run
 
     name = item.loaded.config.name
-    with _bar(name) as progress:
+    # What a tracker prints is no part of the result.
+    with redirect_stdout(sys.stderr), _bar(name) as progress:
         result = run(item.loaded, item.truth, workers=workers, command=item.command, progress=progress)
     folder = out / name
     artifacts = {"report.html": partial(_write_report, html.render, result)}
@@ -186,6 +188,8 @@ def _compare(found: list[RunResult], out: Path, console: Console, quiet: bool) -
     compared = comparison.compare(found)
     results.write_text(out / "comparison.md", compared.markdown())
     results.write_text(out / "comparison.json", results.to_json(compared.json()))
+    for name, svg in compared.figures().items():
+        results.write_text(out / name, svg)
     if not quiet:
         console.print(f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}", highlight=False, soft_wrap=True)
 

@@ -79,9 +79,8 @@ def _row(place: int, tracker: dict[str, Any]) -> str:
 
 
 def _failure(name: str, failed: dict[str, Any]) -> str:
-    return (
-        f"- **{name}** at {_number(failed['time_s'])} s (step {failed['step']}, run {failed['run']}): {failed['cause']}"
-    )
+    run = "" if failed["run"] is None else f", run {failed['run']}"
+    return f"- **{name}** at {_number(failed['time_s'])} s (step {failed['step']}{run}): {failed['cause']}"
 
 
 def _expectation(item: dict[str, Any]) -> str:
@@ -92,8 +91,9 @@ def _expectation(item: dict[str, Any]) -> str:
 
 def _sensor(name: str, sensor: dict[str, Any]) -> str:
     preset = f", {sensor['preset']}" if sensor.get("preset") else ""
-    rate, found = f"{sensor['rate_hz']:g}", f"{100 * sensor['detection_rate']:.0f}"
-    return f"- **{name}**: {sensor['kind']}{preset}, {rate} Hz, {found} % of targets detected"
+    share = sensor["detection_rate"]
+    found = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
+    return f"- **{name}**: {sensor['kind']}{preset}, {sensor['rate_hz']:g} Hz, {found}"
 
 
 def _interval(limits: list[float] | None) -> str:

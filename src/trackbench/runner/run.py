@@ -5,14 +5,19 @@ from __future__ import annotations
 import hashlib
 import multiprocessing
 import platform
+import signal
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from trackbench.errors import TrackbenchError
 from trackbench.metrics.bound import Prior, cramer_rao, typical_acceleration
 from trackbench.metrics.intervals import Interval, holm, paired
 from trackbench.metrics.scores import Scores, merge
@@ -92,18 +97,40 @@ def _blocks(work: Work, workers: int) -> Iterator[Block]:
         yield from (run_block(work, runs) for runs in pieces)
         return
     context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(
         min(workers, len(pieces)), mp_context=context, initializer=_prepare, initargs=(work,)
     ) as pool:
-        yield from pool.map(_run_prepared, pieces)
+        try:
+            with _uninterrupted():
+                blocks = [pool.submit(_run_prepared, runs) for runs in pieces]
+            yield from (block.result() for block in blocks)
+        except BrokenProcessPool as error:
+            raise TrackbenchError("a worker process died; --workers 1 shows what it died of") from error
+        except BaseException:
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            raise
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """With Ctrl-C held back; processes that start meanwhile never get it, and so do not print a traceback each."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _prepared: Work | None = None
 
 
 def _prepare(work: Work) -> None:
+    """Begin a worker process. What a tracker prints there must not get between the lines of the result."""
     global _prepared
     _prepared = work
+    sys.stdout = sys.stderr
 
 
 def _run_prepared(runs: range) -> Block:

@@ -1,0 +1,76 @@
+"""The tables of one run in the terminal and in Markdown, and the letters that say which differences are real."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+from tests.example_result import RMSE, make_result
+
+from trackbench.report import markdown
+from trackbench.report.console import print_summary
+from trackbench.report.significance import Differences, letters
+from trackbench.results import RunResult
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    return make_result()
+
+
+def test_markdown_table(result: RunResult) -> None:
+    lines = markdown.table(result).splitlines()
+    assert lines[0].count("|") == lines[2].count("|")
+    assert lines[2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
+    assert "1. n/a: the tracker gives no covariance" in lines
+    assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_terminal_output_fits(result: RunResult, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    output = io.StringIO()
+    print_summary(result, Console(file=output, width=width))
+    text = output.getvalue()
+    assert max(len(line) for line in text.splitlines()) <= width
+    assert "\x1b" not in text
+    assert all(name in text for name in (*RMSE, "mine"))
+    assert "0.412 ±0.008" in text
+    assert "FAILED ekf_cv position_rmse below 0.4: 0.412" in text
+    assert "passed ekf_cv position_rmse below 0.5: 0.412" in text
+    assert "FAILED mine: ValueError: matrix <3> is singular" in text
+
+
+def test_terminal_colours_only_where_wanted(result: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
+    def printed(**options: Any) -> str:
+        output = io.StringIO()
+        print_summary(result, Console(file=output, width=80, force_terminal=True, **options))
+        return output.getvalue()
+
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert "\x1b[31m" in printed(color_system="standard") or "\x1b[1;31m" in printed(color_system="standard")
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "31m" not in printed()
+
+
+def test_letters_say_exactly_who_differs() -> None:
+    names = ["a", "b", "c", "d"]
+    real = {("a", "c"), ("a", "d"), ("b", "d")}
+    entries = [
+        {
+            "a": x,
+            "b": y,
+            "value": -1.0,
+            "ci95": [-2, 0],
+            "verdict": "a better" if (x, y) in real else "no difference shown",
+        }
+        for i, x in enumerate(names)
+        for y in names[i + 1 :]
+    ]
+    found = letters(names, Differences(entries))
+    for i, x in enumerate(names):
+        for y in names[i + 1 :]:
+            assert bool(set(found[x]) & set(found[y])) == ((x, y) not in real)
+    assert found == {"a": "a", "b": "ab", "c": "bc", "d": "c"}
