@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -40,6 +42,7 @@ def resolve(use: str, folder: Path | None = None) -> Factory:
         try:
             if not colon:
                 return _published(use)
+            _require_unambiguous(module)
             found: Any = importlib.import_module(module)
             for name in attribute.split("."):
                 if not hasattr(found, name):
@@ -80,6 +83,17 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
     if not callable(getattr(tracker, "step", None)):
         raise InputError(f"{use!r} has no method step(state, scan)")
     return make
+
+
+def _require_unambiguous(module: str) -> None:
+    """Python loads one module of a name: the tracker.py of a second scenario's folder would be that of the first."""
+    top = module.partition(".")[0]
+    spec = PathFinder.find_spec(top)
+    loaded = getattr(sys.modules.get(top), "__file__", None)
+    if spec is None or spec.origin is None or loaded is None:
+        return
+    if os.path.realpath(spec.origin) != os.path.realpath(loaded):
+        raise InputError(f"{spec.origin} cannot be loaded beside {loaded}, which has the same name: rename one")
 
 
 def _published(name: str) -> Factory:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 import click
@@ -36,6 +37,8 @@ for _command in (run_command, list_command, check_command, schema_command):
 
 def main() -> None:
     """The console script. Exit status: see the README."""
+    # A run that is told to end tidies up as one that is interrupted.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         status = cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:

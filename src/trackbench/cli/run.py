@@ -43,9 +43,13 @@ class Prepared:
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), metavar="DIR", default=Path("results"), show_default=True,
-    help="Where each scenario gets a folder of its name.",
-)  # fmt: skip
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    default=Path("results"),
+    show_default=True,
+    help="Each scenario gets a folder in it.",
+)
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")

@@ -132,7 +132,8 @@ def with_interval(interval: Interval, unit: str) -> Json:
 def _error(errors: dict[str, Interval], name: str) -> Json:
     unit = ROOT_MEAN_SQUARES[name][2]
     if name not in errors:
-        return {"value": None, "unit": unit, "reason": "no estimate of a moving object was scored"}
+        what = "an object that moves" if name == "course_rmse" else "any object"
+        return {"value": None, "unit": unit, "reason": f"there is no estimate of {what} to score"}
     return with_interval(errors[name], unit)
 
 

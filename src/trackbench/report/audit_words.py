@@ -47,16 +47,18 @@ def _velocity(audit: Mapping[str, Any]) -> list[str]:
         "displacement": repaired.get("velocity_from_displacement", []),
     }
     if not any(sources.values()):
-        return [f"The stated velocity differs from the displacement by {_two_digits(after['max_mps'])} m/s at most."]
+        return [f"The stated velocity differs from the displacement by {_at_most(after['max_mps'])} m/s."]
     how = joined([f"from {source} for {joined(names)}" for source, names in sources.items() if names])
     return [
         f"The simulator's velocity contradicted the motion by up to {_two_digits(before['max_mps'])} m/s "
         f"({before['object']} at {fixed(before['time_s'], 2)} s); it was computed {how}, which leaves "
-        f"{_two_digits(after['max_mps'])} m/s at most."
+        f"{_at_most(after['max_mps'])} m/s."
     ]
 
 
+def _at_most(value: float) -> str:
+    return f"less than {_NEGLIGIBLE:g}" if value < _NEGLIGIBLE else f"at most {_two_digits(value)}"
+
+
 def _two_digits(value: float) -> str:
-    if value < _NEGLIGIBLE:
-        return f"less than {_NEGLIGIBLE:g}"
     return fixed(value, decimals([value], 2))

@@ -28,9 +28,8 @@ def print_summary(result: RunResult, console: Console) -> None:
         for note in _notes(summary, trackers):
             console.print(Text(note, style="dim"), highlight=False)
     for tracker in unscored(summary):
-        console.print(
-            Text.assemble(("FAILED ", _STYLE["bad"]), f"{tracker['name']}: {failure(tracker)}"), highlight=False
-        )
+        label = ("FAILED ", _STYLE["bad"]) if tracker["failed"] else ("NO SCORE ", _STYLE["warn"])
+        console.print(Text.assemble(label, f"{tracker['name']}: {failure(tracker)}"), highlight=False)
     if summary["expectations"]:
         console.print(Text(expectations_met(summary["expectations"])), style="bold", highlight=False)
         for expectation in summary["expectations"]:

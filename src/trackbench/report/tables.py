@@ -166,7 +166,7 @@ def sensors(summary: Summary) -> Table:
         [
             Cell(name, _line(s.get("preset"))),
             Cell(s["kind"]),
-            Cell(f"{s['rate_hz']:g} Hz"),
+            Cell(f"{s['rate_hz']:g}\N{NO-BREAK SPACE}Hz"),
             Cell(str(s["dof"])),
             Cell(percent(s.get("detection_rate"))),
         ]

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
 import platform
-import signal
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from trackbench.errors import TrackbenchError
 from trackbench.metrics.bound import Prior, cramer_rao, typical_acceleration
 from trackbench.metrics.intervals import Interval, holm, paired
 from trackbench.metrics.scores import Scores, merge
@@ -32,8 +25,9 @@ from trackbench.metrics.summary import (
 )
 from trackbench.results import SCHEMA_VERSION, RunResult
 from trackbench.runner import tables
-from trackbench.runner.block import Block, Failure, Work, run_block
+from trackbench.runner.block import Block, Failure, Work
 from trackbench.runner.expectations import judge
+from trackbench.runner.pool import run_blocks
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.config import BoundConfig, Scenario
 from trackbench.sensing.readings import ideal_sensors
@@ -83,59 +77,11 @@ def run(
         shown_run=scenario.recording.run,
     )
     blocks = []
-    for block in _blocks(work, workers):
+    for block in run_blocks(work, workers):
         blocks.append(block)
         if progress is not None:
             progress(block.runs.stop, work.runs)
     return _Assembly(loaded, truth, work, blocks).result(command)
-
-
-def _blocks(work: Work, workers: int) -> Iterator[Block]:
-    """The blocks in their order, however many processes make them."""
-    pieces = work.blocks()
-    if workers == 1 or len(pieces) == 1:
-        yield from (run_block(work, runs) for runs in pieces)
-        return
-    context = multiprocessing.get_context("spawn")
-    others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(
-        min(workers, len(pieces)), mp_context=context, initializer=_prepare, initargs=(work,)
-    ) as pool:
-        try:
-            with _uninterrupted():
-                blocks = [pool.submit(_run_prepared, runs) for runs in pieces]
-            yield from (block.result() for block in blocks)
-        except BrokenProcessPool as error:
-            raise TrackbenchError("a worker process died; --workers 1 shows what it died of") from error
-        except BaseException:
-            for process in set(multiprocessing.active_children()) - others:
-                process.terminate()
-            raise
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """With Ctrl-C held back; processes that start meanwhile never get it, and so do not print a traceback each."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_prepared: Work | None = None
-
-
-def _prepare(work: Work) -> None:
-    """Begin a worker process. What a tracker prints there must not get between the lines of the result."""
-    global _prepared
-    _prepared = work
-    sys.stdout = sys.stderr
-
-
-def _run_prepared(runs: range) -> Block:
-    assert _prepared is not None
-    return run_block(_prepared, runs)
 
 
 class _Assembly:

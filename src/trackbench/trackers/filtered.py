@@ -8,11 +8,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.errors import TrackbenchError
 from trackbench.filters import Belief, Filter
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
-from trackbench.trackers.base import Prior
+from trackbench.trackers.base import Prior, require_in_sequence
 from trackbench.trackers.config import InitialConfig
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
@@ -46,13 +45,8 @@ class FilterTracker:
         """
         if state is None:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
-        elapsed = scan.time - state.time
-        if elapsed < 0.0:
-            raise TrackbenchError(
-                f"reading of {scan.sensor} at {scan.time:g} s is older than the estimate at {state.time:g} s: "
-                "out-of-sequence readings are not supported"
-            )
-        belief, started = self._predict(state, elapsed), state.started
+        require_in_sequence(scan, state.time)
+        belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
         innovation = innovation_covariance = None

@@ -1,0 +1,149 @@
+"""Statistics by hand and against scipy."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from trackbench.metrics.consistency import mean_bounds, normalised_square, point95, verdict
+from trackbench.metrics.intervals import holm, paired, ratio, root, scaled
+
+
+def test_normalised_square_by_hand():
+    covariance = np.array([[4.0, 0.0], [0.0, 9.0]])
+    value, whitened, positive = normalised_square(np.array([2.0, -3.0]), covariance)
+    assert value == pytest.approx(2.0)
+    np.testing.assert_allclose(whitened, [1, -1])
+    assert positive
+    # With correlation: inverse of [[2, 1], [1, 2]] is [[2, -1], [-1, 2]] / 3.
+    value, _, _ = normalised_square(np.array([1.0, 2.0]), np.array([[2.0, 1.0], [1.0, 2.0]]))
+    assert value == pytest.approx((2 * 1 - 2 * 2 + 2 * 4) / 3)
+
+
+@given(st.integers(1, 6), st.integers(0, 10_000))
+def test_normalised_square_agrees_with_numpy(size, seed):
+    random = np.random.default_rng(seed)
+    root_ = random.normal(size=(7, size, size))
+    covariance = root_ @ np.swapaxes(root_, 1, 2) + 0.1 * np.eye(size)
+    error = random.normal(size=(7, size))
+    expected = np.einsum("bi,bij,bj->b", error, np.linalg.inv(covariance), error)
+    value, _, positive = normalised_square(error.T, np.moveaxis(covariance, 0, -1))
+    np.testing.assert_allclose(value, expected, rtol=1e-8)
+    assert positive.all()
+
+
+def test_an_indefinite_covariance_is_told():
+    stack = np.stack([np.eye(2), np.diag([1.0, -1.0])], axis=-1)
+    np.testing.assert_array_equal(normalised_square(np.ones((2, 2)), stack)[2], [True, False])
+
+
+def test_bounds_are_those_of_the_tables():
+    # Bar-Shalom, Li and Kirubarajan (2001), section 5.4.2: 50 runs of a NEES of 2 degrees of freedom.
+    low, high = mean_bounds(2, 50)
+    assert (low, high) == (pytest.approx(74.22 / 50, abs=1e-3), pytest.approx(129.56 / 50, abs=1e-3))
+    assert point95(2) == pytest.approx(5.991, abs=1e-3)
+    assert point95(3) == pytest.approx(7.815, abs=1e-3)
+    low, high = mean_bounds(4, np.array([1.0, 1e6]))
+    np.testing.assert_allclose([low[1], high[1]], 4, atol=0.02)
+    assert low[0] < 0.5
+    assert high[0] > 11
+
+
+def test_verdicts():
+    assert verdict(5.0, 3.0, 4.5) == "optimistic"
+    assert verdict(2.0, 3.0, 4.5) == "pessimistic"
+    assert verdict(3.0, 3.0, 4.5) == verdict(4.5, 3.0, 4.5) == "consistent"
+
+
+def test_a_ratio_of_equal_counts_has_the_interval_of_a_mean():
+    values = np.array([1.0, 4.0, 2.0, 7.0])
+    found = ratio(5 * values, np.full(4, 5.0))
+    assert found.value == pytest.approx(3.5)
+    expected = stats.t.interval(0.95, 3, loc=3.5, scale=stats.sem(values))
+    assert found.ci95 == pytest.approx(expected)
+
+
+def test_a_root_mean_square_by_hand():
+    found = root(ratio(np.array([8.0, 10.0]), np.array([1.0, 1.0])))
+    assert found.value == pytest.approx(3.0)
+    # Mean square 9 with standard error 1; the root's slope is 1 / (2 * 3).
+    reach = stats.t.ppf(0.975, 1) / 6
+    assert found.ci95 == pytest.approx((max(0.0, 3 - reach), 3 + reach))
+    doubled = scaled(found, 2.0)
+    assert doubled.value == pytest.approx(6.0)
+    assert doubled.ci95 == pytest.approx(tuple(2 * end for end in found.ci95))
+
+
+def test_an_interval_never_starts_below_zero():
+    assert root(ratio(np.array([0.0, 1.0]), np.ones(2))).ci95[0] == 0.0
+    assert root(ratio(np.zeros(3), np.ones(3))).value == 0.0
+
+
+def test_one_run_gives_a_value_and_no_interval():
+    one = ratio(np.array([4.0]), np.array([2.0]))
+    assert (one.value, one.ci95) == (2.0, None)
+    assert root(one).ci95 is None
+    difference = paired(one, one)
+    assert (difference.ci95, difference.p_value) == (None, 1.0)
+
+
+@given(st.integers(0, 10_000), st.integers(2, 40))
+def test_paired_differences_of_means_are_those_of_scipy(seed, runs):
+    random = np.random.default_rng(seed)
+    common = random.normal(size=runs)
+    a, b = common + 0.3 * random.normal(size=runs), common + 0.2 + 0.3 * random.normal(size=runs)
+    expected = stats.ttest_rel(a, b)
+    found = paired(ratio(a, np.ones(runs)), ratio(b, np.ones(runs)))
+    assert found.value == pytest.approx(np.mean(a - b))
+    assert found.p_value == pytest.approx(expected.pvalue, rel=1e-6)
+    assert found.ci95 == pytest.approx(tuple(expected.confidence_interval()), rel=1e-6, abs=1e-9)
+
+
+def test_paired_differences_of_root_mean_squares_are_near_those_of_the_runs():
+    random = np.random.default_rng(3)
+    runs, steps = 300, 200
+    common = random.normal(size=(runs, steps))
+    a, b = common + 0.3 * random.normal(size=(runs, steps)), 1.02 * common + 0.3 * random.normal(size=(runs, steps))
+    squares = [(e**2).sum(axis=1) for e in (a, b)]
+    found = paired(*(root(ratio(total, np.full(runs, float(steps)))) for total in squares))
+    per_run = [np.sqrt(total / steps) for total in squares]
+    expected = stats.ttest_rel(*per_run)
+    assert found.value == pytest.approx(np.sqrt((a**2).mean()) - np.sqrt((b**2).mean()))
+    assert found.ci95 == pytest.approx(tuple(expected.confidence_interval()), rel=0.1)
+    assert found.p_value < 1e-6
+
+
+def test_equal_and_constant_differences():
+    a = ratio(np.array([1.0, 2.0, 3.0]), np.ones(3))
+    same = paired(a, a)
+    assert (same.value, same.p_value) == (0.0, 1.0)
+    shifted = paired(a, ratio(np.array([2.0, 3.0, 4.0]), np.ones(3)))
+    assert (shifted.value, shifted.p_value) == (-1.0, 0.0)
+
+
+def test_intervals_cover_as_often_as_they_say():
+    random = np.random.default_rng(8)
+    inside = 0
+    for _ in range(1000):
+        squares = random.normal(size=(20, 30)) ** 2
+        low, high = root(ratio(squares.sum(axis=1), np.full(20, 30.0))).ci95
+        inside += low <= 1.0 <= high
+    assert 920 <= inside <= 975
+
+
+def test_holm_against_known_values():
+    # Holm's own procedure on four tests: 0.01 * 4, 0.013 * 3, 0.02 * 2, 0.04 * 1, never decreasing.
+    assert holm([0.01, 0.04, 0.013, 0.02]) == pytest.approx([0.04, 0.04, 0.04, 0.04])
+    assert holm([0.001, 0.03, 0.02]) == pytest.approx([0.003, 0.04, 0.04])
+    assert holm([0.6, 0.7]) == pytest.approx([1.0, 1.0])
+    assert holm([0.02]) == [0.02]
+    assert holm([]) == []
+
+
+@given(st.lists(st.floats(0, 1), min_size=1, max_size=12))
+def test_holm_is_never_below_the_p_value_and_keeps_the_order(p_values):
+    corrected, p = np.array(holm(p_values)), np.array(p_values)
+    assert np.all((corrected >= p) & (corrected <= 1.0))
+    assert corrected[np.argmin(p)] == pytest.approx(min(1.0, len(p) * p.min()))
+    assert np.all(np.diff(corrected[np.argsort(p, kind="stable")]) >= 0)

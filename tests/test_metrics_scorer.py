@@ -1,0 +1,339 @@
+"""Scores of hand-made estimates, and of blocks that are merged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from tests.scenes import TRACKERS, random_walk, scan, truth, work
+
+from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target
+from trackbench.metrics.scores import merge
+from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
+from trackbench.runner.block import Failure, run_block
+from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.types import Estimate
+
+NO_BOUND = Bound(float("nan"), float("nan"))
+SENSORS = {
+    "radar": RadarConfig(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
+    "lidar": LidarConfig(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
+}
+
+
+def target(state, runs, *, alive=None, start=0.0, divergence=10.0):
+    """Of a truth ``(4, instants, objects)`` that is the same in every run."""
+    state = np.asarray(state, dtype=float)[..., None]
+    _, instants, objects, _ = state.shape
+    return Target(
+        time=np.arange(instants) * 1.0,
+        state=state,
+        alive=np.ones((instants, objects), dtype=bool) if alive is None else np.asarray(alive),
+        start=np.full((objects, runs), start),
+        divergence=divergence,
+    )
+
+
+def estimate(mean, covariance=None, **more):
+    """With the lanes last."""
+    mean = np.asarray(mean, dtype=float)
+    identity = np.broadcast_to(np.eye(4)[..., None], (4, 4, mean.shape[1]))
+    return Estimate(mean, identity if covariance is None else covariance, **more)
+
+
+def scored(of, estimates, sensors=None):
+    """Of estimates after each instant, each with the scans that led to it."""
+    scorer = Scorer(of, sensors or {}, keep_spread=True)
+    for k, (scans, given) in enumerate(estimates):
+        for seen in scans:
+            scorer.innovation(k, seen, given)
+        scorer.estimate(given)
+    return scorer.scores(seconds=2.0, steps=1000)
+
+
+def summary(scores, runs, bound=NO_BOUND):
+    return metrics(scores, bound, runs)
+
+
+def test_errors_by_hand():
+    # One object moving east at 10 m/s, two instants, two runs; errors in px of 3 and 0, in py of 4 and 0, and so on.
+    state = np.zeros((4, 2, 1))
+    state[2] = 10.0
+    first = np.array([[3, 0], [4, 0], [10, 10], [0, 10]])
+    second = np.array([[0, 1], [0, 0], [12, 10], [0, 0]])
+    scores = scored(target(state, 2), [([], estimate(first)), ([], estimate(second))])
+    found = summary(scores, 2)
+    assert found["position_rmse"]["value"] == pytest.approx(np.sqrt((25 + 0 + 0 + 1) / 4))
+    assert found["velocity_rmse"]["value"] == pytest.approx(np.sqrt((0 + 100 + 4 + 0) / 4))
+    # Only one course is wrong: 45 degrees.
+    assert found["course_rmse"]["value"] == pytest.approx(45 / 2)
+    assert found["course_rmse"]["unit"] == "deg"
+    axes = {name: entry["value"] for name, entry in found["rmse"].items()}
+    assert axes == pytest.approx(
+        {"px": np.sqrt(10 / 4), "py": np.sqrt(16 / 4), "vx": np.sqrt(4 / 4), "vy": np.sqrt(100 / 4)}
+    )
+    # With unit covariances the NEES is the sum of squares.
+    assert found["nees"]["mean"] == pytest.approx((25 + 100 + 4 + 1) / 4)
+    low, high = stats.chi2.ppf([0.025, 0.975], 2 * 4) / 2
+    assert found["nees"]["bounds95"] == pytest.approx([low, high])
+    assert found["nees"]["verdict"] == "optimistic"
+    assert found["coverage"]["value"] == 1.0
+    assert found["step_time"]["value"] == pytest.approx(2.0 / 1000 * 1e6)
+    np.testing.assert_allclose(scores.per_run[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(scores.per_step[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(scores.spread[:, 0], np.percentile([5, 0], [10, 90]))
+
+
+def test_nees_with_a_full_covariance_agrees_with_numpy():
+    random = np.random.default_rng(0)
+    lanes = 6
+    root = random.normal(size=(lanes, 4, 4))
+    covariance = root @ np.swapaxes(root, 1, 2) + 0.5 * np.eye(4)
+    mean = random.normal(size=(4, lanes))
+    state = np.array([0.5, -0.2, 3.0, 1.0]).reshape(4, 1, 1)
+    scores = scored(target(state, lanes), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
+    error = mean.T - state[:, 0, 0]
+    expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
+    np.testing.assert_allclose(scores.per_run[5], expected, rtol=1e-12)
+
+
+def test_the_course_of_an_object_at_rest_is_not_scored():
+    state = np.zeros((4, 1, 2))
+    state[2, 0, 1] = 5.0
+    mean = np.zeros((4, 2))
+    mean[3] = 5.0
+    scores = scored(target(state, 1), [([], estimate(mean))])
+    assert scores.per_run[6, 0] == 1
+    assert summary(scores, 1)["course_rmse"]["value"] == pytest.approx(90)
+
+
+def test_the_course_error_goes_the_short_way_round():
+    state = np.array([0, 0, -10, 0.1]).reshape(4, 1, 1)
+    scores = scored(target(state, 1), [([], estimate([[0], [0], [-10], [-0.1]]))])
+    assert summary(scores, 1)["course_rmse"]["value"] == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
+
+
+def test_what_is_not_there_or_not_yet_due_is_not_scored():
+    state = np.zeros((4, 3, 2))
+    alive = [[True, False], [True, True], [False, True]]
+    mean = np.full((4, 2), 2.0)
+    scores = scored(target(state, 1, alive=alive, start=1.0), [([], estimate(mean))] * 3)
+    # The settling time cuts the first instant; then both objects, then the second one alone.
+    np.testing.assert_array_equal(scores.weight, [[0, 0], [1, 1], [0, 1]])
+    assert scores.present[0] == scores.per_run[0, 0] == 3
+
+
+def test_a_lane_without_an_estimate_costs_coverage():
+    state = np.zeros((4, 4, 1))
+    nothing = estimate(np.full((4, 2), np.nan))
+    half = estimate(np.array([[1.0, np.nan]] * 4))
+    whole = estimate(np.ones((4, 2)))
+    scores = scored(target(state, 2), [([], nothing), ([], half), ([], whole), ([], whole)])
+    np.testing.assert_array_equal(scores.per_run[0], [3, 2])
+    assert summary(scores, 2)["coverage"]["value"] == pytest.approx(5 / 8)
+    assert summary(scores, 2)["position_rmse"]["value"] == pytest.approx(np.sqrt(2))
+
+
+def test_a_run_diverges_once_an_error_exceeds_the_limit():
+    state = np.zeros((4, 2, 1))
+    far = np.zeros((4, 3))
+    far[0] = [9.9, 10.1, 0.0]
+    scores = scored(target(state, 3, divergence=10.0), [([], estimate(far)), ([], estimate(np.zeros((4, 3))))])
+    np.testing.assert_array_equal(scores.diverged, [0, 1, 0])
+    assert health(scores)["diverged_runs"] == 1
+
+
+@pytest.mark.parametrize(
+    ("bad", "cause"),
+    [
+        (estimate([[1, np.nan], [0, 0], [0, 0], [0, 0]]), NOT_FINITE),
+        (estimate([[1, np.inf], [0, 0], [0, 0], [0, 0]]), NOT_FINITE),
+        (estimate(np.zeros((4, 2)), np.stack([np.eye(4), np.diag([1.0, 1, 1, -1])], axis=-1)), NOT_DEFINITE),
+    ],
+    ids=["nan", "inf", "indefinite"],
+)
+def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause):
+    good = estimate(np.zeros((4, 2)))
+    with pytest.raises(Fault, match=cause) as fault:
+        scored(target(np.zeros((4, 5, 1)), 2), [([], good), ([], good), ([], bad), ([], good), ([], good)])
+    assert (fault.value.instant, fault.value.lane) == (2, 1)
+
+
+def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
+    with pytest.raises(Fault, match=NOT_FINITE):
+        scored(target(np.zeros((4, 1, 1)), 1), [([], estimate(np.full((4, 1), np.inf)))])
+
+
+def test_innovations_by_hand():
+    # Two runs, three readings of a lidar; the second run misses the second one.
+    spread = np.broadcast_to((4.0 * np.eye(2))[..., None], (2, 2, 2))
+    innovations = [np.array([[2.0, 4], [0, 6]]), np.array([[2.0, np.nan], [2, np.nan]]), np.array([[-4.0, 2], [0, 0]])]
+    valid = [[True, True], [True, False], [True, True]]
+    scans = [scan("lidar", 1.0 * k, np.zeros((2, 2)), valid=valid[k]) for k in range(3)]
+    given = [
+        estimate(np.zeros((4, 2)), innovation=innovation, innovation_covariance=spread) for innovation in innovations
+    ]
+    scores = scored(target(np.zeros((4, 3, 1)), 2), list(zip([[s] for s in scans], given, strict=True)), {"lidar": 3})
+    nis = scores.nis["lidar"]
+    # Run 0: 1, 2, 4; run 1: 13, missed, 1. Of those 13 alone is above 5.991.
+    np.testing.assert_allclose(nis.per_run[:3], [[3, 2], [7, 14], [3, 1]])
+    np.testing.assert_allclose(nis.per_step, [[2, 1, 2], [14, 2, 5], [1, 1, 2]])
+    found = summary(scores, 2)["nis"]["lidar"]
+    assert found["mean"] == pytest.approx(21 / 5)
+    assert found["inside95"] == pytest.approx(4 / 5)
+    assert found["dof"] == 2
+    low, high = stats.chi2.ppf([0.025, 0.975], 2 * 2) / 2
+    assert found["bounds95"] == pytest.approx([low, high])
+    # Successive readings of run 0 alone: (1, 0) . (1, 1) + (1, 1) . (-2, 0), over the squares of the later ones.
+    white = summary(scores, 2)["whiteness"]["lidar"]
+    assert white["value"] == pytest.approx((1 - 2) / (2 + 4))
+    assert white["bounds95"] == pytest.approx([-1.96 / 2, 1.96 / 2])
+
+
+def test_a_tracker_that_gives_no_innovation_has_no_nis():
+    seen = scan("lidar", 0.0, np.zeros((2, 2)))
+    scores = scored(target(np.zeros((4, 1, 1)), 2), [([seen], estimate(np.zeros((4, 2))))], {"lidar": 1})
+    found = summary(scores, 2)
+    assert found["nis"]["lidar"]["mean"] is None
+    assert "no innovation" in found["nis"]["lidar"]["reason"]
+    assert found["whiteness"]["lidar"]["value"] is None
+
+
+def test_repairs_are_counted_where_the_object_is_scored():
+    seen = scan("lidar", 0.0, np.zeros((2, 4)))
+    given = estimate(np.zeros((4, 4)), repaired=np.array([True, False, True, True]))
+    of = target(np.zeros((4, 2, 2)), 2, alive=[[True, True], [True, False]])
+    scores = scored(of, [([seen], given), ([seen], given)], {"lidar": 2})
+    # Lanes are object 0 runs 0 and 1, object 1 runs 0 and 1.
+    np.testing.assert_array_equal(scores.repaired, [3, 1])
+    assert health(scores)["repaired_covariances"] == 4
+    assert health(scores)["repaired_runs"] == 2
+
+
+def test_efficiency_is_the_error_over_the_bound():
+    state = np.zeros((4, 1, 1))
+    scores = scored(target(state, 2), [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))])
+    found = summary(scores, 2, Bound(1.5, 4.0))
+    assert found["position_efficiency"]["value"] == pytest.approx(2.0)
+    assert found["velocity_efficiency"]["value"] == pytest.approx(0.5)
+    assert found["position_bound"]["value"] == 1.5
+
+
+def test_the_bound_is_averaged_as_the_errors_are():
+    variances = np.zeros((2, 2, 4))
+    variances[0, 0] = [1, 2, 3, 4]
+    variances[1, 0] = [5, 6, 7, 8]
+    variances[0, 1] = np.nan
+    weight = np.array([[3.0, 5.0], [1.0, 0.0]])
+    found = rms_bound(variances, weight)
+    assert found.position == pytest.approx(np.sqrt((3 * 3 + 11) / 4))
+    assert found.velocity == pytest.approx(np.sqrt((3 * 7 + 15) / 4))
+    assert np.isnan(rms_bound(variances, np.zeros((2, 2))).position)
+
+
+TWO = {
+    "ekf": FilterConfig.model_validate(TRACKERS["ekf-cv"]),
+    "ukf": FilterConfig.model_validate({**TRACKERS["ukf-ctrv"], "sensors": ["radar"]}),
+    "prior": FilterConfig.model_validate({**TRACKERS["ekf-cv"], "initial": "truth"}),
+    "raw": PluginConfig(use="raw"),
+}
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["another truth in each run", "one truth"])
+def test_merged_blocks_are_one_block(own):
+    of = random_walk(12, 60, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    if not own:
+        of = truth(of.time, of.px[..., :1], of.py[..., :1], of.vx[..., :1], of.vy[..., :1])
+    whole = work(of, SENSORS, TWO, 12, settle=0.5)
+    one = run_block(whole, range(12))
+    parts = [run_block(whole, runs) for runs in (range(5), range(5, 6), range(6, 12))]
+    for name in TWO:
+        single, merged = one.scores[name], merge([part.scores[name] for part in parts])
+        assert single.steps == merged.steps
+        for field in ("per_step", "per_run", "weight", "present", "diverged", "repaired"):
+            np.testing.assert_allclose(getattr(merged, field), getattr(single, field), rtol=1e-12, err_msg=field)
+        for sensor in SENSORS:
+            assert single.nis[sensor].dof == merged.nis[sensor].dof
+            for field in ("per_step", "per_run"):
+                a, b = getattr(merged.nis[sensor], field), getattr(single.nis[sensor], field)
+                # The whiteness products cancel, so that they are as exact as their terms.
+                np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
+    assert one.digests == [digest for part in parts for digest in part.digests]
+    for sensor in SENSORS:
+        np.testing.assert_array_equal(one.detections[sensor], sum(part.detections[sensor] for part in parts))
+
+
+def test_a_block_scores_what_the_tracker_says_of_the_truth():
+    # Readings without noise: the raw tracker's position is exact, and its velocity that of constant motion.
+    time = np.arange(20) * 0.1
+    of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
+    exact = {"lidar": LidarConfig(rate_hz=10, position_sigma_m=1e-6)}
+    scores = run_block(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
+    errors = error_intervals(scores)
+    assert errors["position_rmse"].value < 1e-5
+    assert errors["velocity_rmse"].value < 1e-4
+    assert scores.per_run[0].tolist() == [19, 19, 19]
+
+
+def test_the_shown_run_is_the_same_in_whichever_block_it_is():
+    of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    whole = replace(work(of, SENSORS, TWO, 6), shown_run=4)
+    one, other = run_block(whole, range(6)), run_block(whole, range(3, 6))
+    assert run_block(whole, range(3)).scans is None
+    for name in TWO:
+        np.testing.assert_allclose(one.traces[name].mean, other.traces[name].mean, rtol=1e-12)
+        np.testing.assert_allclose(one.traces[name].covariance, other.traces[name].covariance, rtol=1e-12, atol=1e-12)
+        assert one.traces[name].mean.shape == (4, 30, 1)
+    for a, b in zip(one.scans, other.scans, strict=True):
+        np.testing.assert_array_equal(a.reading, b.reading)
+
+
+class Faulty:
+    """Tells nothing but what its options say."""
+
+    batched = True
+
+    def __init__(self, how: str) -> None:
+        self._how = how
+
+    def step(self, state, seen):
+        state = 0 if state is None else state + 1
+        mean, covariance = np.zeros((4, 6)), np.broadcast_to(np.eye(4)[..., None], (4, 4, 6)).copy()
+        if state == 3:
+            match self._how:
+                case "raises":
+                    raise ValueError("no such luck")
+                case "nan":
+                    mean[2, 5] = np.nan
+                case "shape":
+                    mean = mean[:3]
+                case "indefinite":
+                    covariance[0, 0, 5] = -1
+                case "asymmetric":
+                    covariance[0, 1, 5] = 0.5
+        return state, None if self._how == "silent" else (mean, covariance)
+
+
+@pytest.mark.parametrize(
+    ("how", "cause", "lane"),
+    [
+        ("raises", "ValueError: no such luck", False),
+        ("nan", NOT_FINITE, True),
+        ("shape", "the mean has the shape (3, 6), where (4, 6) is needed", False),
+        ("indefinite", NOT_DEFINITE, True),
+        ("asymmetric", "the covariance is not symmetric: mirrored entries differ by up to 0.5", False),
+        ("silent", "it gave no estimate at all", False),
+    ],
+)
+def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, lane):
+    of = random_walk(6, 20, 0.1, 1.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    trackers = {"bad": PluginConfig(use=f"{__name__}:Faulty", options={"how": how}), "good": TWO["ekf"]}
+    block = run_block(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
+    failure = block.scores["bad"]
+    assert isinstance(failure, Failure)
+    assert failure.cause == cause
+    assert not isinstance(block.scores["good"], Failure)
+    if how != "silent":
+        assert (failure.step, failure.time_s) == (3, pytest.approx(0.3))
+    assert (failure.run, failure.object) == ((5, "v1") if lane else (None, None))
