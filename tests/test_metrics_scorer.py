@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from tests.scenes import TRACKERS, random_walk, scan, truth, work
 
-from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target
+from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target, percentiles
 from trackbench.metrics.scores import merge
 from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
 from trackbench.runner.block import Failure, run_block
@@ -112,6 +112,16 @@ def test_the_course_error_goes_the_short_way_round():
     state = np.array([0, 0, -10, 0.1]).reshape(4, 1, 1)
     scores = scored(target(state, 1), [([], estimate([[0], [0], [-10], [-0.1]]))])
     assert summary(scores, 1)["course_rmse"]["value"] == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
+
+
+def test_percentiles_are_those_of_numpy_over_what_is_in_use():
+    random = np.random.default_rng(0)
+    values, use = random.normal(size=(5, 40)), random.random((5, 40)) < np.array([1.0, 0.8, 0.3, 0.05, 0.0])[:, None]
+    use[3] = np.arange(40) == 7
+    found = percentiles((0.1, 0.9), values, use)
+    for k in range(4):
+        np.testing.assert_allclose(found[:, k], np.percentile(values[k][use[k]], [10, 90]))
+    assert np.isnan(found[:, 4]).all()
 
 
 def test_what_is_not_there_or_not_yet_due_is_not_scored():

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.special import spherical_jn
 from tests.scenes import NOISE
 
-from trackbench.models.motion import MOTION_MODELS, Kinematics, Spread, process_noise
+from trackbench.models.motion import MOTION_MODELS, Kinematics, Spread, process_noise, turning
 from trackbench.models.motion.base import UNKNOWN_ANGLE
 from trackbench.types import Gaussian
 
@@ -58,6 +59,15 @@ def integrated(model, x: np.ndarray, noise: np.ndarray, dt: float) -> np.ndarray
     if dt == 0:
         return x
     return solve_ivp(lambda _, s: rate(model, s, noise), (0, dt), x, method="DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+
+
+def test_spherical_bessel_functions_agree_with_scipy_on_both_sides_of_the_switch_to_the_series():
+    small = np.concatenate([np.logspace(-12, 0.5, 400), [0.0, turning.SMALL, np.nextafter(turning.SMALL, 0)]])
+    h = np.concatenate([small, -small])
+    np.testing.assert_allclose(turning.bessel0(h), np.sinc(h / np.pi), rtol=1e-14)
+    # Beyond the switch j1 is a difference of near-equal terms, over h and again over h for the slope.
+    np.testing.assert_allclose(turning.bessel1(h), np.sign(h) * spherical_jn(1, np.abs(h)), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(turning.bessel1_slope(h), spherical_jn(1, np.abs(h), derivative=True), atol=1e-9)
 
 
 @every_model

@@ -41,11 +41,21 @@ def test_from_two_readings():
     state, first = made.step(None, scan("lidar", 0.0, FAR))
     assert np.isnan(first.mean).all()
     assert np.isnan(first.covariance).all()
-    _, second = made.step(state, scan("lidar", 0.5, FAR + [[5.0], [-2.0]]))
+    _, second = made.step(state, scan("lidar", 0.5, FAR + np.array([[5.0], [-2.0]])))
     np.testing.assert_allclose(second.mean[:, 0], [45, 28, 10, -4])
     variance = LIDAR_NOISE[0, 0]
     expected = variance * np.kron([[1, 2], [2, 8]], np.eye(2))
     np.testing.assert_allclose(second.covariance[..., 0], expected)
+
+
+def test_from_two_readings_of_two_sensors():
+    made = tracker(**EKF)
+    radar = scan("radar", 0.0, np.array([[50.0], [0.6], [3.0]]))
+    first = SENSOR_MODELS["radar"].position(radar)
+    state, _ = made.step(None, radar)
+    _, estimate = made.step(state, scan("lidar", 0.5, FAR))
+    np.testing.assert_allclose(estimate.mean[2:], (FAR - first.mean) / 0.5)
+    np.testing.assert_allclose(estimate.covariance[2:, 2:, 0], (first.covariance[..., 0] + LIDAR_NOISE) / 0.25)
 
 
 def test_two_readings_of_one_instant_do_not_start_a_track():
@@ -87,7 +97,7 @@ def test_from_truth_draws_the_stated_error_and_takes_the_first_reading_in():
 def test_the_common_state_of_a_turning_model_is_cartesian():
     made = tracker(filter="ekf", motion="ctrv", **NOISE["ctrv"])
     state, _ = made.step(None, scan("lidar", 0.0, FAR))
-    _, estimate = made.step(state, scan("lidar", 1.0, FAR + [[-8.0], [6.0]]))
+    _, estimate = made.step(state, scan("lidar", 1.0, FAR + np.array([[-8.0], [6.0]])))
     np.testing.assert_allclose(estimate.mean[:, 0], [32, 36, -8, 6], atol=1e-12)
     np.testing.assert_allclose(estimate.state[:, 0], [32, 36, 10, np.arctan2(6, -8), 0], atol=1e-12)
     assert estimate.state_covariance.shape == (5, 5, 1)
@@ -105,6 +115,19 @@ def test_a_repaired_covariance_is_reported_where_it_happened():
     np.testing.assert_array_equal(estimate.repaired, [False, True])
     assert np.isfinite(estimate.mean).all()
     assert np.linalg.eigvalsh(estimate.covariance[..., 1]).min() > 0
+
+
+def test_a_lane_that_waits_stays_as_it_is_and_reports_no_repair():
+    made = tracker(filter="ukf", motion="ctra", initial="first_reading", **NOISE["ctra"])
+    one = np.array([True, False])
+    state = None
+    for k in range(50):
+        state, _ = made.step(state, scan("lidar", 1.0 * k, np.repeat(FAR, 2, axis=1), valid=one))
+    np.testing.assert_array_equal(state.belief.covariance[..., 1], np.eye(6))
+    broken = -np.ones_like(state.belief.covariance)
+    state = state._replace(belief=state.belief._replace(covariance=broken, factor=None))
+    _, estimate = made.step(state, scan("lidar", 50.0, np.repeat(FAR, 2, axis=1), valid=one))
+    np.testing.assert_array_equal(estimate.repaired, [True, False])
 
 
 def test_the_raw_tracker_states_the_readings():

@@ -6,7 +6,6 @@ check_tracker("mypkg.mymodule:MyTracker", alpha=0.5)
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -91,6 +90,9 @@ def drive(
         ideal = model.measure(_target(time, lane), pose, own)
         valid = np.array(number not in missed)
         reading = np.where(valid, ideal + np.sqrt(np.diag(noise)) * random.standard_normal(len(ideal)), np.nan)
+        # As in the bench, the arrays are read-only: a tracker that writes into them is found out.
+        for shared in (reading, valid, noise, pose, own):
+            shared.setflags(write=False)
         scans.append(Scan(time, kind, kind, reading, valid, noise, pose, own, time))
     return scans
 
@@ -108,13 +110,13 @@ def _usual(**changes: Any) -> list[Scan]:
 
 def _stack(lanes: Sequence[Sequence[Scan]]) -> list[Scan]:
     """Scans with a batch axis from those of single targets."""
-    return [
-        scans[0]._replace(
-            reading=np.stack([scan.reading for scan in scans], axis=-1),
-            valid=np.array([scan.valid for scan in scans]),
-        )
-        for scans in zip(*lanes, strict=True)
-    ]
+    stacked = []
+    for scans in zip(*lanes, strict=True):
+        reading, valid = np.stack([scan.reading for scan in scans], axis=-1), np.array([scan.valid for scan in scans])
+        for shared in (reading, valid):
+            shared.setflags(write=False)
+        stacked.append(scans[0]._replace(reading=reading, valid=valid))
+    return stacked
 
 
 def _answers(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Iterator[Estimate | None]:
@@ -216,11 +218,8 @@ def _keeps_state(make: Callable[[], Tracker]) -> None:
     scans = _stack([_usual()]) if getattr(tracker, "batched", False) else _usual()
     state: Any = None
     for scan in scans[:40]:
-        kept, given = copy.deepcopy(state), copy.deepcopy(scan)
         after, first = unpack(tracker.step(state, scan))
-        if any(not np.array_equal(a, b, equal_nan=True) for a, b in zip(given[3:8], scan[3:8], strict=True)):
-            raise TrackerCheckError(f"the scan at {scan.time:g} s was changed in place")
-        again = unpack(tracker.step(kept, scan))[1]
+        again = unpack(tracker.step(state, scan))[1]
         one, two = checked(first, scan), checked(again, scan)
         same = one is two is None or (
             one is not None and two is not None and np.array_equal(one.mean, two.mean, equal_nan=True)
@@ -269,7 +268,7 @@ RULES: dict[str, Callable[[Callable[[], Tracker]], None]] = {
     "works with lidar alone": _one_sensor("lidar"),
     "works with radar alone": _one_sensor("radar"),
     "gives the same estimates every time": _is_deterministic,
-    "leaves the state and the scan that it is given as they are": _keeps_state,
+    "leaves the state that it is given as it is": _keeps_state,
     "does not disturb another tracker": _stands_alone,
     "gives a batch the same estimates as single targets (if batched)": _batch_is_loop,
 }

@@ -7,11 +7,15 @@ import numpy as np
 from trackbench.types import Array
 
 TWO_PI = 2.0 * np.pi
+#: The least angle of the range (-pi, pi].
+LEAST = np.nextafter(-np.pi, 0.0)
 
 
 def wrap_angle(angle: Array) -> Array:
     """Any angle in rad, to the same direction in (-pi, pi]."""
-    return angle - TWO_PI * np.ceil((angle - np.pi) / TWO_PI)
+    turned = angle - TWO_PI * np.ceil((angle - np.pi) / TWO_PI)
+    # Rounding may leave the range by a unit in the last place.
+    return np.asarray(np.clip(turned, LEAST, np.pi))
 
 
 def difference(a: Array, b: Array, angular: tuple[int, ...]) -> Array:

@@ -40,7 +40,7 @@ def main() -> None:
     # A run that is told to end tidies up as one that is interrupted.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        status = cli.main(standalone_mode=False)
+        status = cli.main(prog_name="trackbench", standalone_mode=False)
     except click.exceptions.Exit as stop:
         status = stop.exit_code
     except click.Abort:

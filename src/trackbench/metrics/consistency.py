@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy import stats
 
@@ -31,6 +33,7 @@ def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     return low, high
 
 
+@cache
 def point95(dof: int) -> float:
     """The 95 % point of chi-square."""
     return float(stats.chi2.ppf(0.95, dof))

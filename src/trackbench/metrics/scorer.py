@@ -112,7 +112,12 @@ class Scorer:
         return np.asarray(self._expected[instant])
 
     def _by_run(self, lanes: Array) -> Array:
-        return np.asarray(lanes.reshape(self._objects, self._runs).sum(axis=0))
+        """``(..., runs)`` sums over the objects of values ``(..., lanes)``."""
+        return np.asarray(lanes.reshape(*lanes.shape[:-1], self._objects, self._runs).sum(axis=-2))
+
+    def _alive(self, instants: slice) -> Mask:
+        """``(instants, lanes)``"""
+        return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
     def _flush(self) -> None:
         filled, first = self._filled, self._first
@@ -121,20 +126,23 @@ class Scorer:
         self._filled, self._first = 0, first + filled
         here = slice(first, first + filled)
         mean, covariance = self._mean[:, :filled], self._covariance[:, :, :filled]
-        alive = np.broadcast_to(self._target.alive[here, :, None], (filled, self._objects, self._runs)).reshape(
-            filled, self._lanes
-        )
         # A sum is finite only if all of its terms are.
-        finite = np.isfinite(mean.sum(axis=0) + np.einsum("ij...->...", covariance))
-        seen = self._seen | np.logical_or.accumulate(finite, axis=0)
-        self._seen = seen[-1]
-        self._reject(NOT_FINITE, alive & seen & ~finite)
+        total = mean.sum(axis=0) + np.einsum("ij...->...", covariance)
+        finite = np.isfinite(total)
+        if finite.all():
+            self._seen[:] = True
+        else:
+            # NaN from the start means that there is no estimate yet.
+            seen = self._seen | np.logical_or.accumulate(~np.isnan(total), axis=0)
+            self._seen = seen[-1]
+            self._reject(NOT_FINITE, self._alive(here) & seen & ~finite)
 
         shape = (filled, self._objects, self._runs)
         truth = self._target.state[:, here]
         error = (mean.reshape(4, *shape) - truth).reshape(4, filled, self._lanes)
         nees, _, positive = normalised_square(error, covariance)
-        self._reject(NOT_DEFINITE, alive & finite & ~positive)
+        if not positive.all():
+            self._reject(NOT_DEFINITE, self._alive(here) & finite & ~positive)
 
         scored = self._expected[here] & finite
         vx, vy = truth[2], truth[3]
@@ -153,20 +161,31 @@ class Scorer:
         if not values.max() < OVERFLOW:
             self._reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW))
         self._per_step[:, here] = values.sum(axis=2)
-        per_lane = values.sum(axis=1)
-        self._per_run += per_lane.reshape(len(ERROR_FIELDS), self._objects, self._runs).sum(axis=1)
+        self._per_run += self._by_run(values.sum(axis=1))
         self._weight[here] = values[0].reshape(shape).sum(axis=2)
         square = values[1] + values[2]
         self._diverged |= self._by_run((square > self._target.divergence**2).any(axis=0)) > 0
         if self._keep_spread:
-            distance = np.where(scored, np.sqrt(square), np.nan)
-            some = scored.any(axis=1)
-            self._spread[:, here][:, some] = np.nanpercentile(distance[some], [10, 90], axis=1)
+            self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
 
     def _reject(self, cause: str, wrong: Mask) -> None:
         if np.any(wrong):
             step, lane = np.argwhere(wrong)[0]
             raise Fault(cause, self._first - len(wrong) + int(step), int(lane))
+
+
+def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:
+    """``(shares, steps)`` values below which each share of those in use lies, interpolated; NaN where none is.
+
+    Args:
+        shares: 0 to 1.
+        values: ``(steps, lanes)``.
+        use: ``(steps, lanes)``.
+    """
+    ordered = np.sort(np.where(use, values, np.nan), axis=1)
+    rank = np.asarray(shares) * np.maximum(use.sum(axis=1) - 1, 0)[:, None]
+    low, high = (np.take_along_axis(ordered, end(rank).astype(int), axis=1) for end in (np.floor, np.ceil))
+    return np.asarray(low + (rank % 1.0) * (high - low)).T
 
 
 class _Innovations:
@@ -185,6 +204,7 @@ class _Innovations:
         if estimate.innovation is None or estimate.innovation_covariance is None:
             self.flush()
             self._first += 1
+            self._last = None
             return
         used = scan.valid & self._scorer.scored(instant)
         self._waiting.append((estimate.innovation, estimate.innovation_covariance, used))
@@ -212,9 +232,9 @@ class _Innovations:
         inside = used & (nis < point95(self._dof))
         pair = used & used_before
         product = np.einsum("i...,i...->...", white, before)
-        self._per_step[:, here] = [used.sum(axis=1), nis.sum(axis=1), inside.sum(axis=1)]
-        fields = np.stack([used, nis, inside, pair, product, nis * pair])
-        self._per_run += np.stack([self._scorer._by_run(field) for field in fields.sum(axis=1)])
+        values = np.stack([used, nis, inside, pair, product, nis * pair])
+        self._per_step[:, here] = values[: len(NIS_STEP_FIELDS)].sum(axis=2)
+        self._per_run += self._scorer._by_run(values.sum(axis=1))
 
     def scores(self) -> NisScores:
         return NisScores(self._dof, self._per_step, self._per_run)

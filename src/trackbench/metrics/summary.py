@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,7 +59,7 @@ def error_intervals(scores: Scores) -> dict[str, Interval]:
             continue
         total = sum(scores.per_run[ERROR[row]] for row in rows)
         interval = root(ratio(np.asarray(total), count))
-        found[name] = scaled(interval, np.rad2deg(1.0)) if unit == "deg" else interval
+        found[name] = scaled(interval, math.degrees(1.0)) if unit == "deg" else interval
     return found
 
 

@@ -32,8 +32,8 @@ def print_summary(result: RunResult, console: Console) -> None:
         console.print(Text.assemble(label, f"{tracker['name']}: {failure(tracker)}"), highlight=False)
     if summary["expectations"]:
         console.print(Text(expectations_met(summary["expectations"])), style="bold", highlight=False)
-        for expectation in summary["expectations"]:
-            console.print(_expectation(expectation), highlight=False)
+        for missed in (item for item in summary["expectations"] if not item["passed"]):
+            console.print(_missed(missed), highlight=False)
 
 
 def _title(summary: Mapping[str, Any]) -> Text:
@@ -116,10 +116,9 @@ def _is_missing(tracker: Tracker, metric: str) -> bool:
     return found.get("value", found.get("mean")) is None
 
 
-def _expectation(item: Mapping[str, Any]) -> Text:
+def _missed(item: Mapping[str, Any]) -> Text:
     value = item["value"]
     found = (
         fixed(value, decimals([value])) if isinstance(value, float) else value if value is not None else NOT_AVAILABLE
     )
-    mark = ("  passed ", _STYLE["good"]) if item["passed"] else ("  FAILED ", _STYLE["bad"])
-    return Text.assemble(mark, f"{item['text']}: {found}")
+    return Text.assemble(("  FAILED ", _STYLE["bad"]), f"{item['text']}: {found}")

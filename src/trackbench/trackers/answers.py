@@ -48,10 +48,14 @@ def checked(answer: Any, scan: Scan) -> Estimate | None:
         size = len(np.atleast_1d(innovation))
         innovation = _array("innovation", innovation, (size, *batch))
         spread = _array("innovation covariance", spread, (size, size, *batch))
-    gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
+    repaired = answer.repaired
+    if repaired is not None and np.shape(repaired) != batch:
+        raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
     if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1))):
         raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
-    return Estimate(*(mean, covariance, answer.state, answer.state_covariance, innovation, spread, answer.repaired))
+    return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, spread, repaired)
 
 
 def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:

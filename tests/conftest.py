@@ -1,0 +1,222 @@
+"""What the tests share: a scene small enough to run in no time, and the pages of the documentation as commands."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import signal
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from trackbench.cli import main
+from trackbench.results import RunResult
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.truth import load_truth
+
+TINY = """\
+name: tiny
+description: Two cars before a radar and a lidar
+truth:
+  source: highway-env
+  env: highway-v0
+  config: {vehicles_count: 4, lanes_count: 2}
+  seed: 1
+  duration_s: 2
+  rate_hz: 10
+  targets: {nearest: 2}
+sensors:
+  radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
+  lidar: {type: lidar, rate_hz: 5, position_sigma_m: 0.15, detection_probability: 0.9}
+trackers:
+  raw: {use: raw}
+  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3}
+monte_carlo: {runs: 4, seed: 7}
+"""
+
+Run = Callable[..., RunResult]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _isolated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A cache of its own, and no terminal."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TRACKBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
+        for name in ("COLUMNS", "FORCE_COLOR", "NO_COLOR", "RERUN"):
+            patch.delenv(name, raising=False)
+        yield
+
+
+@pytest.fixture(scope="session")
+def tiny_text() -> str:
+    """A scenario of two cars over two seconds."""
+    return TINY
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Path:
+    """Its file, in a folder of the test's own."""
+    file = tmp_path / "tiny.yaml"
+    file.write_text(TINY, encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="session")
+def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """Runs the tiny scenario with ``key.path=value`` set over it; trackers' modules are looked for in ``folder``."""
+    texts = tmp_path_factory.mktemp("tiny")
+
+    def call(*overrides: str, folder: Path = texts, workers: int = 1) -> RunResult:
+        file = folder / "tiny.yaml"
+        file.write_text(TINY, encoding="utf-8")
+        loaded = load_scenario(file, overrides)
+        return run(loaded, load_truth(loaded.config.truth), workers=workers)
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def tiny_result(run_tiny: Run) -> RunResult:
+    """The result of the tiny scenario as it is."""
+    return run_tiny()
+
+
+@pytest.fixture(scope="session")
+def write_module() -> Callable[[Path, str], str]:
+    """Writes a module under a name that no other test uses, and returns the name."""
+    numbers = itertools.count()
+
+    def write(folder: Path, code: str) -> str:
+        name = f"own_module_{os.getpid()}_{next(numbers)}"
+        (folder / f"{name}.py").write_text(code, encoding="utf-8")
+        return name
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def trackbench() -> str:
+    """The installed command."""
+    return str(Path(sysconfig.get_path("scripts")) / "trackbench")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page."""
+
+    language: str
+    text: str
+    note: str
+    """The comment right above it, such as ``file: mine.py`` or ``not run``."""
+    line: int
+
+
+FENCE = re.compile(r"(?:^<!-- (?P<note>.*?) -->\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+NOT_RUN = ("make ", "git ", "pip ", "python -m pip ", "python3 -m venv ", "cd ", "#", "rerun ")
+
+
+@pytest.fixture(scope="session")
+def fenced() -> Callable[[Path], list[Block]]:
+    """The fenced blocks of a page."""
+
+    def read(page: Path) -> list[Block]:
+        text = page.read_text(encoding="utf-8")
+        return [
+            Block(found["language"], found["text"], found["note"] or "", text.count("\n", 0, found.start("text")))
+            for found in FENCE.finditer(text)
+        ]
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def run_page(fenced: Callable[[Path], list[Block]], trackbench: str) -> Callable[[Path, Path], int]:
+    """Runs the console and Python blocks of a page in a folder, as a reader would; returns how many commands ran.
+
+    A scenario is saved under its name, and a block with the comment ``file: NAME`` under that one. After a line that
+    begins with ``$`` the lines up to the next one are its output, in which numbers may differ.
+    """
+
+    def call(page: Path, folder: Path) -> int:
+        path = os.pathsep.join([str(Path(trackbench).parent), os.environ["PATH"]])
+        count = 0
+        for block in fenced(page):
+            where = f"{page.name}:{block.line}"
+            if block.note.startswith("file: "):
+                (folder / block.note.removeprefix("file: ")).write_text(block.text, encoding="utf-8")
+            elif scenario := re.match(r"name: (\w+)\n", block.text):
+                (folder / f"{scenario[1]}.yaml").write_text(block.text, encoding="utf-8")
+            if block.note == "not run":
+                continue
+            if block.language == "python":
+                done = subprocess.run(
+                    [sys.executable, "-c", block.text], cwd=folder, capture_output=True, text=True, check=False
+                )
+                assert done.returncode == 0, f"{where}: {done.stderr}"
+                count += 1
+            for command, printed in commands(block):
+                done = subprocess.run(
+                    command.replace(".venv/bin/", ""), shell=True, cwd=folder, env={**os.environ, "PATH": path},
+                    capture_output=True, text=True, check=False,
+                )  # fmt: skip
+                assert done.returncode == 0, f"{where}: {command}: {done.stderr}"
+                assert not printed or masked(printed) == masked(done.stdout.splitlines()), f"{where}: {done.stdout}"
+                count += 1
+        return count
+
+    return call
+
+
+def commands(block: Block) -> Iterator[tuple[str, list[str]]]:
+    """The commands of a console block, each with the output that the page shows."""
+    if block.language not in ("console", "bash", "sh"):
+        return
+    lines = [line.rstrip() for line in block.text.splitlines() if line.strip()]
+    prompted = any(line.startswith("$ ") for line in lines)
+    while lines:
+        command = lines.pop(0).removeprefix("$ ")
+        printed = list(itertools.takewhile(lambda line: prompted and not line.startswith("$ "), lines))
+        del lines[: len(printed)]
+        if not command.startswith(NOT_RUN):
+            yield command.partition("  #")[0], printed
+
+
+def masked(lines: Sequence[str]) -> list[str]:
+    """Lines that differ in their numbers and spaces only become equal."""
+    words = [re.sub(r"[±<~]?[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "N", " ".join(line.split())) for line in lines]
+    return [line for line in words if line]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left on the terminal."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
+    """Runs ``trackbench`` with arguments in the test's folder, in this process: a start takes a second less."""
+    monkeypatch.chdir(tmp_path)
+    # The command line answers a signal, which is no business of the test's process.
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+
+    def call(*arguments: str | Path) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["trackbench", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        printed = capfd.readouterr()
+        assert isinstance(stop.value.code, int)
+        return Outcome(stop.value.code, printed.out, printed.err)
+
+    return call

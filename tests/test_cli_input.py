@@ -1,0 +1,95 @@
+"""Bad input on the command line: one message that says where and what else, exit status 2, nothing written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Cli = Callable[..., Any]
+
+# Arguments, and what the message says.
+BAD_USAGE = [
+    (["rn", "tiny.yaml"], "No such command 'rn'. Did you mean 'run'?"),
+    (
+        ["run", "tiny.yaml", "--worker", "2"],
+        "No such option '--worker'. (Did you mean one of: '--trackers', '--workers'?)",
+    ),
+    (["run"], "Missing argument"),
+    (["run", "tiny.yaml", "--runs", "0"], "0 is not in the range x>=1"),
+    (["run", "tiny.yaml", "--runs", "many"], "'many' is not a valid integer"),
+    (["run", "tiny.yaml", "--workers", "0"], "0 is not in the range x>=1"),
+    (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
+    (["run", "tiny.yaml", "--out", "tiny.yaml"], "'tiny.yaml' is a file"),
+]
+
+BAD_INPUT = [
+    (["tny.yaml"], "tny.yaml: there is no such file; did you mean 'tiny.yaml'?"),
+    (["empty"], "empty: there is no scenario file (*.yaml) in this folder"),
+    (["tiny.yaml", "--trackers", "ekff"], "--trackers: no tracker 'ekff' in this scenario; did you mean 'ekf'?"),
+    (["tiny.yaml", "--trackers", ""], "--trackers: no tracker '' in this scenario; choose from: ekf, raw"),
+    (["tiny.yaml", "--out", "tiny.yaml/x"], "--out: cannot write to tiny.yaml/x: Not a directory"),
+    (["tiny.yaml", "--out", "/proc"], "--out: cannot write to /proc: "),
+    (["tiny.yaml", "tiny.yaml"], "name: tiny.yaml has the same name 'tiny'; give each scenario its own"),
+    (["tiny.yaml", "--set", "seed=1"], "--set seed=1: seed: unknown key"),
+    (["tiny.yaml", "--set", "truth.env=higway-v0"], "--set truth.env=higway-v0: truth.env: unknown highway-env id"),
+    (["tiny.yaml", "--seed", "99999999999"], "monte_carlo.seed: "),
+    (["taken.yaml"], "results/taken: there already, and not the folder of a run: not replaced"),
+]
+
+# What is replaced in the scenario, by what, and the message after the file's name.
+BAD_SCENARIO = [
+    ("highway-v0", "higway-v0", "5: truth.env: unknown highway-env id 'higway-v0'; did you mean 'highway-v0'?"),
+    ("lanes_count: 2", "lane_count: 2", "6: truth.config.lane_count: unknown key; did you mean 'lanes_count'?"),
+    ("vehicles_count: 4", "vehicles_count: 0", "10: truth.targets: there is no vehicle to track in highway-v0"),
+    ("range_sigma_m: 0.3", "range_sigma_m: -0.3", "12: sensors.radar.range_sigma_m: "),
+    ("rate_hz: 5", "rate_hz: 3", "13: sensors.lidar.rate_hz: 3 Hz does not divide truth.rate_hz, which is 10"),
+    ("rate_hz: 5", "rate_hz: 0.2, phase_s: 4", "13: sensors.lidar.phase_s: the first reading is after the end"),
+    ("use: raw", "use: raw, sensors: [ldar]", "15: trackers.raw.sensors.0: the scenario has no sensor 'ldar'; did you"),
+    ("use: raw", "use: rw", "15: trackers.raw.use: no tracker is published as 'rw': did you mean 'raw'?"),
+    ("use: raw", "use: raw, options: {a: 1}", "15: trackers.raw.use: 'raw' does not start with these options: Type"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD_USAGE)
+def test_wrong_usage(cli: Cli, tiny: Path, arguments: list[str], message: str) -> None:
+    done = cli(*arguments)
+    assert (done.status, done.out) == (2, "")
+    assert message in done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD_INPUT)
+def test_wrong_input(cli: Cli, tiny: Path, tmp_path: Path, arguments: list[str], message: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "results" / "taken").mkdir(parents=True)
+    (tmp_path / "results" / "taken" / "thesis.txt").touch()
+    text = tiny.read_text(encoding="utf-8").replace("name: tiny", "name: taken")
+    tiny.with_name("taken.yaml").write_text(text, encoding="utf-8")
+    done = cli("run", *arguments)
+    assert (done.status, done.out) == (2, "")
+    assert message in done.err
+    assert len(done.err.splitlines()) == 1
+    assert [path.name for path in tmp_path.rglob("results/**/*") if path.is_file()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD_SCENARIO)
+def test_wrong_scenario(cli: Cli, tiny: Path, tmp_path: Path, old: str, new: str, message: str) -> None:
+    text = tiny.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    tiny.write_text(text.replace(old, new), encoding="utf-8")
+    done = cli("run", "tiny.yaml")
+    assert (done.status, done.out) == (2, "")
+    assert done.err.startswith(f"tiny.yaml:{message}"), done.err
+    assert len(done.err.splitlines()) == 1
+    assert not list((tmp_path / "results").iterdir())
+
+
+def test_all_scenarios_are_checked_before_the_first_runs(cli: Cli, tiny: Path, tmp_path: Path) -> None:
+    tiny.with_name("z.yaml").write_text("name: z\n", encoding="utf-8")
+    done = cli("run", ".")
+    assert (done.status, done.out) == (2, "")
+    assert all(line.startswith("z.yaml:1: ") for line in done.err.splitlines())
+    assert not list((tmp_path / "results").iterdir())
