@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 from tests.scenes import TRACKERS, random_walk, scan, truth, work
 
+from trackbench.metrics import scorer
 from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target, percentiles
 from trackbench.metrics.scores import merge
 from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
@@ -44,12 +45,12 @@ def estimate(mean, covariance=None, **more):
 
 def scored(of, estimates, sensors=None):
     """Of estimates after each instant, each with the scans that led to it."""
-    scorer = Scorer(of, sensors or {}, keep_spread=True)
+    made = Scorer(of, sensors or {}, keep_spread=True)
     for k, (scans, given) in enumerate(estimates):
         for seen in scans:
-            scorer.innovation(k, seen, given)
-        scorer.estimate(given)
-    return scorer.scores(seconds=2.0, steps=1000)
+            made.innovation(k, seen, given)
+        made.estimate(given)
+    return made.scores(seconds=2.0, steps=1000)
 
 
 def summary(scores, runs, bound=NO_BOUND):
@@ -163,7 +164,9 @@ def test_a_run_diverges_once_an_error_exceeds_the_limit():
     ],
     ids=["nan", "inf", "indefinite"],
 )
-def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause):
+@pytest.mark.parametrize("batch", [2, 4, 4000], ids=["one by one", "in twos", "all at once"])
+def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause, batch, monkeypatch):
+    monkeypatch.setattr(scorer, "BATCH", batch)
     good = estimate(np.zeros((4, 2)))
     with pytest.raises(Fault, match=cause) as fault:
         scored(target(np.zeros((4, 5, 1)), 2), [([], good), ([], good), ([], bad), ([], good), ([], good)])
@@ -173,6 +176,20 @@ def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause):
 def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
     with pytest.raises(Fault, match=NOT_FINITE):
         scored(target(np.zeros((4, 1, 1)), 1), [([], estimate(np.full((4, 1), np.inf)))])
+
+
+def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(monkeypatch):
+    of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    whole = work(of, SENSORS, TWO, 5)
+    expected = run_block(whole, range(5)).scores
+    monkeypatch.setattr(scorer, "BATCH", 15)
+    for name, found in run_block(whole, range(5)).scores.items():
+        for field in ("per_step", "per_run", "weight", "present", "diverged", "repaired", "spread"):
+            a, b = getattr(found, field), getattr(expected[name], field)
+            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+        for sensor in SENSORS:
+            a, b = found.nis[sensor].per_run, expected[name].nis[sensor].per_run
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
 
 
 def test_innovations_by_hand():

@@ -57,7 +57,7 @@ def test_slip_angle_matters_on_a_roundabout() -> None:
 
 
 def test_frame_is_right_handed_seen_from_above() -> None:
-    """Traffic keeps right in highway-env, so that it goes round counter-clockwise, and its right lane has the lower y."""
+    """Traffic keeps right in highway-env: it goes round counter-clockwise, and its own lane has the lower y."""
     around = simulate(configured("roundabout-v1", seed=0, duration_s=6, observer=ROADSIDE))
     inside = around.alive[..., None] & (np.hypot(around.px, around.py) < 25)
     assert (around.px * around.vy - around.py * around.vx)[inside].mean() > 0

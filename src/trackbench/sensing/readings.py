@@ -98,8 +98,7 @@ def _ideal(truth: Truth, name: str, config: RadarConfig | LidarConfig) -> IdealS
     polar = SENSOR_MODELS["radar"].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
     time = truth.time[steps]
     visible = truth.alive[steps][:, :, None] & ~silent(config, time)[:, None, None]
-    # A full circle sees all of it, whatever the rounding of an azimuth of pi.
-    visible = visible & ((np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2) | (config.fov_deg >= 360.0))
+    visible = visible & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
     if config.max_range_m is not None:
         visible = visible & (polar[0] <= config.max_range_m)
     noise = np.diag(standard_deviations(config) ** 2)

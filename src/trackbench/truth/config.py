@@ -77,7 +77,8 @@ class HighwayTruth(Config):
     )
     targets: Targets = Field(
         "all",
-        description="Which vehicles are tracked: all, the {nearest: N} by closest approach to the observer, or {ids: [...]}.",
+        description="Which vehicles are tracked: all, the {nearest: N} that come closest to the observer, or "
+        "{ids: [...]}.",
     )
     ego: Literal["idle", "idm"] = Field(
         "idm",
