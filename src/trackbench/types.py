@@ -66,6 +66,8 @@ class Estimate(NamedTuple):
     """``(m, ...)`` measurement minus its prediction; ignored where the scan is not valid."""
     innovation_covariance: Array | None = None
     """``(m, m, ...)``."""
+    whitened_innovation: Array | None = None
+    """``(m, ...)`` ``L^-1`` times the innovation, where its covariance is ``L L^T``: saves computing it again."""
     repaired: Mask | None = None
     """``(...)`` True where a covariance had to be made positive definite again at this scan."""
 

@@ -35,6 +35,8 @@ class Update(NamedTuple):
     """``(m, ...)`` measurement minus its prediction."""
     innovation_covariance: Array
     """``(m, m, ...)``"""
+    whitened_innovation: Array
+    """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
 
 
 class Filter(Protocol):
@@ -74,13 +76,13 @@ def correct(
         angular: which components of the state are angles.
     """
     s = linalg.ensure_definite(innovation_covariance)
-    whitened = np.where(valid, s.factor.whiten(innovation), 0.0)
+    whitened = s.factor.whiten(innovation)
     gain = np.where(valid, s.factor.whiten(np.swapaxes(cross, 0, 1)), 0.0)
-    mean = belief.mean + linalg.apply_transposed(gain, whitened)
+    mean = belief.mean + linalg.apply_transposed(gain, np.where(valid, whitened, 0.0))
     covariance = belief.covariance - linalg.gram(gain)
     repaired = _either(belief.repaired, s.repaired)
     corrected = Belief(wrap_components(mean, angular), covariance, repaired=repaired)
-    return Update(corrected, innovation, s.covariance)
+    return Update(corrected, innovation, s.covariance, whitened)
 
 
 def wrap_components(x: Array, angular: tuple[int, ...]) -> Array:

@@ -195,7 +195,7 @@ class _Innovations:
         self._scorer = scorer
         self._per_step = np.zeros((len(NIS_STEP_FIELDS), readings))
         self._per_run = np.zeros((len(NIS_RUN_FIELDS), scorer._runs))
-        self._waiting: list[tuple[Array, Array, Mask]] = []
+        self._waiting: list[tuple[Array, Mask]] = []
         self._first = 0
         self._dof = 0
         self._last: tuple[Array, Mask] | None = None
@@ -207,21 +207,24 @@ class _Innovations:
             self._last = None
             return
         used = scan.valid & self._scorer.scored(instant)
-        self._waiting.append((estimate.innovation, estimate.innovation_covariance, used))
+        white = estimate.whitened_innovation
+        if white is None:
+            _, white, positive = normalised_square(estimate.innovation, estimate.innovation_covariance)
+            used = used & positive
+        self._waiting.append((white, used))
         if len(self._waiting) == self._scorer._chunk:
             self.flush()
 
     def flush(self) -> None:
         if not self._waiting:
             return
-        innovation = np.stack([item[0] for item in self._waiting], axis=1)
-        covariance = np.stack([item[1] for item in self._waiting], axis=2)
-        used = np.stack([item[2] for item in self._waiting])
+        white = np.stack([item[0] for item in self._waiting], axis=1)
+        used = np.stack([item[1] for item in self._waiting])
         here = slice(self._first, self._first + len(self._waiting))
         self._first, self._waiting = here.stop, []
-        self._dof = len(innovation)
-        nis, white, positive = normalised_square(innovation, covariance)
-        used = used & positive & (nis < OVERFLOW)
+        self._dof = len(white)
+        nis = np.einsum("i...,i...->...", white, white)
+        used = used & (nis < OVERFLOW)
         nis = np.where(used, nis, 0.0)
         white = np.where(used, white, 0.0)
         if self._last is None:

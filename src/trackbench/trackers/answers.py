@@ -55,7 +55,8 @@ def checked(answer: Any, scan: Scan) -> Estimate | None:
         gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
     if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1))):
         raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
-    return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, spread, repaired)
+    # The whitened innovation is left out: it is computed here, rather than believed.
+    return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, spread, None, repaired)
 
 
 def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import Belief, Filter
+from trackbench.filters import Belief, Filter, Update
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
 from trackbench.trackers.base import Prior, require_in_sequence
@@ -49,22 +49,24 @@ class FilterTracker:
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
-        innovation = innovation_covariance = None
+        said: Update | None = None
         if np.any(scan.valid):
-            update = self.filter.update(belief, scan)
-            belief = update.belief
-            innovation = np.where(started, update.innovation, np.nan)
-            innovation_covariance = update.innovation_covariance
-        waiting = state.waiting
+            said = self.filter.update(belief, scan)
+            belief = said.belief
+        known, waiting = started, state.waiting
         if self.prior is None and not np.all(started):
             begin = initial.start(self.filter.motion, self.initial, scan, waiting)
             begun = _choose(begin.ready & ~started, begin.belief, belief)
             belief = begun._replace(repaired=belief.repaired)
             started, waiting = started | begin.ready, begin.waiting
         repaired = None if belief.repaired is None else belief.repaired & started
-        estimate = self._estimate(belief, started)._replace(
-            innovation=innovation, innovation_covariance=innovation_covariance, repaired=repaired
-        )
+        estimate = self._estimate(belief, started)._replace(repaired=repaired)
+        if said is not None:
+            estimate = estimate._replace(
+                innovation=_where(known, said.innovation),
+                innovation_covariance=said.innovation_covariance,
+                whitened_innovation=_where(known, said.whitened_innovation),
+            )
         return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
 
     @property
@@ -117,10 +119,12 @@ class FilterTracker:
 
     def _estimate(self, belief: Belief, started: Mask) -> Estimate:
         mean, covariance = self.filter.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
-        if not np.all(started):
-            mean = np.where(started, mean, np.nan)
-            covariance = np.where(started, covariance, np.nan)
-        return Estimate(mean, covariance, belief.mean, belief.covariance)
+        return Estimate(_where(started, mean), _where(started, covariance), belief.mean, belief.covariance)
+
+
+def _where(known: Mask, values: Array) -> Array:
+    """The values, NaN where nothing is known yet."""
+    return values if np.all(known) else np.where(known, values, np.nan)
 
 
 def _choose(where: Mask, a: Gaussian | Belief, b: Gaussian | Belief) -> Belief:
