@@ -18,6 +18,7 @@ from scene import DT, SENSORS, weaving
 from trackbench.metrics.scorer import Scorer, Target
 from trackbench.models.motion import Kinematics
 from trackbench.runner.adapters import Direct
+from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.readings import ideal_sensors, sense
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
@@ -56,6 +57,8 @@ class Problem:
 
 def problem(runs: int, steps: int) -> Problem:
     """Readings made by trackbench's own sensing."""
+    # As the runner does for every block.
+    keep_freed_memory()
     truth = weaving(steps)
     return Problem(truth, sense(ideal_sensors(truth, SENSORS), 1, "benchmark", range(runs)).scans, runs)
 

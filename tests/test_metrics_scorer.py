@@ -13,6 +13,7 @@ from trackbench.metrics.scores import merge
 from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
 from trackbench.runner.block import Failure, run_block
 from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.sensing.readings import sense
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Estimate
 
@@ -164,13 +165,22 @@ def test_a_run_diverges_once_an_error_exceeds_the_limit():
     ],
     ids=["nan", "inf", "indefinite"],
 )
-@pytest.mark.parametrize("batch", [2, 4, 4000], ids=["one by one", "in twos", "all at once"])
+@pytest.mark.parametrize("batch", [2, 4, 8000], ids=["one by one", "in twos", "all at once"])
 def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause, batch, monkeypatch):
     monkeypatch.setattr(scorer, "BATCH", batch)
     good = estimate(np.zeros((4, 2)))
     with pytest.raises(Fault, match=cause) as fault:
         scored(target(np.zeros((4, 5, 1)), 2), [([], good), ([], good), ([], bad), ([], good), ([], good)])
     assert (fault.value.instant, fault.value.lane) == (2, 1)
+
+
+@pytest.mark.parametrize("batch", [2, 8000], ids=["one by one", "all at once"])
+def test_a_track_that_is_lost_again_is_a_fault_while_another_still_waits(batch, monkeypatch):
+    monkeypatch.setattr(scorer, "BATCH", batch)
+    one, none = estimate(np.array([[0.0, np.nan]] * 4)), estimate(np.full((4, 2), np.nan))
+    with pytest.raises(Fault, match=NOT_FINITE) as fault:
+        scored(target(np.zeros((4, 4, 1)), 2), [([], none), ([], one), ([], none), ([], one)])
+    assert (fault.value.instant, fault.value.lane) == (2, 0)
 
 
 def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
@@ -301,6 +311,17 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     assert errors["position_rmse"].value < 1e-5
     assert errors["velocity_rmse"].value < 1e-4
     assert scores.per_run[0].tolist() == [19, 19, 19]
+
+
+def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over():
+    of = random_walk(40, 60, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    rare = {"lidar": SENSORS["lidar"].model_copy(update={"detection_probability": 0.3})}
+    whole = work(of, rare, {"raw": PluginConfig(use="raw")}, 40, settle=1.0)
+    scores = run_block(whole, range(40)).scores["raw"]
+    valid = np.stack([seen.valid for seen in sense(whole.sensors, 1, "test", range(40)).scans])
+    first = np.argmax(valid, axis=0)
+    # Thirty readings, 0.1 s apart.
+    np.testing.assert_array_equal(scores.present, np.maximum(30 - (first + 10), 0))
 
 
 def test_the_shown_run_is_the_same_in_whichever_block_it_is():

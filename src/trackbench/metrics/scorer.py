@@ -16,8 +16,8 @@ from trackbench.units import wrap_angle
 MOVING = 1.0
 #: Where a squared error or a NEES is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
-#: Numbers of lanes and instants whose product makes one batch of scoring; fits the second-level cache.
-BATCH = 4000
+#: Numbers of lanes and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
+BATCH = 8000
 
 
 class Target(NamedTuple):

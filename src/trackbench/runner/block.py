@@ -18,6 +18,7 @@ from trackbench.metrics.scorer import Fault, Scorer, Target
 from trackbench.metrics.scores import Scores
 from trackbench.models.motion import Kinematics
 from trackbench.runner.adapters import Batched, Direct, LaneFault, Looped
+from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.readings import IdealSensor, Readings, sense
 from trackbench.streams import stream
 from trackbench.trackers.builtin import build
@@ -101,6 +102,7 @@ class Stepper(Protocol):
 
 def run_block(work: Work, runs: range) -> Block:
     """Synthesise the readings of some runs and take every tracker through them."""
+    keep_freed_memory()
     readings = sense(work.sensors, work.seed, work.scenario, runs)
     target = _target(work, readings, runs)
     shown = work.shown_run - runs.start if work.shown_run in runs else None

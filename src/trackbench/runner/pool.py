@@ -5,13 +5,16 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+import traceback
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
 
 from trackbench.errors import TrackbenchError
 from trackbench.runner.block import Block, Work, run_block
+
+DIED = "a worker process died; --workers 1 may show what it died of"
 
 
 def run_blocks(work: Work, workers: int) -> Iterator[Block]:
@@ -24,44 +27,82 @@ def run_blocks(work: Work, workers: int) -> Iterator[Block]:
     if workers == 1 or len(pieces) == 1:
         yield from (run_block(work, runs) for runs in pieces)
         return
+    # Not concurrent.futures: after one of its workers is killed within an answer, it waits for the rest for ever. Here
+    # each worker has a pipe of its own, so that the end of either process is seen by the other.
     context = multiprocessing.get_context("spawn")
-    others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(
-        min(workers, len(pieces)), mp_context=context, initializer=_prepare, initargs=(work,)
-    ) as pool:
-        try:
-            with _uninterrupted():
-                blocks = [pool.submit(_run_prepared, runs) for runs in pieces]
-            yield from (block.result() for block in blocks)
-        except BrokenProcessPool as error:
-            raise TrackbenchError("a worker process died; --workers 1 may show what it died of") from error
-        except BaseException:
-            # Leaving the pool would wait for every block that is still to come.
-            for process in set(multiprocessing.active_children()) - others:
-                process.terminate()
-            raise
+    processes, pipes = [], []
+    try:
+        with _uninterrupted():
+            for _ in range(min(workers, len(pieces))):
+                ours, theirs = context.Pipe()
+                process = context.Process(target=_serve, args=(theirs,))
+                process.start()
+                theirs.close()
+                processes.append(process)
+                pipes.append(ours)
+        for pipe in pipes:
+            pipe.send(work)
+        yield from _share_out(pieces, pipes)
+    except (EOFError, OSError) as error:
+        raise TrackbenchError(DIED) from error
+    finally:
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.join()
+
+
+def _share_out(pieces: Sequence[range], pipes: Sequence[Connection]) -> Iterator[Block]:
+    """A piece for every worker that waits for one, and the blocks in the order of the pieces."""
+    todo = iter(enumerate(pieces))
+    under_way: dict[Connection, int] = {}
+    made: dict[int, Block] = {}
+
+    def give(pipe: Connection) -> None:
+        number, runs = next(todo, (None, None))
+        if number is not None:
+            pipe.send(runs)
+            under_way[pipe] = number
+
+    for pipe in pipes:
+        give(pipe)
+    for number in range(len(pieces)):
+        while number not in made:
+            for ready in wait(list(under_way)):
+                assert isinstance(ready, Connection)
+                answer = ready.recv()
+                if isinstance(answer, Exception):
+                    raise answer
+                made[under_way.pop(ready)] = answer
+                give(ready)
+        yield made.pop(number)
+
+
+def _serve(pipe: Connection) -> None:
+    """A worker process: runs the pieces that it is given until it is told to end, or the other side has ended."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    # What a tracker prints is no part of the result.
+    sys.stdout = sys.stderr
+    try:
+        work = pipe.recv()
+        while True:
+            runs = pipe.recv()
+            try:
+                pipe.send(run_block(work, runs))
+            except Exception as error:
+                error.add_note(traceback.format_exc())
+                pipe.send(error)
+    except (EOFError, OSError):
+        return
 
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """With Ctrl-C held back; processes that start meanwhile never get it, and so do not print a traceback each."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """With Ctrl-C held back, and for good from the processes that start meanwhile: each would print a traceback."""
+    # Where this helper of multiprocessing is not there yet, its start would undo what follows.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-_prepared: Work | None = None
-
-
-def _prepare(work: Work) -> None:
-    """Begin a worker process. What a tracker prints there is no part of the result."""
-    global _prepared
-    _prepared = work
-    sys.stdout = sys.stderr
-
-
-def _run_prepared(runs: range) -> Block:
-    assert _prepared is not None
-    return run_block(_prepared, runs)
