@@ -79,7 +79,7 @@ WHOLE = {
     ),
     "batch_nan": (
         "batched = True\n    def step(self, state, scan):\n        mean, covariance = usual(scan)\n"
-        "        mean[2, 5] = np.nan if scan.time > 0.05 else 0\n        return 1, (mean, covariance)",
+        "        mean[2, 6] = np.nan if scan.time > 0.05 else 0\n        return 1, (mean, covariance)",
         "the estimate is not finite",
     ),
     "batch_shape": (
@@ -129,9 +129,9 @@ def test_the_cause_is_reported(outcome: RunResult, name: str) -> None:
 
 
 def test_the_lane_of_a_batch_is_named(outcome: RunResult) -> None:
-    # Lanes are runs within objects: of 2 objects and 4 runs, lane 5 is run 1 of the second object.
+    # Lanes are runs within objects: of 2 objects and 4 runs, lane 6 is run 2 of the second object.
     failed = entry(outcome, "batch_nan")["failed"]
-    assert (failed["run"], failed["object"], failed["step"]) == (1, outcome.summary["truth"]["objects"][1], 1)
+    assert (failed["run"], failed["object"], failed["step"]) == (2, outcome.summary["truth"]["objects"][1], 1)
 
 
 def test_the_others_finish_as_if_they_were_alone(outcome: RunResult, tiny_result: RunResult) -> None:

@@ -64,21 +64,24 @@ def correct(
 ) -> Update:
     """The linear minimum mean square error update.
 
-    With ``S = L L^T`` and ``W = L^-1 C^T`` the gain is ``K = W^T L^-1`` and the covariance loses ``W^T W``, which is
+    With ``S = L L^T`` and ``W = L^-1 C`` the gain is ``K = W^T L^-1`` and the covariance loses ``W^T W``, which is
     symmetric to the last bit. Source: Särkkä (2013), equations 4.21 to 4.24, with the gain factored.
 
     Args:
         belief: predicted mean ``(n, ...)`` and covariance ``(n, n, ...)``.
         innovation: ``(m, ...)``.
         innovation_covariance: ``S``, ``(m, m, ...)``.
-        cross: covariance of state and measurement ``C``, ``(n, m, ...)``.
+        cross: covariance of measurement and state ``C``, ``(m, n, ...)``.
         valid: ``(...)`` where there is a measurement.
         angular: which components of the state are angles.
     """
     s = linalg.ensure_definite(innovation_covariance)
     whitened = s.factor.whiten(innovation)
-    gain = np.where(valid, s.factor.whiten(np.swapaxes(cross, 0, 1)), 0.0)
-    mean = belief.mean + linalg.apply_transposed(gain, np.where(valid, whitened, 0.0))
+    gain = s.factor.whiten(cross)
+    used = whitened
+    if not np.all(valid):
+        used, gain = np.where(valid, whitened, 0.0), np.where(valid, gain, 0.0)
+    mean = belief.mean + linalg.apply_transposed(gain, used)
     covariance = belief.covariance - linalg.gram(gain)
     repaired = _either(belief.repaired, s.repaired)
     corrected = Belief(wrap_components(mean, angular), covariance, repaired=repaired)

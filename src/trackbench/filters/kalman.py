@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,10 +18,19 @@ from trackbench.units import difference
 def predict_linearised(motion: MotionModel, belief: Belief, dt: float) -> Belief:
     """Time update with the transition's Jacobian: ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
     x, p = belief.mean, belief.covariance
-    f = motion.jacobian(x, dt)
-    q = process_noise(motion, x, dt)
+    if motion.linear:
+        f, q = _constant(motion, dt)
+    else:
+        f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
     mean = wrap_components(motion.transition(x, dt), motion.angular)
     return Belief(mean, linalg.symmetrise(linalg.quadratic(f, p)) + linalg.expand(q, p))
+
+
+@lru_cache(maxsize=256)
+def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
+    """Transition and process noise of a linear model, which are the same for every state."""
+    anywhere = np.zeros(len(motion.components))
+    return motion.jacobian(anywhere, dt), process_noise(motion, anywhere, dt)
 
 
 @dataclass(frozen=True)
@@ -40,7 +50,7 @@ class KalmanFilter:
         x, p = belief.mean, belief.covariance
         noise = linalg.expand(position.covariance, p)
         s = p[:2, :2] + np.where(scan.valid, noise, linalg.expand(np.eye(2), p))
-        update = correct(belief, position.mean - x[:2], s, p[:, :2], scan.valid, ())
+        update = correct(belief, position.mean - x[:2], s, p[:2], scan.valid, ())
         return update._replace(belief=kept_definite(update.belief))
 
 
@@ -60,8 +70,8 @@ class ExtendedKalmanFilter:
         sensor = SENSOR_MODELS[scan.kind]
         expected, h = observe(self.motion, sensor, belief.mean, scan)
         innovation = difference(scan.reading, expected, sensor.angular)
-        cross = linalg.matmul_transposed(belief.covariance, h)
-        s = linalg.matmul(h, cross) + linalg.expand(scan.noise, cross)
+        cross = linalg.matmul(h, belief.covariance)
+        s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise, cross)
         update = correct(belief, innovation, s, cross, scan.valid, self.motion.angular)
         return update._replace(belief=kept_definite(update.belief))
 
@@ -88,8 +98,8 @@ class IteratedExtendedKalmanFilter:
             expected, h = observe(self.motion, sensor, at, scan)
             back = difference(belief.mean, at, angular)
             innovation = difference(scan.reading, expected, sensor.angular) - linalg.apply(h, back)
-            cross = linalg.matmul_transposed(belief.covariance, h)
-            s = linalg.matmul(h, cross) + linalg.expand(scan.noise, cross)
+            cross = linalg.matmul(h, belief.covariance)
+            s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise, cross)
             update = correct(belief, innovation, s, cross, scan.valid, angular)
             # What the measurement said is judged against the prediction, which is the first linearisation.
             first = first or update

@@ -90,7 +90,7 @@ class SigmaPointFilter:
         state_deviations = difference(points, belief.mean[:, None], motion.angular)
         s = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
         s += linalg.expand(scan.noise, s)
-        cross = _weighted(state_deviations, deviations, centre_weight, weight)
+        cross = _weighted(deviations, state_deviations, centre_weight, weight)
         innovation = difference(scan.reading, seen[:, 0] + shift, sensor.angular)
         update = correct(belief, innovation, s, cross, scan.valid, motion.angular)
         return update._replace(belief=guarded(update.belief))

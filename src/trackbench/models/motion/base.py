@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -36,7 +37,7 @@ class Spread(NamedTuple):
     """rad; the most that is said of a course that the velocity leaves open."""
 
 
-class MotionModel(Protocol):
+class MotionModel(Hashable, Protocol):
     """How a state moves, with piecewise constant white noise on its highest derivatives.
 
     Shapes: a state is ``(n, ...)``; ``dt`` is in seconds and may be zero.
