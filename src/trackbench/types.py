@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 
 #: The space in which trackers of different state are compared, in the fixed frame.
 COMMON_STATE = ("px", "py", "vx", "vy")
@@ -70,6 +71,17 @@ class Estimate(NamedTuple):
     """``(...)`` True where a covariance had to be made positive definite again at this scan."""
 
 
+class RecordedReadings(NamedTuple):
+    """What one sensor read, where its readings come from a recording instead of being synthesised."""
+
+    steps: Indices
+    """``(readings,)`` indices into the truth's times."""
+    reading: Array
+    """``(m, readings, objects)``, NaN where not valid."""
+    valid: Mask
+    """``(readings, objects)``: False where the sensor did not detect the object."""
+
+
 @dataclass(frozen=True)
 class Observer:
     """The body that carries the sensors, at each step of the truth."""
@@ -94,7 +106,7 @@ class Observer:
 
 @dataclass(frozen=True)
 class Truth:
-    """The motion of every target and of the observer, on a regular grid of times.
+    """The motion of every target and of the observer, on a grid of times that is regular unless it was recorded.
 
     Kinematic arrays are ``(steps, objects, runs)``, where the last axis has length 1 if the motion is the same in
     every run. Values where ``alive`` is False are finite but mean nothing.

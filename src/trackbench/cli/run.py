@@ -21,7 +21,7 @@ from trackbench.errors import InputError, nearest
 from trackbench.results import RunResult
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
-from trackbench.truth import LoadedTruth, load_truth
+from trackbench.truth import Draw, LoadedTruth, load_truth
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
@@ -118,8 +118,10 @@ def prepare(file: Path, overrides: Sequence[str], chosen: Sequence[str] | None) 
     if chosen is not None:
         loaded = _only(loaded, chosen)
     check_plugins(loaded)
+    config = loaded.config
+    draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
     try:
-        truth = load_truth(loaded.config.truth)
+        truth = load_truth(config.truth, draw, folder=file.resolve().parent)
     except InputError as error:
         raise loaded.locate(error) from None
     for note in truth.notes:

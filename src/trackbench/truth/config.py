@@ -87,3 +87,6 @@ class HighwayTruth(Config):
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
+
+
+AnyTruth = HighwayTruth
