@@ -1,0 +1,1 @@
+"""Truth and readings that come from a file."""
