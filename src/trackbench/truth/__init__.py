@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from trackbench.truth import cache as store
-from trackbench.truth.config import AnyTruth, HighwayTruth
+from trackbench.truth.config import AnyTruth, HighwayTruth, ScriptedTruth
+from trackbench.truth.scripted import script
 from trackbench.types import RecordedReadings, Truth
 
 __all__ = ["Draw", "LoadedTruth", "list_envs", "load_truth", "validate"]
@@ -49,7 +50,11 @@ def load_truth(config: AnyTruth, draw: Draw, *, folder: Path, cache: bool = True
     Raises:
         InputError: the configuration cannot be simulated, or the audit is told to refuse and finds a fault.
     """
-    return _simulated(config, cache)
+    match config:
+        case HighwayTruth():
+            return _simulated(config, cache)
+        case ScriptedTruth():
+            return LoadedTruth(script(config, *draw), cached=False)
 
 
 def validate(config: AnyTruth) -> None:
@@ -58,9 +63,10 @@ def validate(config: AnyTruth) -> None:
     Raises:
         InputError: an unknown environment or key, a value of the wrong type, rates that do not divide.
     """
-    from trackbench.truth import highway
+    if isinstance(config, HighwayTruth):
+        from trackbench.truth import highway
 
-    highway.validate(config)
+        highway.validate(config)
 
 
 def list_envs() -> list[str]:
