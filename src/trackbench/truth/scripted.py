@@ -93,9 +93,9 @@ def _follow(
     if piece.waypoints is not None:
         return _along(np.array(piece.waypoints), piece.speed_mps, state, elapsed)
     if piece.white is not None:
-        white = piece.white
-        sigma = np.array([getattr(white, key) for key in MOTION_NOISE[white.motion]])
-        return _drawn(MOTION_MODELS[white.motion](*sigma), sigma, state, count, dt, random)
+        sigmas = [getattr(piece.white, key) for key in MOTION_NOISE[piece.white.motion]]
+        model = MOTION_MODELS[piece.white.motion](*sigmas)
+        return _drawn(model, np.array(model.noise_sigma), state, count, dt, random)
     if piece.white_acceleration is not None:
         sigma = np.array([piece.white_acceleration.x_sigma_mps2, piece.white_acceleration.y_sigma_mps2])
         return _drawn(ConstantVelocity(acceleration_sigma=0.0), sigma, state, count, dt, random)
