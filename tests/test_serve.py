@@ -303,3 +303,4 @@ def test_what_cannot_be_served_is_said_in_one_line(scenario):
         "--tracker", f"{scenario.parent}/cyclis.yaml#ekf"
     )
     assert "--host" in fails("--tracker", f"{scenario}#ekf", "--host", "203.0.113.1")
+    assert "--host: is empty" in fails("--tracker", f"{scenario}#ekf", "--host", "")

@@ -43,6 +43,9 @@ def udacity_command(tracker: str, port: int, host: str, verbose: bool) -> None:
     if not hash_sign or not path or not name:
         raise InputError(f"write SCENARIO.yaml#NAME, not {tracker!r}", key="--tracker")
 
+    if not host:
+        # To the operating system, no address means all of them.
+        raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
     import asyncio
 
     from trackbench.serve.server import serve

@@ -19,6 +19,11 @@ class Client:
     """One connection: a data set, and another when the simulator is restarted. Knows nothing of the network."""
 
     def __init__(self, served: Served, name: str) -> None:
+        """Start a session.
+
+        Raises:
+            TrackerFailed: there is no fresh tracker.
+        """
         self._served = served
         self._name = name
         self._session = Session(served)
@@ -54,11 +59,6 @@ class Client:
             px, py, vx, vy = session.rmse
             text = "%s: %d readings, %d estimates, RMSE %.4f %.4f m, %.4f %.4f m/s"
             log.info(text, self._name, session.readings, session.estimates, px, py, vx, vy)
-
-    @property
-    def readings(self) -> int:
-        """How many measurements of the data set the tracker has been given."""
-        return self._session.readings
 
     def _measured(self, telemetry: Telemetry) -> str:
         measurement, last = telemetry.measurement, self._last

@@ -9,7 +9,7 @@ import logging
 import signal
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 from websockets.asyncio.server import ServerConnection
@@ -80,24 +80,29 @@ async def serve(served: Served, host: str, port: int, ready: Callable[[str, int]
 
 
 async def _converse(connection: ServerConnection, served: Served, name: str) -> None:
-    log.info("%s: connected from %s", name, connection.remote_address[0])
-    client = Client(served, name)
+    log.info("%s: connected from %s", name, (connection.remote_address or ("nowhere",))[0])
     try:
-        async for frame in connection:
-            try:
-                answer = client.answer(frame)
-            except TrackerFailed as failure:
-                text = f"tracker {served.name} failed at reading {client.readings}: {failure}"
-                log.error("%s: %s", name, text)
-                await connection.send(MANUAL)
-                await connection.close(CloseCode.INTERNAL_ERROR, text.encode()[:REASON].decode(errors="ignore"))
-                break
-            if answer is not None:
-                await connection.send(answer)
+        await _answer(connection, Client(served, name))
+    except TrackerFailed as failure:
+        text = f"tracker {served.name} failed {failure}"
+        log.error("%s: %s", name, text)
+        with suppress(ConnectionClosed):
+            await connection.send(MANUAL)
+        await connection.close(CloseCode.INTERNAL_ERROR, text.encode()[:REASON].decode(errors="ignore"))
     except ConnectionClosed as closed:
         log.warning("%s: %s", name, closed)
-    client.report()
     log.info("%s: left", name)
+
+
+async def _answer(connection: ServerConnection, client: Client) -> None:
+    """Answer a client until it leaves."""
+    try:
+        async for frame in connection:
+            answer = client.answer(frame)
+            if answer is not None:
+                await connection.send(answer)
+    finally:
+        client.report()
 
 
 @contextmanager

@@ -30,7 +30,7 @@ MICROSECOND = 1e-6
 
 
 class TrackerFailed(Exception):
-    """The tracker cannot go on."""
+    """The tracker cannot go on; when and why."""
 
 
 class Sensor(NamedTuple):
@@ -94,8 +94,16 @@ class Session:
     """Follows one data set of one client. Every estimate counts in the RMSE, from the first on."""
 
     def __init__(self, served: Served) -> None:
+        """Start a fresh tracker.
+
+        Raises:
+            TrackerFailed: a plug-in does not start again.
+        """
         self._served = served
-        self._stepper = served.stepper()
+        try:
+            self._stepper = served.stepper()
+        except (Exception, SystemExit) as error:
+            raise TrackerFailed(f"to start: {cause_of(error)}") from error
         self._first: int | None = None
         self._squares = np.zeros(4)
         self.readings = 0
@@ -125,7 +133,7 @@ class Session:
         self._squares += error * error
         self.estimates += 1
         if not self._squares.max() < OVERFLOW:
-            raise TrackerFailed(TOO_LARGE)
+            raise self._failed(TOO_LARGE)
         x, y = estimate.mean[:2, 0]
         return Marker(float(x), float(y), *(float(value) for value in self.rmse))
 
@@ -147,16 +155,19 @@ class Session:
             with np.errstate(all="ignore"):
                 estimate = self._stepper.step(scan)
         except LaneFault as fault:
-            raise TrackerFailed(cause_of(fault.cause)) from fault
+            raise self._failed(cause_of(fault.cause)) from fault
         except (Exception, SystemExit) as error:
-            raise TrackerFailed(cause_of(error)) from error
+            raise self._failed(cause_of(error)) from error
         if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
             if self.estimates:
-                raise TrackerFailed(GIVEN_UP if estimate is None else NOT_FINITE)
+                raise self._failed(GIVEN_UP if estimate is None else NOT_FINITE)
             return None
         if not normalised_square(estimate.mean, estimate.covariance)[2].all():
-            raise TrackerFailed(NOT_DEFINITE)
+            raise self._failed(NOT_DEFINITE)
         return estimate
+
+    def _failed(self, cause: str) -> TrackerFailed:
+        return TrackerFailed(f"at reading {self.readings}: {cause}")
 
 
 def _noise_and_pose(config: LidarConfig | RadarConfig, observer: FixedObserver | str) -> tuple[Array, Array]:
