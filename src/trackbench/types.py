@@ -36,10 +36,10 @@ class Scan(NamedTuple):
     sensor: str
     """The sensor's name in the scenario."""
     kind: str
-    """"radar" or "lidar"."""
+    """"radar", "speed_radar" or "lidar"."""
     reading: Array
     """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
-    sensor. Lidar: x, y in the sensor's frame, m. NaN where not valid."""
+    sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
     valid: Mask
     """``(...)``: False where the sensor did not detect the object."""
     noise: Array

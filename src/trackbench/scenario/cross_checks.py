@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
 from trackbench.errors import nearest
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.scenario.metric_names import METRICS, Metric, metrics_by_path
 from trackbench.sensing.presets import presets
 
@@ -71,8 +72,21 @@ def _tracker_sensors(scenario: Scenario) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         for index, sensor in enumerate(tracker.sensors or []):
             if sensor not in scenario.sensors:
-                message = f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
-                yield Problem(("trackers", name, "sensors", index), message)
+                yield Problem(("trackers", name, "sensors", index), _no_sensor(scenario, sensor))
+        for sensor, kind in getattr(tracker, "sensor_models", {}).items():
+            at = ("trackers", name, "sensor_models", sensor)
+            if sensor not in scenario.sensors:
+                yield Problem(at, _no_sensor(scenario, sensor))
+                continue
+            own = SENSOR_MODELS[scenario.sensors[sensor].type].components
+            other = SENSOR_MODELS[kind].components
+            if len(own) != len(other):
+                reads = f"{sensor} reads {', '.join(own)}"
+                yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
+
+
+def _no_sensor(scenario: Scenario, sensor: str) -> str:
+    return f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
 
 
 def _expectation(scenario: Scenario, expectation: Expectation) -> Iterator[Problem]:

@@ -50,11 +50,8 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "union_tag_not_found":
             return (*path, _discriminator(context)), f"missing; choose from: {', '.join(members(place.annotation))}"
         case "union_tag_invalid":
-            known = members(place.annotation)
-            return (
-                *path,
-                _discriminator(context),
-            ), f"{context['tag']!r} is not known; {nearest(context['tag'], known)}"
+            hint = nearest(context["tag"], members(place.annotation))
+            return (*path, _discriminator(context)), f"{context['tag']!r} is not known; {hint}"
         case "missing":
             return path, f"missing; {_meaning(place)}"
         case "literal_error":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ class FilterTracker:
     initial: InitialConfig
     prior: Prior | None = None
     """Set by the bench where ``initial`` says that tracks start from the truth."""
+    sensor_models: Mapping[str, str] = field(default_factory=dict)
+    """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
 
     batched: ClassVar = True
 
@@ -43,6 +46,7 @@ class FilterTracker:
         Raises:
             TrackbenchError: the scan is older than the state.
         """
+        scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
         if state is None:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
         require_in_sequence(scan, state.time)
@@ -83,7 +87,7 @@ class FilterTracker:
         sigma = initial.prior_sigma(self.filter.motion, self.initial)
         truth = self.filter.motion.from_kinematics(motion)
         drawn = truth + linalg.expand(sigma, truth) * normal[: len(sigma)]
-        return replace(self, prior=Prior(time, drawn, np.diag(sigma**2)))
+        return replace(self, prior=Prior(time, drawn, np.diag(self.initial.covariance_diag or sigma**2)))
 
     def _placeholder(self, valid: Mask) -> Belief:
         size = len(self.filter.motion.components)

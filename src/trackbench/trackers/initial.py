@@ -42,8 +42,10 @@ def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: First
     """Start the tracks that a scan allows to start, from its reading alone or with an earlier one."""
     position = _position(scan)
     if config.source == "first_reading":
-        belief = _at_rest(position, config.velocity_sigma_mps)
-        return Start(scan.valid, motion.from_cartesian(belief, spread(config)), None)
+        velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
+        velocity = velocity if config.velocity == "radial" else np.zeros_like(velocity)
+        belief = motion.from_cartesian(_from_one(position, velocity, config.velocity_sigma_mps), spread(config))
+        return Start(scan.valid, _stated(belief, config), None)
     if waiting is None:
         return Start(np.zeros_like(scan.valid), _nothing(motion, scan), _first(scan, position))
     elapsed = scan.time - waiting.time
@@ -51,7 +53,7 @@ def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: First
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
         begun = motion.from_cartesian(belief, spread(config))
-    return Start(ready, begun, _fill(waiting, _first(scan, position)))
+    return Start(ready, _stated(begun, config), _fill(waiting, _first(scan, position)))
 
 
 def prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
@@ -72,12 +74,12 @@ def _position(scan: Scan) -> Gaussian:
     return Gaussian(mean, np.broadcast_to(linalg.expand(covariance, mean[None]), (2, *mean.shape)))
 
 
-def _at_rest(position: Gaussian, velocity_sigma: float) -> Gaussian:
+def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gaussian:
     batch = position.mean.shape[1:]
     covariance = np.zeros((4, 4, *batch))
     covariance[:2, :2] = position.covariance
     covariance[2, 2] = covariance[3, 3] = velocity_sigma**2
-    return Gaussian(np.concatenate([position.mean, np.zeros((2, *batch))]), covariance)
+    return Gaussian(np.concatenate([position.mean, velocity]), covariance)
 
 
 def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
@@ -88,6 +90,14 @@ def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
     covariance[:2, 2:] = covariance[2:, :2] = second.covariance / dt
     covariance[2:, 2:] = (first.covariance + second.covariance) / dt**2
     return Gaussian(np.concatenate([second.mean, velocity]), covariance)
+
+
+def _stated(belief: Gaussian, config: InitialConfig) -> Gaussian:
+    """The belief with the covariance that the scenario states, if it states one."""
+    if config.covariance_diag is None:
+        return belief
+    covariance = linalg.expand(np.diag(config.covariance_diag), belief.mean[None])
+    return Gaussian(belief.mean, np.broadcast_to(covariance, belief.covariance.shape))
 
 
 def _first(scan: Scan, position: Gaussian) -> FirstReading:
