@@ -176,6 +176,14 @@ def test_a_sensor_that_the_scenario_lacks_is_passed_over(tmp_path):
     assert [answer == MANUAL for answer in answers] == [line[0] == "R" for line in LINES]
 
 
+def test_a_dropout_of_the_scenario_holds(tmp_path, client):
+    file = write_scenario(tmp_path)
+    text = file.read_text().replace("{type: radar,", "{type: radar, dropouts: [{from_s: 0, to_s: 100}],")
+    file.write_text(text)
+    asked, lidar = Client(served(load_scenario(file), "ekf"), "client 1"), client("ekf_lidar")
+    assert [asked.answer(telemetry(line)) for line in LINES] == [lidar.answer(telemetry(line)) for line in LINES]
+
+
 def test_the_scenario_states_the_noise(scenario):
     sensors = served(scenario, "ekf").sensors
     np.testing.assert_allclose(np.diag(sensors["lidar"].noise), [0.15**2] * 2)

@@ -17,6 +17,7 @@ from trackbench.scenario import LoadedScenario
 from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.noise import standard_deviations
+from trackbench.sensing.schedule import silent
 from trackbench.serve.protocol import Marker
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -26,7 +27,8 @@ from trackbench.truth.recorded.udacity import Measurement
 from trackbench.types import Array, Estimate, Observer, Scan
 from trackbench.units import wrap_angle
 
-MICROSECOND = 1e-6
+#: Microseconds.
+SECOND = 1e6
 
 
 class TrackerFailed(Exception):
@@ -34,9 +36,10 @@ class TrackerFailed(Exception):
 
 
 class Sensor(NamedTuple):
-    """What a tracker is told of the sensor that took a reading."""
+    """A sensor of the scenario."""
 
     name: str
+    config: LidarConfig | RadarConfig
     noise: Array
     """``(m, m)``"""
     pose: Array
@@ -79,7 +82,7 @@ def served(loaded: LoadedScenario, name: str) -> Served:
             message = f"a second {sensor.type} beside {other.name}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
         if isinstance(sensor, LidarConfig | RadarConfig):
-            sensors[sensor.type] = Sensor(sensor_name, *_noise_and_pose(sensor, config.truth.observer))
+            sensors[sensor.type] = Sensor(sensor_name, sensor, *_noise_and_pose(sensor, config.truth.observer))
     if not sensors:
         raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
     found = Served(name, tracker, folder, sensors)
@@ -142,10 +145,19 @@ class Session:
         reading = np.array(measurement.reading)[:, None]
         if measurement.kind == "radar":
             reading[1] = wrap_angle(reading[1])
-        time = (measurement.stamp - first) * MICROSECOND
-        valid = np.ones(1, dtype=bool)
-        own = (sensor.noise, sensor.pose, np.zeros(2))
-        scan = Scan(time, sensor.name, measurement.kind, reading, valid, *own, arrival_time=time)
+        time = (measurement.stamp - first) / SECOND
+        valid = ~silent(sensor.config, np.array([time]))
+        scan = Scan(
+            time=time,
+            sensor=sensor.name,
+            kind=measurement.kind,
+            reading=np.where(valid, reading, np.nan),
+            valid=valid,
+            noise=sensor.noise,
+            sensor_pose=sensor.pose,
+            sensor_velocity=np.zeros(2),
+            arrival_time=time + sensor.config.latency_s,
+        )
         named = self._served.config.sensors
         return scan if named is None or sensor.name in named else blinded(scan)
 
