@@ -192,6 +192,13 @@ def test_motion_that_is_the_same_in_every_run_is_kept_once() -> None:
     assert np.ptp(mixed.px[-1, 1]) > 1
 
 
+def test_more_runs_than_fit_are_refused() -> None:
+    with pytest.raises(InputError, match="at most 99502 fit") as caught:
+        drawn(config({"a": {"pieces": [WHITE]}}), runs=100_000)
+    assert caught.value.key == "monte_carlo.runs"
+    assert drawn(config({"a": {}}), runs=100_000).px.shape == (201, 1, 1)
+
+
 def test_blocks_of_runs_see_their_own_truth() -> None:
     truth = drawn(config({"a": {"pieces": [WHITE]}, "b": {}}), runs=6)
     kf = FilterConfig(filter="kf", motion="cv", acceleration_sigma_mps2=3)

@@ -7,6 +7,7 @@ import yaml
 
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
+from trackbench.scenario.docs import OTHER_EXAMPLES
 
 TEXT = """\
 name: example
@@ -108,3 +109,10 @@ def test_objects_may_share_pieces_by_anchors(tmp_path: Path) -> None:
     assert "&id001" in path.read_text()
     objects = load_scenario(path).config.truth.objects
     assert objects["a"] == objects["b"]
+
+
+def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    rest = TEXT[TEXT.index("sensors:") :]
+    path.write_text(f"name: page\n{OTHER_EXAMPLES['ScriptedTruth']}{rest}")
+    assert list(load_scenario(path).config.truth.objects) == ["cyclist", "bollard"]

@@ -25,6 +25,9 @@ from trackbench.units import wrap_angle
 
 Generators = Sequence[np.random.Generator]
 
+#: Numbers of steps, objects and runs whose product still fits the memory of a small machine (400 bytes each in a run).
+LARGEST = 20_000_000
+
 #: A steady piece has no noise, so the sigmas mean nothing.
 STEADY = ConstantTurnRateAcceleration(jerk_sigma=0.0, yaw_acceleration_sigma=0.0)
 
@@ -33,9 +36,12 @@ def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
     """The motion that a script describes; with random motion in it, that of every run.
 
     Raises:
-        InputError: an object is to pass through waypoints, but stands still.
+        InputError: an object is to pass through waypoints, but stands still; random motion in more runs than fit.
     """
     steps = int(config.duration_s * config.rate_hz + 1e-6)
+    most = LARGEST // ((steps + 1) * len(config.objects))
+    if config.random and runs > most:
+        raise InputError(f"random motion is kept for all runs at once; at most {most} fit", key="monte_carlo.runs")
     time = np.arange(steps + 1) / config.rate_hz
     paths = []
     for name, body in config.objects.items():
