@@ -119,9 +119,10 @@ def prepare(file: Path, overrides: Sequence[str], chosen: Sequence[str] | None) 
         loaded = _only(loaded, chosen)
     check_plugins(loaded)
     config = loaded.config
+    kinds = {name: sensor.type for name, sensor in config.sensors.items()}
     draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
     try:
-        truth = load_truth(config.truth, draw, folder=file.resolve().parent)
+        truth = load_truth(config.truth, draw, folder=file.resolve().parent, sensors=kinds)
     except InputError as error:
         raise loaded.locate(error) from None
     for note in truth.notes:

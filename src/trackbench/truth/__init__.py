@@ -1,15 +1,16 @@
-"""Ground truth, from whatever source a scenario names: simulated (once, and kept), or scripted.
+"""Ground truth, from whatever source a scenario names: simulated (once, and kept), scripted, or recorded.
 
 The simulator takes a second to import, so nothing here imports it before it is needed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from trackbench.truth import cache as store
-from trackbench.truth.config import AnyTruth, HighwayTruth, ScriptedTruth
+from trackbench.truth.config import AnyTruth, HighwayTruth, RecordingTruth, ScriptedTruth
 from trackbench.truth.scripted import script
 from trackbench.types import RecordedReadings, Truth
 
@@ -38,23 +39,32 @@ class LoadedTruth(NamedTuple):
     """By sensor; None where readings are to be synthesised."""
 
 
-def load_truth(config: AnyTruth, draw: Draw, *, folder: Path, cache: bool = True) -> LoadedTruth:
+def load_truth(
+    config: AnyTruth, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, cache: bool = True
+) -> LoadedTruth:
     """The truth that ``config`` describes.
 
     Args:
         config: the ``truth`` of a scenario.
         draw: what random motion is drawn by.
         folder: the scenario's, where relative paths start.
+        sensors: the kind of each of the scenario's sensors, which a recording may feed.
         cache: whether a simulated truth is read from the cache and kept there.
 
     Raises:
-        InputError: the configuration cannot be simulated, or the audit is told to refuse and finds a fault.
+        InputError: the configuration cannot be simulated, the audit is told to refuse and finds a fault, or a
+            recording is missing or damaged.
     """
     match config:
         case HighwayTruth():
             return _simulated(config, cache)
         case ScriptedTruth():
             return LoadedTruth(script(config, *draw), cached=False)
+        case RecordingTruth():
+            from trackbench.truth import recorded
+
+            recording = recorded.load(config, sensors or {}, folder)
+            return LoadedTruth(recording.truth, cached=False, readings=recording.readings)
 
 
 def validate(config: AnyTruth) -> None:

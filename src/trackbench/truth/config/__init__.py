@@ -8,10 +8,11 @@ from pydantic import Field
 
 from trackbench.truth.config.highway import HighwayTruth, IdTargets, NearestTargets
 from trackbench.truth.config.observer import FixedObserver, MovingObserver
+from trackbench.truth.config.recording import RecordingTruth
 from trackbench.truth.config.scripted import ScriptedTruth
 
 #: Each source of truth is told by its word.
-AnyTruth = Annotated[HighwayTruth | ScriptedTruth, Field(discriminator="source")]
+AnyTruth = Annotated[HighwayTruth | ScriptedTruth | RecordingTruth, Field(discriminator="source")]
 
 __all__ = [
     "AnyTruth",
@@ -20,5 +21,6 @@ __all__ = [
     "IdTargets",
     "MovingObserver",
     "NearestTargets",
+    "RecordingTruth",
     "ScriptedTruth",
 ]
