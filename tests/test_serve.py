@@ -21,17 +21,14 @@ from tests.udacity import RECORDING, recorded_lines, synthetic_lines, telemetry,
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from trackbench.scenario import load_scenario
-from trackbench.trackers.builtin import build
-from trackbench.truth.recorded.udacity import parse_line
-from trackbench.types import Scan
+from trackbench.cli.run import prepare
+from trackbench.runner.run import run
 
 COMMAND = [sys.executable, "-c", "from trackbench.cli import main; main()", "serve", "udacity"]
 ROOT = Path(__file__).parents[1]
 MANUAL = '42["manual",{}]'
 SECONDS = 30
 LINES = synthetic_lines()
-NOISE = {"L": np.diag([0.15**2] * 2), "R": np.diag([0.3**2, np.deg2rad(1.718873) ** 2, 0.3**2])}
 #: The course's limits of the RMSE of px, py, vx, vy.
 RUBRIC = {"ekf": [0.11, 0.11, 0.52, 0.52], "ukf": [0.09, 0.10, 0.40, 0.30]}
 
@@ -104,38 +101,31 @@ def rmse_of(answer: str) -> list[float]:
     return [marker[f"rmse_{name}"] for name in ("x", "y", "vx", "vy")]
 
 
-def rmse_computed(scenario: Path, name: str, lines: Sequence[str]) -> np.ndarray:
-    """That of the tracker itself, given the readings one after the other."""
-    tracker = build(load_scenario(scenario).config.trackers[name])
-    state, squares, first = None, [], parse_line(lines[0]).stamp
-    for line in lines:
-        said = parse_line(line)
-        when = (said.stamp - first) / 1e6
-        reading = np.array(said.reading)[:, None]
-        scan = Scan(
-            when, said.kind, said.kind, reading, np.array([True]), NOISE[line[0]], np.zeros(3), np.zeros(2), when
-        )
-        state, estimate = tracker.step(state, scan)
-        squares.append((estimate.mean[:, 0] - said.truth) ** 2)
-    return np.sqrt(np.nanmean(squares, axis=0))
+def rmse_of_a_run(folder: Path, name: str, lines: Sequence[str]) -> list[float]:
+    """What a run of the scenario finds on the same lines."""
+    file = write_scenario(folder)
+    (folder / "lines.txt").write_text("\n".join(lines))
+    prepared = prepare(file, [], [name])
+    (tracker,) = run(prepared.loaded, prepared.truth).summary["trackers"]
+    return [tracker["metrics"]["rmse"][component]["value"] for component in ("px", "py", "vx", "vy")]
 
 
 @pytest.mark.parametrize("name", RUBRIC)
-def test_a_replay_gives_the_rmse_of_the_tracker(name, server, scenario):
+def test_a_replay_gives_the_rmse_of_a_run(name, server, tmp_path):
     with server(name).client() as client:
         answers = replay(client, LINES)
-    np.testing.assert_allclose(rmse_of(answers[-1]), rmse_computed(scenario, name, LINES), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(rmse_of(answers[-1]), rmse_of_a_run(tmp_path, name, LINES), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", RUBRIC)
-def test_the_recording_is_within_the_rubric(name, server, scenario):
+def test_the_recording_is_within_the_rubric(name, server, tmp_path):
     lines = recorded_lines()
     if lines is None:
         pytest.skip(f"TRACKBENCH_DATA names no folder with {RECORDING}")
     with server(name).client() as client:
         answers = replay(client, lines)
     rmse = rmse_of(answers[-1])
-    np.testing.assert_allclose(rmse, rmse_computed(scenario, name, lines), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(rmse, rmse_of_a_run(tmp_path, name, lines), rtol=0, atol=1e-9)
     assert np.all(np.array(rmse) <= RUBRIC[name])
 
 

@@ -12,7 +12,7 @@ RECORDING = "udacity/obj_pose-laser-radar-synthetic-input.txt"
 
 SCENARIO = """
 name: cyclist
-truth: {source: highway-env, env: highway-v0, duration_s: 1, rate_hz: 20, observer: {x: 0, y: 0}}
+truth: {source: recording, format: udacity, path: lines.txt}
 sensors:
   lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15}
   radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 1.718873, range_rate_sigma_mps: 0.3}
@@ -24,6 +24,7 @@ trackers:
   cheat: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: truth}
   raising: {use: "serve_faults:Raising"}
   vanishing: {use: "serve_faults:Vanishing"}
+monte_carlo: {runs: 1}
 """
 
 FAULTS = '''
@@ -50,7 +51,7 @@ class Vanishing(Constant):
 
 
 def write_scenario(folder: Path) -> Path:
-    """The scenario, with the plug-ins that it names beside it."""
+    """The scenario, with the plug-ins that it names beside it, and without the recording."""
     (folder / "serve_faults.py").write_text(FAULTS)
     file = folder / "cyclist.yaml"
     file.write_text(SCENARIO)
