@@ -125,7 +125,7 @@ class _Passage:
         work, target = self._work, self._target
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
         scorer = Scorer(target, counts, keep_spread=self._runs.start == 0)
-        named = config.sensors
+        named = config.heard
         instant, scan = 0, self._readings.scans[0]
         seconds, steps = 0.0, 0
         try:

@@ -13,6 +13,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.scenario import recorded_checks
 from trackbench.scenario.metric_names import METRICS, Metric, metrics_by_path
 from trackbench.sensing.presets import presets
+from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config import HighwayTruth, RecordingTruth, ScriptedTruth
 
 if TYPE_CHECKING:
@@ -78,6 +79,10 @@ def _tracker_sensors(scenario: Scenario) -> Iterator[Problem]:
         for index, sensor in enumerate(tracker.sensors or []):
             if sensor not in scenario.sensors:
                 yield Problem(("trackers", name, "sensors", index), _no_sensor(scenario, sensor))
+        starting = tracker.initial.sensors if isinstance(tracker, FilterConfig) else None
+        for index, sensor in enumerate(starting or []):
+            if sensor not in scenario.sensors:
+                yield Problem(("trackers", name, "initial", "sensors", index), _no_sensor(scenario, sensor))
         for sensor, kind in getattr(tracker, "sensor_models", {}).items():
             at = ("trackers", name, "sensor_models", sensor)
             if sensor not in scenario.sensors:

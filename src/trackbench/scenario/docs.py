@@ -109,6 +109,17 @@ truth:
     bollard:
       start: {x: 20, y: 3}
 """,
+    "RecordingTruth": """\
+truth:
+  source: recording
+  format: csv
+  path: $TRACKBENCH_DATA/drive.csv   # time,name,x,y,v_east,v_north,r,phi,doppler
+  columns: {time: time, object: name, px: x, py: y, vx: v_east, vy: v_north}
+  units: {time: ms, angle: deg}
+  observer: {x: 10, y: 0, yaw_deg: 90}
+  readings:
+    front_radar: {range: r, azimuth: phi, range_rate: doppler}
+""",
 }
 
 #: For each section the classes that describe it, each under its heading.
@@ -125,6 +136,11 @@ SECTIONS: dict[str, dict[str, str]] = {
         "Piece": "Each of `pieces`",
         "WhiteMotion": "`white`",
         "WhiteAcceleration": "`white_acceleration`",
+        "RecordingTruth": "Recorded motion",
+        "TruthColumns": "`columns`",
+        "ObserverColumns": "`columns.observer`",
+        "Units": "`units`",
+        "ReadingColumns": "Each of `readings`",
     },
     "sensors": {
         "RadarConfig": "Radar",

@@ -158,7 +158,7 @@ class Session:
             sensor_velocity=np.zeros(2),
             arrival_time=time + sensor.config.latency_s,
         )
-        named = self._served.config.sensors
+        named = self._served.config.heard
         return scan if named is None or sensor.name in named else blinded(scan)
 
     def _step(self, scan: Scan) -> Estimate | None:

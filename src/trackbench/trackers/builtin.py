@@ -30,7 +30,7 @@ FILTERS = {
 
 def build(config: FilterConfig) -> FilterTracker:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
-    return FilterTracker(_filter(config), config.initial, sensor_models=config.sensor_models)
+    return FilterTracker(_filter(config), config.initial, sensor_models=config.sensor_models, sensors=config.sensors)
 
 
 def kf(**options: Any) -> FilterTracker:

@@ -44,6 +44,9 @@ MOTION_STATE = {name: model.components for name, model in MOTION_MODELS.items()}
 
 #: Where each key of the initial state is used; elsewhere the readings give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
+    "sensors": ("first_reading", "two_readings"),
+    "skip": ("first_reading", "two_readings"),
+    "waiting": ("first_reading", "two_readings"),
     "velocity": ("first_reading",),
     "position_sigma_m": ("truth",),
     "velocity_sigma_mps": ("first_reading", "truth"),
@@ -64,6 +67,23 @@ class InitialConfig(Config):
         description="first_reading: position of the first reading, velocity unknown. two_readings: velocity "
         "from the displacement between the first two. truth: drawn from the truth with the standard "
         "deviations below, for consistency tests.",
+    )
+    sensors: list[str] | None = Field(
+        None,
+        min_length=1,
+        description="Names of the sensors whose readings start a track; those that the tracker reads unless given. Not "
+        "from truth.",
+    )
+    skip: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="How many readings of an object are passed over before those that start its track.",
+    )
+    waiting: Literal["nothing", "at_rest"] = Field(
+        "nothing",
+        description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
+        "latest reading says, its velocity being as unknown as from first_reading.",
     )
     velocity: Literal["zero", "radial"] = Field(
         "zero",
@@ -160,6 +180,11 @@ class FilterConfig(Config):
     )
     sweep: Sweep = None
 
+    @property
+    def heard(self) -> list[str] | None:
+        """Names of the sensors whose readings it is given: those that it reads or starts tracks from; None: all."""
+        return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
+
     def problems(self) -> Iterator[Problem]:
         given = self.model_fields_set
         if self.filter == "kf" and self.motion not in LINEAR_MOTION:
@@ -214,6 +239,11 @@ class PluginConfig(Config):
     )
 
     sweep: Sweep = None
+
+    @property
+    def heard(self) -> list[str] | None:
+        """Names of the sensors whose readings it is given; None: all."""
+        return self.sensors
 
     def problems(self) -> Iterator[Problem]:
         yield from _repeated(self.sensors)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
@@ -14,6 +14,7 @@ from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
 from trackbench.trackers.base import Prior, require_in_sequence
 from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.initial import Waiting
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
 
@@ -24,7 +25,7 @@ class TrackState(NamedTuple):
     belief: Belief
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
-    waiting: initial.FirstReading | None = None
+    waiting: Waiting | None = None
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class FilterTracker:
     """Set by the bench where ``initial`` says that tracks start from the truth."""
     sensor_models: Mapping[str, str] = field(default_factory=dict)
     """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose readings it takes in; None: all that it is given."""
 
     batched: ClassVar = True
 
@@ -54,19 +57,19 @@ class FilterTracker:
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
         innovation = innovation_covariance = None
-        if np.any(scan.valid):
+        if np.any(scan.valid) and _named(scan, self.sensors):
             update = self.filter.update(belief, scan)
             belief = update.belief
             innovation = np.where(started, update.innovation, np.nan)
             innovation_covariance = update.innovation_covariance
         waiting = state.waiting
-        if self.prior is None and not np.all(started):
+        if self.prior is None and not np.all(started) and _named(scan, self.initial.sensors or self.sensors):
             begin = initial.start(self.filter.motion, self.initial, scan, waiting)
             begun = _choose(begin.ready & ~started, begin.belief, belief)
             belief = begun._replace(repaired=belief.repaired)
             started, waiting = started | begin.ready, begin.waiting
         repaired = None if belief.repaired is None else belief.repaired & started
-        estimate = self._estimate(belief, started)._replace(
+        estimate = self._estimate(belief, started, waiting)._replace(
             innovation=innovation, innovation_covariance=innovation_covariance, repaired=repaired
         )
         return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
@@ -119,12 +122,19 @@ class FilterTracker:
             chosen = chosen._replace(points=points)
         return chosen, started | fresh
 
-    def _estimate(self, belief: Belief, started: Mask) -> Estimate:
+    def _estimate(self, belief: Belief, started: Mask, waiting: Waiting | None) -> Estimate:
         mean, covariance = self.filter.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
         if not np.all(started):
-            mean = np.where(started, mean, np.nan)
-            covariance = np.where(started, covariance, np.nan)
+            before: Gaussian | tuple[float, float] = (np.nan, np.nan)
+            if waiting is not None and self.initial.waiting == "at_rest":
+                before = initial.at_rest(waiting, self.initial)
+            mean = np.where(started, mean, before[0])
+            covariance = np.where(started, covariance, before[1])
         return Estimate(mean, covariance, belief.mean, belief.covariance)
+
+
+def _named(scan: Scan, sensors: Collection[str] | None) -> bool:
+    return sensors is None or scan.sensor in sensors
 
 
 def _choose(where: Mask, a: Gaussian | Belief, b: Gaussian | Belief) -> Belief:

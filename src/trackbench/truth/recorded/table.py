@@ -111,8 +111,8 @@ def _log(
     ids = list(motions)
     names = [ids[0]] * len(table) if column is None else table.names(column)
     seen: set[tuple[float, str]] = set()
-    for row in kept:
-        _check_reading(table, int(row), names[row], float(seconds[row]), motions, seen)
+    for reading_row in kept.tolist():
+        _check_reading(table, reading_row, names[reading_row], float(seconds[reading_row]), motions, seen)
     return Log(seconds[kept], np.array([ids.index(names[row]) for row in kept], dtype=np.intp), reading[:, kept])
 
 
