@@ -79,9 +79,15 @@ def synthetic_lines(count: int = 80, seed: int = 3) -> list[str]:
 
 
 def recorded_lines() -> list[str] | None:
-    """Those of the recording, where TRACKBENCH_DATA names the folder that it is in."""
-    file = Path(os.environ.get("TRACKBENCH_DATA", ".")) / RECORDING
+    """Those of the recording, where there is one."""
+    file = data_folder() / RECORDING
     return file.read_text().splitlines() if file.is_file() else None
+
+
+def data_folder() -> Path:
+    """Where recordings are: TRACKBENCH_DATA, or shared/data beside the repository."""
+    given = os.environ.get("TRACKBENCH_DATA")
+    return Path(given) if given else Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def telemetry(line: str) -> str:

@@ -67,16 +67,26 @@ def load_truth(
             return LoadedTruth(recording.truth, cached=False, readings=recording.readings)
 
 
-def validate(config: AnyTruth) -> None:
-    """Check everything that can be checked without simulating.
+def validate(config: AnyTruth, *, folder: Path, sensors: Mapping[str, str] | None = None) -> None:
+    """Check everything that can be checked without simulating; a recording is read.
+
+    Args:
+        config: the ``truth`` of a scenario.
+        folder: the scenario's, where relative paths start.
+        sensors: the kind of each of the scenario's sensors, which a recording may feed.
 
     Raises:
-        InputError: an unknown environment or key, a value of the wrong type, rates that do not divide.
+        InputError: an unknown environment or key, a value of the wrong type, rates that do not divide, a recording
+            that is missing or damaged.
     """
     if isinstance(config, HighwayTruth):
         from trackbench.truth import highway
 
         highway.validate(config)
+    if isinstance(config, RecordingTruth):
+        from trackbench.truth import recorded
+
+        recorded.load(config, sensors or {}, folder)
 
 
 def list_envs() -> list[str]:
