@@ -19,7 +19,7 @@ from trackbench.cli import main
 from trackbench.results import RunResult
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.truth import load_truth
+from trackbench.scenario.truth import truth_of
 
 TINY = """\
 name: tiny
@@ -77,7 +77,7 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
         file = folder / "tiny.yaml"
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
-        return run(loaded, load_truth(loaded.config.truth), workers=workers)
+        return run(loaded, truth_of(loaded), workers=workers)
 
     return call
 

@@ -16,8 +16,8 @@ import yaml
 from trackbench.plugins import create
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truth_of
 from trackbench.trackers import answers
-from trackbench.truth import load_truth
 from trackbench.types import Scan
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -41,7 +41,7 @@ def test_the_page_runs_as_printed(folder: Path, run_page: Callable[[Path, Path],
 
 def test_the_page_shows_the_files(fenced: Fenced) -> None:
     shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
-    assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("*.py")}
+    assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("alpha_beta*.py")}
     for block in fenced(PAGE):
         if block.note.startswith("part of: "):
             assert block.text in (EXAMPLES / block.note.removeprefix("part of: ")).read_text(encoding="utf-8")
@@ -56,7 +56,7 @@ def test_the_example_is_short_and_needs_nothing_of_trackbench() -> None:
 
 def test_the_example_is_honest_and_worth_it() -> None:
     loaded = load_scenario(EXAMPLES / "alpha_beta.yaml", ["monte_carlo.runs=5", "truth.duration_s=5"])
-    result = run(loaded, load_truth(loaded.config.truth))
+    result = run(loaded, truth_of(loaded))
     mine = next(entry for entry in result.summary["trackers"] if entry["name"] == "mine")
     assert mine["failed"] is None
     assert 2.5 < mine["metrics"]["nees"]["mean"] < 5

@@ -137,7 +137,7 @@ BAD = [
     # Words that are not known.
     ("observer: ego", "observer: egg", ["8: truth.observer: 'egg' is not known; did you mean 'ego'?"]),
     ("type: lidar", "type: lidr", ["19: sensors.roof.type: 'lidr' is not known; did you mean 'lidar'?"]),
-    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: radar, lidar"]),
+    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: radar, speed_radar, lidar"]),
     ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),
     ("motion: ctrv", "motion: ctvr", ["22: trackers.ukf.motion: 'ctvr' is not known; did you mean 'ctrv'?"]),
     (

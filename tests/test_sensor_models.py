@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, scan
 from tests.test_motion_models import finite_difference
@@ -20,6 +20,8 @@ RANGE, BEARING = st.floats(1, 200), st.floats(-np.pi, np.pi)
 @every_sensor
 @given(pose=POSES, velocity=VELOCITIES, own=VELOCITIES, far=RANGE, bearing=BEARING)
 def test_jacobian_agrees_with_finite_differences(model, pose, velocity, own, far, bearing):
+    # At rest the speed has a kink, and no derivative.
+    assume(np.hypot(*velocity) > 0.5)
     position = pose[:2] + far * np.array([np.cos(bearing), np.sin(bearing)])
     target = np.concatenate([position, velocity])
     # Taken as offsets from one reading, so that an azimuth at half a turn does not jump.

@@ -6,11 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trackbench.truth import cache, highway, load_truth
+from trackbench.truth import Draw, LoadedTruth, cache, highway, load_truth
 from trackbench.truth.config import HighwayTruth
 from trackbench.types import Truth
 
 CONFIG = HighwayTruth(source="highway-env", env="u-turn-v1", seed=1, duration_s=1, rate_hz=10)
+
+
+def load(config: HighwayTruth) -> LoadedTruth:
+    return load_truth(config, Draw(seed=0, scenario="test", runs=1), folder=Path())
 
 
 @pytest.fixture
@@ -48,7 +52,7 @@ def assert_same(a: object, b: object) -> None:
 
 
 def test_second_load_gives_the_same_truth_without_simulating(folder: Path, simulations: list[HighwayTruth]) -> None:
-    first, second = load_truth(CONFIG), load_truth(CONFIG)
+    first, second = load(CONFIG), load(CONFIG)
     assert (first.cached, second.cached, len(simulations)) == (False, True, 1)
     assert_same(first.truth, second.truth)
     assert not second.notes
@@ -81,22 +85,22 @@ def test_other_version_of_the_simulator_is_another_entry(monkeypatch: pytest.Mon
     ids=["truncated", "one bit", "empty", "foreign", "other format"],
 )
 def test_damaged_entry_is_simulated_again(folder: Path, simulations: list[HighwayTruth], damage: object) -> None:
-    first = load_truth(CONFIG)
+    first = load(CONFIG)
     file = cache.path(CONFIG)
     file.write_bytes(damage(file.read_bytes()))
-    again = load_truth(CONFIG)
+    again = load(CONFIG)
     assert not again.cached
     assert "simulated again" in again.notes[0]
     assert_same(first.truth, again.truth)
-    assert load_truth(CONFIG).cached
+    assert load(CONFIG).cached
     assert len(simulations) == 2
 
 
 def test_entry_of_another_truth_under_this_name_is_not_taken(folder: Path, simulations: list[HighwayTruth]) -> None:
     other = CONFIG.model_copy(update={"seed": 7})
-    load_truth(other)
+    load(other)
     cache.path(other).rename(cache.path(CONFIG))
-    loaded = load_truth(CONFIG)
+    loaded = load(CONFIG)
     assert not loaded.cached
     assert "something else" in loaded.notes[0]
 
@@ -104,7 +108,7 @@ def test_entry_of_another_truth_under_this_name_is_not_taken(folder: Path, simul
 def test_unwritable_folder_costs_only_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("not a folder")
     monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "file" / "cache"))
-    loaded = load_truth(CONFIG)
+    loaded = load(CONFIG)
     assert not loaded.cached
     assert "not kept" in loaded.notes[-1]
 
@@ -114,7 +118,7 @@ def test_failed_write_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPat
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(cache.os, "replace", full)
-    assert "No space left" in load_truth(CONFIG).notes[0]
+    assert "No space left" in load(CONFIG).notes[0]
     assert list(folder.iterdir()) == []
 
 
@@ -124,8 +128,8 @@ def test_driver_class_of_the_users_own_is_never_cached(
     (tmp_path / "own_drivers.py").write_text("from highway_env.vehicle.behavior import IDMVehicle as Careful\n")
     monkeypatch.syspath_prepend(tmp_path)
     config = CONFIG.model_copy(update={"config": {"other_vehicles_type": "own_drivers.Careful"}})
-    assert not load_truth(config).cached
-    assert not load_truth(config).cached
+    assert not load(config).cached
+    assert not load(config).cached
     assert not folder.exists()
 
 

@@ -211,8 +211,10 @@ def test_observation_of_the_users_own_is_used() -> None:
 def test_nothing_leaks_to_the_terminal() -> None:
     """Old ids warn, and pygame and highway-env like to greet."""
     code = (
-        "from trackbench.truth import load_truth; from trackbench.truth.config import HighwayTruth;"
-        "load_truth(HighwayTruth(source='highway-env', env='roundabout-v0', duration_s=4, rate_hz=10), cache=False)"
+        "from pathlib import Path; from trackbench.truth import Draw, load_truth;"
+        "from trackbench.truth.config import HighwayTruth;"
+        "config = HighwayTruth(source='highway-env', env='roundabout-v0', duration_s=4, rate_hz=10);"
+        "load_truth(config, Draw(0, 'test', 1), folder=Path(), cache=False)"
     )
     done = subprocess.run([sys.executable, "-W", "default", "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")

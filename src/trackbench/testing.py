@@ -18,7 +18,11 @@ from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Trac
 from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Estimate, Scan
 
-NOISE = {"radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2, "lidar": np.diag([0.15, 0.15]) ** 2}
+NOISE = {
+    "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
+    "speed_radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
+    "lidar": np.diag([0.15, 0.15]) ** 2,
+}
 #: A tracker of a target in plain sight that is further off than this has not followed it, m and m/s.
 LOST = 5.0
 
@@ -75,7 +79,7 @@ def drive(
     """Readings of a target that drives past a sensor which is neither at the origin nor looks along x.
 
     Args:
-        kinds: "radar" or "lidar" of each scan.
+        kinds: "radar", "speed_radar" or "lidar" of each scan.
         times: when each is taken, s.
         missed: numbers of the scans that do not detect the target.
         lane: another number is another target and other noise.

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.intp]
 
 #: The space in which trackers of different state are compared, in the fixed frame.
 COMMON_STATE = ("px", "py", "vx", "vy")
@@ -35,10 +36,10 @@ class Scan(NamedTuple):
     sensor: str
     """The sensor's name in the scenario."""
     kind: str
-    """"radar" or "lidar"."""
+    """"radar", "speed_radar" or "lidar"."""
     reading: Array
     """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
-    sensor. Lidar: x, y in the sensor's frame, m. NaN where not valid."""
+    sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
     valid: Mask
     """``(...)``: False where the sensor did not detect the object."""
     noise: Array
@@ -72,6 +73,17 @@ class Estimate(NamedTuple):
     """``(...)`` True where a covariance had to be made positive definite again at this scan."""
 
 
+class RecordedReadings(NamedTuple):
+    """What one sensor read, where its readings come from a recording instead of being synthesised."""
+
+    steps: Indices
+    """``(readings,)`` indices into the truth's times."""
+    reading: Array
+    """``(m, readings, objects)``, NaN where not valid."""
+    valid: Mask
+    """``(readings, objects)``: False where the sensor did not detect the object."""
+
+
 @dataclass(frozen=True)
 class Observer:
     """The body that carries the sensors, at each step of the truth."""
@@ -96,7 +108,7 @@ class Observer:
 
 @dataclass(frozen=True)
 class Truth:
-    """The motion of every target and of the observer, on a regular grid of times.
+    """The motion of every target and of the observer, on a grid of times that is regular unless it was recorded.
 
     Kinematic arrays are ``(steps, objects, runs)``, where the last axis has length 1 if the motion is the same in
     every run. Values where ``alive`` is False are finite but mean nothing.

@@ -54,6 +54,7 @@ def _sensors() -> Iterable[Row]:
     from trackbench.sensing.presets import list_presets
 
     yield "radar", "range, azimuth, range rate"
+    yield "speed_radar", "range, azimuth, speed of the target over ground in place of the range rate"
     yield "lidar", "position in the sensor's frame"
     for preset in list_presets():
         yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"

@@ -11,12 +11,12 @@ import click
 from trackbench import __version__
 from trackbench.cli.listing import list_command
 from trackbench.cli.run import run_command
+from trackbench.cli.serve import INTERRUPTED, serve_command
 from trackbench.cli.validate import check_command, schema_command
 from trackbench.errors import InputError, TrackbenchError
 
 BAD_INPUT = 2
-#: What a shell reports of a program that Ctrl-C ended, and of one whose reader has gone.
-INTERRUPTED = 130
+#: What a shell reports of a program whose reader has gone.
 UNREAD = 141
 
 
@@ -31,7 +31,7 @@ def cli() -> None:
     """
 
 
-for _command in (run_command, list_command, check_command, schema_command):
+for _command in (run_command, list_command, check_command, schema_command, serve_command):
     cli.add_command(_command)
 
 

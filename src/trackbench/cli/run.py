@@ -21,7 +21,8 @@ from trackbench.errors import InputError, nearest
 from trackbench.results import RunResult
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
-from trackbench.truth import LoadedTruth, load_truth
+from trackbench.scenario.truth import truth_of
+from trackbench.truth import LoadedTruth
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
@@ -118,10 +119,7 @@ def prepare(file: Path, overrides: Sequence[str], chosen: Sequence[str] | None) 
     if chosen is not None:
         loaded = _only(loaded, chosen)
     check_plugins(loaded)
-    try:
-        truth = load_truth(loaded.config.truth)
-    except InputError as error:
-        raise loaded.locate(error) from None
+    truth = truth_of(loaded)
     for note in truth.notes:
         click.echo(note, err=True)
     only = [] if chosen is None else ["--trackers", ",".join(chosen)]

@@ -23,8 +23,10 @@ def check_command(scenarios: tuple[Path, ...]) -> None:
       trackbench check scenarios/
     """
     for file in scenario_files(scenarios):
-        check(load_scenario(file))
-        click.echo(f"{file}: ok")
+        loaded = load_scenario(file)
+        check(loaded)
+        sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
+        click.echo(f"{file}: ok{f' ({sweeps})' if sweeps else ''}")
 
 
 @click.command("schema")

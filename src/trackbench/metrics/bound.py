@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench import linalg
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.readings import IdealSensor
@@ -47,8 +48,11 @@ def cramer_rao(
     Willett and Bar-Shalom 2005, "Dynamic Cramer-Rao bound for target tracking in clutter", the information reduction
     factor). The sum of squared error components is bounded by the sum of the diagonal.
 
+    The information of a reading is an expectation over the motion of the targets: where the truth varies from run to
+    run it is averaged over the runs, and where it does not it is that along the one truth.
+
     Args:
-        truth: the motion of the targets; where it varies from run to run, that of the first run is the reference.
+        truth: the motion of the targets.
         sensors: those that the tracker reads.
         rates: per sensor ``(readings, objects)`` share of the runs with a detection.
         acceleration_sigma: m/s^2 per axis, constant from one instant to the next.
@@ -59,7 +63,7 @@ def cramer_rao(
         ``(instants, objects, 4)`` variances, NaN before the first reading of an object.
     """
     motion = ConstantVelocity(acceleration_sigma)
-    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., 0]
+    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
     sigma = [prior.position_sigma or UNKNOWN_POSITION] * 2 + [prior.velocity_sigma] * 2
     covariance = np.repeat(np.diag(np.square(sigma))[None], len(truth.ids), axis=0)
     known = np.zeros(len(truth.ids), dtype=bool)
@@ -78,10 +82,19 @@ def cramer_rao(
             if k == len(sensor.steps) or sensor.steps[k] != step:
                 continue
             rate = rates[sensor.name][k]
-            h = SENSOR_MODELS[sensor.config.type].jacobian(target[:, step], sensor.pose[:, k], sensor.velocity[:, k])
-            h = np.broadcast_to(h.reshape(len(h), 4, -1), (len(h), 4, len(rate)))
-            gained = np.einsum("aio,ab,bjo->oij", h, np.linalg.inv(sensor.noise), h)
-            covariance = np.linalg.inv(np.linalg.inv(covariance) + rate[:, None, None] * gained)
+            gained = rate[:, None, None] * _information(sensor, k, target[:, step])
+            covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
             known |= rate > 0.0
         result[row] = np.where(known[:, None], np.einsum("oii->oi", covariance), np.nan)
     return result
+
+
+def _information(sensor: IdealSensor, reading: int, target: Array) -> Array:
+    """``(objects, 4, 4)`` of a reading of targets ``(4, objects, runs)``, averaged over the runs that can have it."""
+    pose, velocity = sensor.pose[:, reading], sensor.velocity[:, reading]
+    h = SENSOR_MODELS[sensor.config.type].jacobian(target, pose, velocity)
+    h = np.broadcast_to(linalg.expand(h, target[None]), (len(h), *target.shape))
+    weighted = np.einsum("ab,bj...->aj...", np.linalg.inv(sensor.noise), h)
+    weight = np.broadcast_to(sensor.visible[reading], target.shape[1:]).astype(float)
+    total = np.einsum("or,aior,ajor->oij", weight, h, weighted)
+    return np.asarray(total / np.maximum(weight.sum(axis=1), 1.0)[:, None, None])

@@ -18,6 +18,7 @@ def audit_sentences(audit: Mapping[str, Any]) -> list[str]:
     sentences = [
         {
             "consistent": "The truth is consistent: velocity agrees with displacement, nothing jumps.",
+            "exact": "The truth is exact: its velocities come from the same formulas as its positions.",
             "repaired": "The truth had faults, which were repaired before anything was scored.",
         }.get(str(audit.get("verdict")), f"Audit: {audit.get('verdict')}.")
     ]
@@ -39,7 +40,7 @@ def audit_sentences(audit: Mapping[str, Any]) -> list[str]:
 
 def _velocity(audit: Mapping[str, Any]) -> list[str]:
     before, after = audit.get("velocity_error_before", {}), audit.get("velocity_error_after", {})
-    if before.get("max_mps") is None or after.get("max_mps") is None:
+    if not before.get("max_mps") or after.get("max_mps") is None:
         return []
     repaired = audit.get("repaired", {})
     sources = {

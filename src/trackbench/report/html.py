@@ -69,7 +69,8 @@ def _facts(summary: dict[str, Any]) -> list[str]:
         counted(len(summary["trackers"]), "tracker"),
         f"seed {summary['seed']}",
     ]
-    return [" ".join(str(part) for part in (truth["source"], truth.get("env")) if part), *facts]
+    source = " ".join(str(part) for part in (truth["source"], truth.get("env")) if part)
+    return [f"{source}, other motion in each run" if truth.get("random") else source, *facts]
 
 
 def _accuracy(result: RunResult, shown: list[Look]) -> Iterator[Picture]:

@@ -3,14 +3,67 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
+from trackbench import plugins
+from trackbench.errors import TrackbenchError
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.types import Estimate, Scan
+
+
+class Stepper(Protocol):
+    """A tracker made ready for a number of lanes."""
+
+    def step(self, scan: Scan) -> Estimate | None: ...
+
+
+def adapt(
+    config: FilterConfig | PluginConfig,
+    folder: Path | None,
+    lanes: int,
+    primed: Callable[[FilterTracker], FilterTracker],
+) -> Stepper:
+    """A fresh tracker, as a scenario names it.
+
+    Args:
+        config: the scenario's entry.
+        folder: where a tracker's module is looked for first.
+        lanes: how many tracks it follows at once.
+        primed: gives a built-in tracker its first states, where it starts from the truth.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options.
+    """
+    if isinstance(config, FilterConfig):
+        return Direct(primed(build(config)))
+    make = plugins.create(config.use, config.options, folder)
+    tracker = make()
+    if isinstance(tracker, FilterTracker):
+        return Direct(primed(tracker))
+    if getattr(tracker, "batched", False):
+        return Batched(tracker)
+    return Looped(make, lanes)
+
+
+def blinded(scan: Scan) -> Scan:
+    """The scan of a sensor that the tracker does not read: it only tells the time."""
+    return scan._replace(reading=np.full_like(scan.reading, np.nan), valid=np.zeros_like(scan.valid))
+
+
+def cause_of(error: BaseException) -> str:
+    """What went wrong in a tracker, in one line."""
+    if isinstance(error, TrackbenchError):
+        return str(error)
+    text = str(error).strip().splitlines()
+    kind = type(error).__name__
+    return (text[0] if text else kind) if kind == "TrackerFault" else f"{kind}: {text[0]}" if text else kind
 
 
 class Direct:

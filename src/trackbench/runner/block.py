@@ -7,21 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
-from trackbench import plugins
-from trackbench.errors import TrackbenchError
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.scorer import Fault, Scorer, Target
 from trackbench.metrics.scores import Scores
 from trackbench.models.motion import Kinematics
-from trackbench.runner.adapters import Batched, Direct, LaneFault, Looped
+from trackbench.runner.adapters import LaneFault, adapt, blinded, cause_of
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.readings import IdealSensor, Readings, sense
 from trackbench.streams import stream
-from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.types import Array, Estimate, Scan, Truth
@@ -94,12 +90,6 @@ class Block:
     digests: list[bytes]
 
 
-class Stepper(Protocol):
-    """A tracker made ready for a block."""
-
-    def step(self, scan: Scan) -> Estimate | None: ...
-
-
 def run_block(work: Work, runs: range) -> Block:
     """Synthesise the readings of some runs and take every tracker through them."""
     keep_freed_memory()
@@ -137,15 +127,15 @@ class _Passage:
         work, target = self._work, self._target
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
         scorer = Scorer(target, counts, keep_spread=self._runs.start == 0)
-        named = config.sensors
+        named = config.heard
         instant, scan = 0, self._readings.scans[0]
         seconds, steps = 0.0, 0
         try:
-            stepper = self._stepper(config)
+            stepper = adapt(config, work.folder, self._none.mean.shape[1], self._primed)
             for instant, (_, group) in enumerate(groupby(self._readings.scans, key=lambda item: item.time)):
                 latest = self._none
                 for scan in group:
-                    given = scan if named is None or scan.sensor in named else _blinded(scan)
+                    given = scan if named is None or scan.sensor in named else blinded(scan)
                     begin = time.perf_counter()
                     answer = stepper.step(given)
                     seconds += time.perf_counter() - begin
@@ -159,23 +149,12 @@ class _Passage:
         except Fault as fault:
             return self._failure(fault.cause, fault.instant, None, fault.lane)
         except LaneFault as fault:
-            return self._failure(_cause(fault.cause), instant, scan.sensor, fault.lane)
+            return self._failure(cause_of(fault.cause), instant, scan.sensor, fault.lane)
         except (Exception, SystemExit) as error:
-            return self._failure(_cause(error), instant, scan.sensor, None)
+            return self._failure(cause_of(error), instant, scan.sensor, None)
         if scores.present.sum() > 0 and scores.per_step[0].sum() == 0:
             return self._failure("it gave no estimate at all", instant, None, None)
         return scores
-
-    def _stepper(self, config: FilterConfig | PluginConfig) -> Stepper:
-        if isinstance(config, FilterConfig):
-            return Direct(self._primed(build(config)))
-        make = plugins.create(config.use, config.options, self._work.folder)
-        tracker = make()
-        if isinstance(tracker, FilterTracker):
-            return Direct(self._primed(tracker))
-        if getattr(tracker, "batched", False):
-            return Batched(tracker)
-        return Looped(make, len(self._none.mean[0]))
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""
@@ -246,19 +225,6 @@ def _target(work: Work, readings: Readings, runs: range) -> Target:
     return Target(truth.time[instants], state, truth.alive[instants], start + work.settle, work.divergence)
 
 
-def _blinded(scan: Scan) -> Scan:
-    """The scan of a sensor that the tracker does not read: it only tells the time."""
-    return scan._replace(reading=np.full_like(scan.reading, np.nan), valid=np.zeros_like(scan.valid))
-
-
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:
     lanes = slice(run, None, scan.valid.size // objects)
     return scan._replace(reading=scan.reading[:, lanes].copy(), valid=scan.valid[lanes].copy())
-
-
-def _cause(error: BaseException) -> str:
-    if isinstance(error, TrackbenchError):
-        return str(error)
-    text = str(error).strip().splitlines()
-    kind = type(error).__name__
-    return (text[0] if text else kind) if kind == "TrackerFault" else f"{kind}: {text[0]}" if text else kind

@@ -69,7 +69,7 @@ def run(
         seed=scenario.monte_carlo.seed,
         runs=scenario.monte_carlo.runs,
         truth=truth.truth,
-        sensors=ideal_sensors(truth.truth, scenario.sensors),
+        sensors=ideal_sensors(truth.truth, scenario.sensors, truth.readings),
         trackers=scenario.trackers,
         folder=loaded.path.resolve().parent,
         settle=scenario.score.settle_s,
@@ -236,6 +236,9 @@ def describe(tracker: FilterConfig | PluginConfig) -> str:
             "yaw acceleration sigma {} rad/s^2": tracker.yaw_acceleration_sigma_radps2,
         }
         parts = [tracker.filter, tracker.motion, *(text.format(f"{v:g}") for text, v in noise.items() if v is not None)]
+        if tracker.process_noise_diag is not None:
+            parts.append(f"constant Q diag({', '.join(f'{v:g}' for v in tracker.process_noise_diag)})")
+        parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]
     parts.append("all sensors" if tracker.sensors is None else " + ".join(tracker.sensors))
     return ", ".join(part for part in parts if part)
 

@@ -1,4 +1,4 @@
-"""The checks of a scenario that need highway-env or the code of a plug-in."""
+"""The checks of a scenario that need highway-env, a recording or the code of a plug-in."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ Step = Callable[[], None]
 
 
 def check(loaded: LoadedScenario) -> None:
-    """Set the environment up and start each plug-in once, without simulating or running anything.
+    """Set the environment up or read the recording, and start each plug-in once, without running anything.
 
     Raises:
-        InputError: everything that highway-env or the plug-ins do not accept, with file and line.
+        InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
+            the recording.
     """
-    _all(loaded, [partial(truth.validate, loaded.config.truth), *_starts(loaded)])
+    config, folder = loaded.config, loaded.path.resolve().parent
+    kinds = {name: sensor.type for name, sensor in config.sensors.items()}
+    _all(loaded, [partial(truth.validate, config.truth, folder=folder, sensors=kinds), *_starts(loaded)])
 
 
 def check_plugins(loaded: LoadedScenario) -> None:

@@ -10,7 +10,7 @@ from trackbench.config import Config, Name, NonNegative, Positive, Problem
 from trackbench.scenario import cross_checks
 from trackbench.sensing.config import AnySensor
 from trackbench.trackers.config import AnyTracker
-from trackbench.truth.config import HighwayTruth
+from trackbench.truth.config import AnyTruth
 
 
 class MonteCarlo(Config):
@@ -78,7 +78,7 @@ class Scenario(Config):
 
     name: str = Field(pattern=r"^[a-z0-9_-]+$", max_length=64, description="Name of the result's folder.")
     description: str = Field("", description="What the scenario shows, in one line.")
-    truth: HighwayTruth = Field(description="Where the true motion comes from.")
+    truth: AnyTruth = Field(description="Where the true motion comes from.")
     sensors: dict[Name, AnySensor] = Field(min_length=1, description="The sensors, by name.")
     trackers: dict[Name, AnyTracker] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")

@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
 from trackbench.errors import nearest
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.scenario import recorded_checks
 from trackbench.scenario.metric_names import METRICS, Metric, metrics_by_path
 from trackbench.sensing.presets import presets
+from trackbench.trackers.config import FilterConfig
+from trackbench.truth.config import HighwayTruth, RecordingTruth, ScriptedTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Expectation, Scenario
@@ -18,12 +22,12 @@ if TYPE_CHECKING:
 
 def problems(scenario: Scenario) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
-    yield from _sensor_times(scenario)
+    if isinstance(scenario.truth, RecordingTruth):
+        yield from recorded_checks.problems(scenario, scenario.truth)
+    else:
+        yield from _times(scenario, scenario.truth)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
-    if scenario.score.settle_s >= scenario.truth.duration_s:
-        longest = f"truth.duration_s, which is {scenario.truth.duration_s:g}"
-        yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
     if scenario.recording.run >= runs:
         yield Problem(
             ("recording", "run"),
@@ -34,8 +38,11 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
             yield Problem(("expect", index, *problem.at), problem.message)
 
 
-def _sensor_times(scenario: Scenario) -> Iterator[Problem]:
-    truth_rate = scenario.truth.rate_hz
+def _times(scenario: Scenario, truth: HighwayTruth | ScriptedTruth) -> Iterator[Problem]:
+    if scenario.score.settle_s >= truth.duration_s:
+        longest = f"truth.duration_s, which is {truth.duration_s:g}"
+        yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
+    truth_rate = truth.rate_hz
     for name, sensor in scenario.sensors.items():
         steps = truth_rate / sensor.rate_hz
         if not _whole(steps):
@@ -47,8 +54,8 @@ def _sensor_times(scenario: Scenario) -> Iterator[Problem]:
         elif sensor.phase_s * sensor.rate_hz >= 1:
             message = f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s"
             yield Problem(("sensors", name, "phase_s"), message)
-        elif sensor.phase_s > scenario.truth.duration_s:
-            message = f"the first reading is after the end, which is at {scenario.truth.duration_s:g} s"
+        elif sensor.phase_s > truth.duration_s:
+            message = f"the first reading is after the end, which is at {truth.duration_s:g} s"
             yield Problem(("sensors", name, "phase_s"), message)
         elif not _whole(sensor.phase_s * truth_rate):
             near = f"{round(sensor.phase_s * truth_rate) / truth_rate:g}"
@@ -71,8 +78,25 @@ def _tracker_sensors(scenario: Scenario) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         for index, sensor in enumerate(tracker.sensors or []):
             if sensor not in scenario.sensors:
-                message = f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
-                yield Problem(("trackers", name, "sensors", index), message)
+                yield Problem(("trackers", name, "sensors", index), _no_sensor(scenario, sensor))
+        starting = tracker.initial.sensors if isinstance(tracker, FilterConfig) else None
+        for index, sensor in enumerate(starting or []):
+            if sensor not in scenario.sensors:
+                yield Problem(("trackers", name, "initial", "sensors", index), _no_sensor(scenario, sensor))
+        for sensor, kind in getattr(tracker, "sensor_models", {}).items():
+            at = ("trackers", name, "sensor_models", sensor)
+            if sensor not in scenario.sensors:
+                yield Problem(at, _no_sensor(scenario, sensor))
+                continue
+            own = SENSOR_MODELS[scenario.sensors[sensor].type].components
+            other = SENSOR_MODELS[kind].components
+            if len(own) != len(other):
+                reads = f"{sensor} reads {', '.join(own)}"
+                yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
+
+
+def _no_sensor(scenario: Scenario, sensor: str) -> str:
+    return f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
 
 
 def _expectation(scenario: Scenario, expectation: Expectation) -> Iterator[Problem]:

@@ -62,6 +62,10 @@ trackers:
     acceleration_sigma_mps2: 2
     yaw_acceleration_sigma_radps2: 0.5
     initial: {from: first_reading, velocity_sigma_mps: 20}
+  ukf_cv:
+    filter: ukf
+    motion: cv
+    sweep: {acceleration_sigma_mps2: [1, 3]}   # ukf_cv_1 and ukf_cv_3
 """,
     "monte_carlo": """\
 monte_carlo: {runs: 100, seed: 7}
@@ -83,16 +87,64 @@ recording: {run: 0}
 """,
 }
 
+#: An example of each other form that a section can have, by the class that describes it.
+OTHER_EXAMPLES = {
+    "ScriptedTruth": """\
+truth:
+  source: scripted
+  duration_s: 20
+  rate_hz: 20
+  observer: {x: 0, y: 0, yaw_deg: 0}
+  objects:
+    cyclist:
+      start: {x: 5, y: 0, speed_mps: 5, course_deg: 90}
+      length_m: 1.8
+      width_m: 0.6
+      pieces:
+        - {for_s: 5}
+        - {for_s: 3, turn_rate_degps: 30, acceleration_mps2: 0.5}
+        - {for_s: 5, white: {motion: cv, acceleration_sigma_mps2: 3}}   # drawn anew in each run
+        - {for_s: 2, white_acceleration: {x_sigma_mps2: 5, y_sigma_mps2: 0}}
+        - {waypoints: [[0, 0], [10, 5]], speed_mps: 5}
+    bollard:
+      start: {x: 20, y: 3}
+""",
+    "RecordingTruth": """\
+truth:
+  source: recording
+  format: csv
+  path: $TRACKBENCH_DATA/drive.csv   # time,name,x,y,v_east,v_north,r,phi,doppler
+  columns: {time: time, object: name, px: x, py: y, vx: v_east, vy: v_north}
+  units: {time: ms, angle: deg}
+  observer: {x: 10, y: 0, yaw_deg: 90}
+  readings:
+    front_radar: {range: r, azimuth: phi, range_rate: doppler}
+""",
+}
+
 #: For each section the classes that describe it, each under its heading.
 SECTIONS: dict[str, dict[str, str]] = {
     "truth": {
-        "HighwayTruth": "",
-        "FixedObserver": "`observer` as a fixed point",
+        "HighwayTruth": "Simulated traffic",
+        "FixedObserver": "`observer` of simulated traffic as a fixed point",
         "NearestTargets": "`targets` by distance",
         "IdTargets": "`targets` by name",
+        "ScriptedTruth": "Scripted motion",
+        "MovingObserver": "`observer` of scripted motion",
+        "ScriptedObject": "Each of `objects`",
+        "Start": "`start`",
+        "Piece": "Each of `pieces`",
+        "WhiteMotion": "`white`",
+        "WhiteAcceleration": "`white_acceleration`",
+        "RecordingTruth": "Recorded motion",
+        "TruthColumns": "`columns`",
+        "ObserverColumns": "`columns.observer`",
+        "Units": "`units`",
+        "ReadingColumns": "Each of `readings`",
     },
     "sensors": {
         "RadarConfig": "Radar",
+        "SpeedRadarConfig": "Speed radar",
         "LidarConfig": "Lidar",
         "Mount": "`mount`",
         "Dropout": "Each of `dropouts`",
@@ -133,7 +185,10 @@ def scenario_markdown() -> str:
         blocks += [f"## {section}", _example(section)]
         for name, heading in classes.items():
             blocks += [f"### {heading}"] if heading else []
-            blocks += [parts[name]["description"], _table(parts[name])]
+            blocks.append(parts[name]["description"])
+            if name in OTHER_EXAMPLES:
+                blocks.append(f"```yaml\n{OTHER_EXAMPLES[name]}```")
+            blocks.append(_table(parts[name]))
         if section == "sensors":
             blocks.append(_presets())
         if section == "expect":
@@ -151,7 +206,7 @@ def _table(part: Schema) -> str:
     for key, field in part["properties"].items():
         unit = split_key(key)[1]
         default = "required" if key in required else _value(field.get("default"))
-        if key in part.get("then", {}).get("required", ()) and key not in part["required"]:
+        if key in part.get("then", {}).get("required", ()) and "preset" in part["properties"]:
             default = "required, or from the preset"
         cells = (
             f"`{key}`",

@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 from trackbench.config import PROBLEM, Config
 from trackbench.errors import nearest
 from trackbench.scenario.key_units import convert, read_number, show, split_key, unit_of
-from trackbench.scenario.places import Place, find, keyed_fields, models, words
+from trackbench.scenario.places import Place, find, keyed_fields, members, models, words
 from trackbench.scenario.source import KeyPath
 from trackbench.scenario.unknown_keys import advise
 
@@ -48,10 +48,10 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case _ if place.is_key:
             return path, "a name starts with a letter and has only letters, digits, _ and -, at most 64"
         case "union_tag_not_found":
-            return (*path, "type"), f"missing; choose from: {_tags(context)}"
+            return (*path, _discriminator(context)), f"missing; choose from: {', '.join(members(place.annotation))}"
         case "union_tag_invalid":
-            known = _tags(context).split(", ")
-            return (*path, "type"), f"{context['tag']!r} is not known; {nearest(context['tag'], known)}"
+            hint = nearest(context["tag"], members(place.annotation))
+            return (*path, _discriminator(context)), f"{context['tag']!r} is not known; {hint}"
         case "missing":
             return path, f"missing; {_meaning(place)}"
         case "literal_error":
@@ -73,6 +73,9 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
             return path, _mapping(value, place)
         case "string_pattern_mismatch":
             return path, f"{value!r} is not possible: only a to z, 0 to 9, _ and -"
+        case "too_short" | "too_long" if context.get("min_length", 1) > 1 or kind == "too_long":
+            wanted = context.get("min_length") or context["max_length"]
+            return path, f"{wanted} entries are needed, not {context['actual_length']}"
         case "too_short" | "string_too_short":
             return path, "must not be empty"
         case "string_too_long":
@@ -85,8 +88,9 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
             return path, error["msg"][0].lower() + error["msg"][1:]
 
 
-def _tags(context: dict[str, Any]) -> str:
-    return str(context["expected_tags"]).replace("'", "") if "expected_tags" in context else "radar, lidar"
+def _discriminator(context: dict[str, Any]) -> str:
+    """The key that tells the members of a union apart."""
+    return str(context["discriminator"]).strip("'")
 
 
 def _meaning(place: Place) -> str:

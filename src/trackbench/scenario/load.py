@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -13,6 +13,7 @@ from trackbench.scenario.config import Scenario
 from trackbench.scenario.explain import explain
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.source import Document, KeyPath, dotted, parse
+from trackbench.scenario.sweep import expand_sweeps
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class LoadedScenario:
     """Each ``key.path=value`` that was set over the file."""
     document: Document
     """The plain values that were validated, each with its place."""
+    sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """By the name of each tracker with a sweep, the names of its points."""
 
     def locate(self, error: InputError) -> InputError:
         """The same error with the file and line of its key."""
@@ -58,7 +61,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
         required = ", ".join(name for name, field in Scenario.model_fields.items() if field.is_required())
         message = f"the file {found}; a scenario has the keys {required}"
         raise InputError(message, file=path, line=document.origin(()).line)
-    document = apply_overrides(document, overrides)
+    document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:
         config = Scenario.model_validate(document.value)
     except ValidationError as invalid:
@@ -66,7 +69,7 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
         raise _in_file_order(document, problems) from None
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
-    return LoadedScenario(config, path, text, tuple(overrides), document)
+    return LoadedScenario(config, path, text, tuple(overrides), document, sweeps)
 
 
 def _read(path: Path) -> str:
@@ -93,7 +96,9 @@ def _in_file_order(document: Document, problems: Iterable[tuple[KeyPath, str]]) 
     errors = []
     for path, message in problems:
         origin = document.origin(path)
-        errors.append(InputError(message, key=dotted(path) or None, file=origin.file, line=origin.line))
+        errors.append(
+            InputError(message, key=dotted(document.as_written(path)) or None, file=origin.file, line=origin.line)
+        )
     unique = list({str(error): error for error in errors}.values())
     unique.sort(key=lambda error: (error.line is None, error.line or 0))
     return unique[0] if len(unique) == 1 else InputErrors(unique)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from trackbench.errors import InputError
@@ -25,10 +26,10 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> Document:
         parts = key.strip().split(".")
         if not equals or not all(parts):
             raise InputError("write --set key.path=value, such as --set monte_carlo.runs=10", file=origin.file)
-        path = _set(value, parts, _read(text, origin), origin)
+        path = set_value(value, parts, _read(text, origin), origin)
         origins = {at: place for at, place in origins.items() if at[: len(path)] != path}
         origins[path] = origin
-    return Document(value, origins)
+    return replace(document, value=value, origins=origins)
 
 
 def _read(text: str, origin: Origin) -> Any:
@@ -38,8 +39,12 @@ def _read(text: str, origin: Origin) -> Any:
         raise InputError(error.message, file=origin.file) from None
 
 
-def _set(root: Any, parts: list[str], new: Any, origin: Origin) -> KeyPath:
-    """Set the value and return the path of what changed: of the outermost mapping that had to be made."""
+def set_value(root: Any, parts: Sequence[str], new: Any, origin: Origin) -> KeyPath:
+    """Set the value at the keys ``parts``, and return the path of what changed: the outermost mapping made for it.
+
+    Raises:
+        InputError: an index outside its list, a path through a plain value; with the place ``origin`` of the value.
+    """
     node = root
     path: KeyPath = ()
     changed: KeyPath | None = None
@@ -48,7 +53,7 @@ def _set(root: Any, parts: list[str], new: Any, origin: Origin) -> KeyPath:
         if not isinstance(node, dict | list):
             at = dotted(path)
             message = f"it is {node!r}, which has no key {part!r}; set it as a whole: --set '{at}={{...}}'"
-            raise InputError(message, key=at, file=origin.file)
+            raise InputError(message, key=at, file=origin.file, line=origin.line)
         path = (*path, key)
         if position == len(parts) - 1:
             node[key] = new
@@ -63,4 +68,6 @@ def _index(items: list[Any], part: str, path: KeyPath, origin: Origin) -> int:
     if part.isdecimal() and int(part) < len(items):
         return int(part)
     choices = f"choose from 0 to {len(items) - 1}" if items else "it is empty"
-    raise InputError(f"{part!r} is not an index of this list; {choices}", key=dotted(path), file=origin.file)
+    raise InputError(
+        f"{part!r} is not an index of this list; {choices}", key=dotted(path), file=origin.file, line=origin.line
+    )

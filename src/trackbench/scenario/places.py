@@ -34,9 +34,9 @@ def find(root: type[Config], location: tuple[str | int, ...]) -> Place:
     model: type[Config] | None = None
     annotation: Any = root
     for part in location:
-        members = _members(annotation)
-        if part in members:
-            annotation = members[str(part)]
+        tagged = members(annotation)
+        if part in tagged:
+            annotation = tagged[str(part)]
             continue
         if part == KEY:
             return Place(path, None, annotation, True)
@@ -72,6 +72,14 @@ def models(annotation: Any) -> list[type[Config]]:
     return [model for part in get_args(bare) for model in models(part)]
 
 
+def distinction(model: Any) -> tuple[str, str] | None:
+    """The key and the word that tell a class from the others in its union: ``("type", "radar")``."""
+    for key, field in getattr(model, "model_fields", {}).items():
+        if get_origin(field.annotation) is Literal and len(get_args(field.annotation)) == 1:
+            return key, str(get_args(field.annotation)[0])
+    return None
+
+
 def _bare(annotation: Any) -> Any:
     """Without ``Annotated`` and without ``None``."""
     while get_origin(annotation) is Annotated:
@@ -84,7 +92,7 @@ def _union(annotation: Any) -> tuple[Any, ...]:
     return get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else ()
 
 
-def _members(annotation: Any) -> dict[str, Any]:
+def members(annotation: Any) -> dict[str, Any]:
     """The members of a union by the tags that pydantic names them with."""
     return {_tag(member): member for member in _union(_bare(annotation))}
 
@@ -93,8 +101,8 @@ def _tag(member: Any) -> str:
     for mark in getattr(member, "__metadata__", ()):
         if isinstance(mark, Tag):
             return mark.tag
-    fields = getattr(member, "model_fields", {})
-    return str(fields["type"].default) if "type" in fields else str(member)
+    word = distinction(member)
+    return str(member) if word is None else word[1]
 
 
 def _item(annotation: Any) -> Any:

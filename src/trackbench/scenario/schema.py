@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 from trackbench.scenario.config import Scenario
+from trackbench.sensing.config import Sensor
 from trackbench.sensing.presets import list_presets
 from trackbench.trackers.config import LINEAR_MOTION, MOTION_NOISE
 
@@ -20,8 +21,8 @@ def json_schema() -> Schema:
     parts = schema["$defs"]
     for part in parts.values():
         _untitle(part)
-    for kind in ("radar", "lidar"):
-        _sensor(parts[f"{kind.capitalize()}Config"], kind)
+    for sensor in get_args(Sensor):
+        _sensor(parts[sensor.__name__], sensor.model_fields["type"].default)
     _tracker(parts["FilterConfig"])
     parts["Expectation"]["oneOf"] = [{"required": [key]} for key in ("below", "above", "is", "better_than")]
     word = {"enum": parts["InitialConfig"]["properties"]["from"]["enum"]}
@@ -57,6 +58,10 @@ def _sensor(part: Schema, kind: str) -> None:
     part["required"] = ["type"]
     part["properties"]["type"].pop("default")
     names = [preset.name for preset in list_presets() if preset.kind == kind]
+    if not names:
+        part["properties"].pop("preset")
+        part["required"] += needed
+        return
     part["properties"]["preset"] = {"enum": names, "description": part["properties"]["preset"]["description"]}
     part["if"] = {"not": {"required": ["preset"]}}
     part["then"] = {"required": needed}
@@ -64,9 +69,13 @@ def _sensor(part: Schema, kind: str) -> None:
 
 def _tracker(part: Schema) -> None:
     """The noise that each motion model needs, and the motion models that a linear filter takes."""
+    # A sweep may give any key.
+    part["if"] = {"not": {"required": ["sweep"]}}
+    part["then"] = {"required": part.pop("required")}
+    stated = {"anyOf": [{"required": ["process_noise_diag"]}, {"required": ["sweep"]}]}
     part["allOf"] = [
         {
-            "if": {"properties": {"motion": {"const": motion}}, "required": ["motion"]},
+            "if": {"properties": {"motion": {"const": motion}}, "required": ["motion"], "not": stated},
             "then": {"required": list(noise)},
         }
         for motion, noise in MOTION_NOISE.items()

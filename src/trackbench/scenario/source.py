@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import yaml
@@ -36,9 +36,19 @@ class Document:
 
     value: Any
     origins: dict[KeyPath, Origin]
+    written: dict[KeyPath, KeyPath] = field(default_factory=dict)
+    """For a value that was made from another: the path at which that one was written."""
+
+    def as_written(self, path: KeyPath) -> KeyPath:
+        """The path in the file of the value at ``path``."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.written:
+                return (*self.written[path[:length]], *path[length:])
+        return path
 
     def origin(self, path: KeyPath) -> Origin:
         """Where the value at ``path``, or the nearest mapping or list around it, was written."""
+        path = self.as_written(path)
         for length in range(len(path), 0, -1):
             if path[:length] in self.origins:
                 return self.origins[path[:length]]

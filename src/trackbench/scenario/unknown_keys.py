@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from trackbench.config import Config
 from trackbench.errors import nearest
 from trackbench.scenario.key_units import Unit, convert, show, split_key
-from trackbench.scenario.places import keyed_fields, models
+from trackbench.scenario.places import distinction, keyed_fields, models
 
 
 class Advice(NamedTuple):
@@ -25,7 +25,7 @@ def advise(key: str, value: Any, model: type[Config], root: type[Config]) -> Adv
     meant = _same_quantity(key, keys)
     if meant is not None:
         return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
-    homes = _homes(key, root, ())
+    homes = _homes(key, model, root, ())
     if homes:
         return Advice(f"unknown key here; it belongs to {' or '.join(homes)}", None)
     if split_key(key)[1] is not None:
@@ -60,12 +60,18 @@ def _use(key: str, given: Unit | None, value: Any) -> str:
     return words if converted is None else f"{words}: {show(converted)}"
 
 
-def _homes(key: str, model: type[Config], path: tuple[str, ...]) -> list[str]:
-    """The sections outside of which ``key`` was found, by their dotted names."""
-    found = []
+def _homes(key: str, found_in: type[Config], model: type[Config], path: tuple[str, ...]) -> list[str]:
+    """The sections of ``model`` in which ``key`` is known, by their dotted names.
+
+    Where ``found_in`` is another form of the same section, the name says which form knows the key.
+    """
+    homes = []
     for name, field in keyed_fields(model).items():
-        for part in models(field.annotation):
-            if key in keyed_fields(part):
-                found.append(".".join((*path, name)))
-            found += _homes(key, part, (*path, name))
-    return list(dict.fromkeys(found))
+        forms = models(field.annotation)
+        section = ".".join((*path, name))
+        for form in forms:
+            if key in keyed_fields(form):
+                told = distinction(form) if found_in in forms else None
+                homes.append(section if told is None else f"{section} with {': '.join(told)}")
+            homes += _homes(key, found_in, form, (*path, name))
+    return list(dict.fromkeys(homes))

@@ -32,7 +32,7 @@ class Dropout(Config):
 
 
 class SensorConfig(Config):
-    """What radar and lidar have in common."""
+    """What all sensors have in common."""
 
     type: str = Field(description="The kind of sensor.")
     preset: str | None = Field(
@@ -72,16 +72,32 @@ class SensorConfig(Config):
         return {**preset.values, **data}
 
 
-class RadarConfig(SensorConfig):
+class PolarConfig(SensorConfig):
+    """What the kinds of radar have in common."""
+
+    range_sigma_m: float = Field(gt=0, le=1000, description="Standard deviation of the range, m.")
+    azimuth_sigma_deg: float = Field(gt=0, le=90, description="Standard deviation of the azimuth, degrees.")
+    range_bias_m: float = Field(0, description="Constant error of the range, m.")
+    azimuth_bias_deg: Angle = Field(0, description="Constant error of the azimuth, degrees.")
+
+
+class RadarConfig(PolarConfig):
     """Measures range, azimuth and range rate."""
 
     type: Literal["radar"] = Field("radar", description="The kind of sensor.")
-    range_sigma_m: float = Field(gt=0, le=1000, description="Standard deviation of the range, m.")
-    azimuth_sigma_deg: float = Field(gt=0, le=90, description="Standard deviation of the azimuth, degrees.")
     range_rate_sigma_mps: float = Field(gt=0, le=1000, description="Standard deviation of the range rate, m/s.")
-    range_bias_m: float = Field(0, description="Constant error of the range, m.")
-    azimuth_bias_deg: Angle = Field(0, description="Constant error of the azimuth, degrees.")
     range_rate_bias_mps: float = Field(0, description="Constant error of the range rate, m/s.")
+
+
+class SpeedRadarConfig(PolarConfig):
+    """Measures range, azimuth and, in place of the range rate, the target's speed over ground.
+
+    No radar does; it is for trackers that were written for such readings.
+    """
+
+    type: Literal["speed_radar"] = Field("speed_radar", description="The kind of sensor.")
+    speed_sigma_mps: float = Field(gt=0, le=1000, description="Standard deviation of the speed, m/s.")
+    speed_bias_mps: float = Field(0, description="Constant error of the speed, m/s.")
 
 
 class LidarConfig(SensorConfig):
@@ -97,4 +113,6 @@ class LidarConfig(SensorConfig):
     y_bias_m: float = Field(0, description="Constant error to the left of the boresight, m.")
 
 
-AnySensor = Annotated[RadarConfig | LidarConfig, Field(discriminator="type")]
+#: Each kind of sensor.
+Sensor = RadarConfig | SpeedRadarConfig | LidarConfig
+AnySensor = Annotated[Sensor, Field(discriminator="type")]

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.sensing.config import RadarConfig, Sensor, SpeedRadarConfig
 from trackbench.types import Array
 
 
-def standard_deviations(config: RadarConfig | LidarConfig) -> Array:
+def standard_deviations(config: Sensor) -> Array:
     """``(m,)`` standard deviation of each component of a reading."""
-    if isinstance(config, RadarConfig):
-        return np.array([config.range_sigma_m, np.deg2rad(config.azimuth_sigma_deg), config.range_rate_sigma_mps])
+    if isinstance(config, RadarConfig | SpeedRadarConfig):
+        last = config.range_rate_sigma_mps if isinstance(config, RadarConfig) else config.speed_sigma_mps
+        return np.array([config.range_sigma_m, np.deg2rad(config.azimuth_sigma_deg), last])
     return np.array([config.position_sigma_m, config.position_sigma_m])
 
 
-def biases(config: RadarConfig | LidarConfig) -> Array:
+def biases(config: Sensor) -> Array:
     """``(m,)`` constant error of each component of a reading."""
-    if isinstance(config, RadarConfig):
-        return np.array([config.range_bias_m, np.deg2rad(config.azimuth_bias_deg), config.range_rate_bias_mps])
+    if isinstance(config, RadarConfig | SpeedRadarConfig):
+        last = config.range_rate_bias_mps if isinstance(config, RadarConfig) else config.speed_bias_mps
+        return np.array([config.range_bias_m, np.deg2rad(config.azimuth_bias_deg), last])
     return np.array([config.x_bias_m, config.y_bias_m])

@@ -1,4 +1,4 @@
-"""Synthetic readings of a block of Monte-Carlo runs."""
+"""The readings of a block of Monte-Carlo runs: synthesised, or as recorded."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.sensing.config import Sensor
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.noise import biases, standard_deviations
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.streams import stream
-from trackbench.types import Array, Mask, Scan, Truth
+from trackbench.types import Array, Mask, RecordedReadings, Scan, Truth
 from trackbench.units import difference
 
 
 @dataclass(frozen=True)
 class IdealSensor:
-    """What one sensor would read without noise, at each of its instants."""
+    """What one sensor would read without noise, or has read, at each of its instants."""
 
     name: str
-    config: RadarConfig | LidarConfig
+    config: Sensor
     steps: npt.NDArray[np.intp]
     """``(instants,)`` indices into the truth."""
     time: Array
@@ -39,11 +39,25 @@ class IdealSensor:
     """``(2, instants)``."""
     noise: Array
     """``(m, m)``."""
+    recorded: bool = False
+    """Whether the readings are as recorded: no noise is added, and every visible object is detected."""
 
 
-def ideal_sensors(truth: Truth, sensors: Mapping[str, RadarConfig | LidarConfig]) -> list[IdealSensor]:
-    """The noiseless side of sensing, which is the same in every run."""
-    return [_ideal(truth, name, config) for name, config in sensors.items()]
+def ideal_sensors(
+    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, RecordedReadings] | None = None
+) -> list[IdealSensor]:
+    """The side of sensing that is the same in every run.
+
+    Args:
+        truth: the motion.
+        sensors: by name.
+        recorded: what some of them have read.
+    """
+    known = recorded or {}
+    return [
+        _as_recorded(truth, name, config, known[name]) if name in known else _ideal(truth, name, config)
+        for name, config in sensors.items()
+    ]
 
 
 @dataclass(frozen=True)
@@ -89,7 +103,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
     return Readings(scans, detections, [run.digest() for run in hashes])
 
 
-def _ideal(truth: Truth, name: str, config: RadarConfig | LidarConfig) -> IdealSensor:
+def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     steps = firing_steps(config, truth.time)
     motion = sensor_motion(truth.observer, config.mount)
     pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
@@ -105,6 +119,16 @@ def _ideal(truth: Truth, name: str, config: RadarConfig | LidarConfig) -> IdealS
     return IdealSensor(name, config, steps, time, reading, visible, pose, velocity, noise)
 
 
+def _as_recorded(truth: Truth, name: str, config: Sensor, readings: RecordedReadings) -> IdealSensor:
+    motion = sensor_motion(truth.observer, config.mount)
+    time = truth.time[readings.steps]
+    visible = readings.valid[:, :, None] & ~silent(config, time)[:, None, None]
+    pose, velocity = motion.pose[:, readings.steps], motion.velocity[:, readings.steps]
+    noise = np.diag(standard_deviations(config) ** 2)
+    reading = readings.reading[..., None]
+    return IdealSensor(name, config, readings.steps, time, reading, visible, pose, velocity, noise, recorded=True)
+
+
 def _noisy(
     sensor: IdealSensor, seed: int, scenario: str, runs: range, hashes: Sequence[hashlib._Hash]
 ) -> tuple[Array, Mask]:
@@ -112,6 +136,9 @@ def _noisy(
     size, instants, objects = sensor.reading.shape[:3]
     model = SENSOR_MODELS[sensor.config.type]
     sigma, bias = standard_deviations(sensor.config), biases(sensor.config)
+    probability = sensor.config.detection_probability
+    if sensor.recorded:
+        sigma, bias, probability = np.zeros_like(sigma), np.zeros_like(bias), 1.0
     readings = np.empty((instants, size, objects, len(runs)))
     valid = np.empty((instants, objects, len(runs)), dtype=bool)
     for i, run in enumerate(runs):
@@ -119,7 +146,7 @@ def _noisy(
         error = random.standard_normal((size, instants, objects)) * sigma[:, None, None] + bias[:, None, None]
         chance = random.random((instants, objects))
         of_run = run if sensor.reading.shape[-1] > 1 else 0
-        detected = sensor.visible[..., of_run] & (chance < sensor.config.detection_probability)
+        detected = sensor.visible[..., of_run] & (chance < probability)
         noisy = difference(sensor.reading[..., of_run], -error, model.angular)
         noisy = np.where(detected, noisy, np.nan)
         hashes[i].update(noisy.tobytes())

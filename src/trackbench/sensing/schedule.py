@@ -8,18 +8,22 @@ import numpy.typing as npt
 from trackbench.sensing.config import SensorConfig
 from trackbench.types import Array, Mask
 
+#: Instants are multiples of a step that is not exact in binary, s.
+TOLERANCE = 5e-7
+
 
 def firing_steps(config: SensorConfig, time: Array) -> npt.NDArray[np.intp]:
-    """Indices of the truth steps at which the sensor takes a reading; its rate divides that of the truth."""
-    dt = time[1] - time[0] if len(time) > 1 else 1.0
-    period = max(1, round(1.0 / (config.rate_hz * dt)))
-    return np.arange(round(config.phase_s / dt), len(time), period)
+    """Indices of the truth steps at which the sensor takes a reading: the first at or after each instant of its rate.
+
+    On a regular grid whose rate that of the sensor divides, these are the instants themselves.
+    """
+    due = np.arange(config.phase_s, time[-1] + TOLERANCE, 1.0 / config.rate_hz)
+    return np.unique(np.searchsorted(time, due - TOLERANCE))
 
 
 def silent(config: SensorConfig, time: Array) -> Mask:
     """Whether the sensor is silent at each time; a dropout holds from its first instant to before its last."""
     mask = np.zeros(np.shape(time), dtype=bool)
     for dropout in config.dropouts:
-        # Half a microsecond of tolerance: instants are multiples of a step that is not exact in binary.
-        mask |= (time >= dropout.from_s - 5e-7) & (time < dropout.to_s - 5e-7)
+        mask |= (time >= dropout.from_s - TOLERANCE) & (time < dropout.to_s - TOLERANCE)
     return mask

@@ -14,7 +14,7 @@ from trackbench.filters import (
     classic,
     scaled,
 )
-from trackbench.models.motion import MOTION_MODELS, MotionModel
+from trackbench.models.motion import MOTION_MODELS, MotionModel, StatedNoise
 from trackbench.trackers.config import MOTION_NOISE, FilterConfig
 from trackbench.trackers.filtered import FilterTracker
 
@@ -30,7 +30,7 @@ FILTERS = {
 
 def build(config: FilterConfig) -> FilterTracker:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
-    return FilterTracker(_filter(config), config.initial)
+    return FilterTracker(_filter(config), config.initial, sensor_models=config.sensor_models, sensors=config.sensors)
 
 
 def kf(**options: Any) -> FilterTracker:
@@ -59,8 +59,10 @@ def ckf(**options: Any) -> FilterTracker:
 
 
 def _motion(config: FilterConfig) -> MotionModel:
-    sigmas = [getattr(config, key) for key in MOTION_NOISE[config.motion]]
-    return MOTION_MODELS[config.motion](*sigmas)
+    model, keys = MOTION_MODELS[config.motion], MOTION_NOISE[config.motion]
+    if config.process_noise_diag is not None:
+        return StatedNoise(model(*(0.0 for _ in keys)), tuple(config.process_noise_diag))
+    return model(*(getattr(config, key) for key in keys))
 
 
 def _filter(config: FilterConfig) -> Filter:

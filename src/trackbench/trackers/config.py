@@ -7,11 +7,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from trackbench.config import PROBLEM, Config, Positive, Problem
+from trackbench.config import PROBLEM, Config, NonNegative, Positive, Problem
+from trackbench.models.motion import MOTION_MODELS
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 MotionName = Literal["cv", "ca", "ctrv", "ctra"]
 InitialSource = Literal["first_reading", "two_readings", "truth"]
+SensorKind = Literal["radar", "speed_radar", "lidar"]
+Sweep = Annotated[
+    dict[str, list[Any]] | list[dict[str, Any]] | None,
+    Field(
+        description="Makes one tracker of each point, named after the values (`ukf_0p8_0p4`). A mapping of options to "
+        "lists: all combinations. A list of mappings: these points. An option within another is written with a "
+        "dot: `initial.velocity_sigma_mps`, `options.alpha`."
+    ),
+]
 
 #: The process noise that each motion model is driven by.
 MOTION_NOISE: dict[str, tuple[str, ...]] = {
@@ -29,8 +39,15 @@ FILTER_KEYS: dict[str, tuple[str, ...]] = {
 }
 LINEAR_MOTION = ("cv", "ca")
 
-#: Where each standard deviation of the initial state is used; elsewhere the readings give it.
+#: The components of each motion model's state.
+MOTION_STATE = {name: model.components for name, model in MOTION_MODELS.items()}
+
+#: Where each key of the initial state is used; elsewhere the readings give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
+    "sensors": ("first_reading", "two_readings"),
+    "skip": ("first_reading", "two_readings"),
+    "waiting": ("first_reading", "two_readings"),
+    "velocity": ("first_reading",),
     "position_sigma_m": ("truth",),
     "velocity_sigma_mps": ("first_reading", "truth"),
 }
@@ -50,6 +67,28 @@ class InitialConfig(Config):
         description="first_reading: position of the first reading, velocity unknown. two_readings: velocity "
         "from the displacement between the first two. truth: drawn from the truth with the standard "
         "deviations below, for consistency tests.",
+    )
+    sensors: list[str] | None = Field(
+        None,
+        min_length=1,
+        description="Names of the sensors whose readings start a track; those that the tracker reads unless given. Not "
+        "from truth.",
+    )
+    skip: int = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="How many readings of an object are passed over before those that start its track.",
+    )
+    waiting: Literal["nothing", "at_rest"] = Field(
+        "nothing",
+        description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
+        "latest reading says, its velocity being as unknown as from first_reading.",
+    )
+    velocity: Literal["zero", "radial"] = Field(
+        "zero",
+        description="First velocity, from first_reading only. radial: the third component of a radar's reading, along "
+        "the line of sight.",
     )
     position_sigma_m: Positive = Field(
         1, description="Standard deviation of each position component, m; from truth only."
@@ -74,11 +113,20 @@ class InitialConfig(Config):
     def _word(cls, data: Any) -> Any:
         return {"from": data} if isinstance(data, str) else data
 
+    covariance_diag: list[Positive] | None = Field(
+        None,
+        description="Diagonal of the covariance that the first state is said to have, one variance for each component "
+        "of the state. Unless given, it is what the reading and the standard deviations above give.",
+    )
+
     def problems(self) -> Iterator[Problem]:
-        for key, sources in INITIAL_SOURCES.items():
-            if key in self.model_fields_set and self.source not in sources:
+        for key in (name for name in type(self).model_fields if name in self.model_fields_set):
+            sources = INITIAL_SOURCES.get(key, (self.source,))
+            if self.source not in sources:
                 allowed = " or ".join(sources)
                 yield Problem((key,), f"not used with from: {self.source}; remove it, or use from: {allowed}")
+            elif "sigma" in key and self.covariance_diag is not None and self.source != "truth":
+                yield Problem((key,), "not used with covariance_diag, which says it all; remove one of them")
 
 
 class FilterConfig(Config):
@@ -100,6 +148,11 @@ class FilterConfig(Config):
         None,
         description="Standard deviation of the yaw acceleration that drives ctrv and ctra, rad/s^2; required there.",
     )
+    process_noise_diag: list[NonNegative] | None = Field(
+        None,
+        description="Diagonal of a constant process noise, one variance for each component of the state, added at "
+        "every step of time whatever its length, in place of what the standard deviations above give.",
+    )
     initial: InitialConfig = Field(
         default_factory=InitialConfig,
         description="How a track starts; a single word is short for {from: word}.",
@@ -120,6 +173,17 @@ class FilterConfig(Config):
         "minus the number of spread components with classic.",
     )
     iterations: int = Field(5, ge=1, le=100, description="iekf only. How often an update is linearised again.")
+    sensor_models: dict[str, SensorKind] = Field(
+        default_factory=dict,
+        description="For a sensor's name, the kind of sensor (`trackbench list sensors` shows them) that the tracker "
+        "takes it for, in place of what it is: shows what a wrong sensor model costs.",
+    )
+    sweep: Sweep = None
+
+    @property
+    def heard(self) -> list[str] | None:
+        """Names of the sensors whose readings it is given: those that it reads or starts tracks from; None: all."""
+        return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
 
     def problems(self) -> Iterator[Problem]:
         given = self.model_fields_set
@@ -128,12 +192,7 @@ class FilterConfig(Config):
                 ("motion",),
                 f"kf needs a linear motion model: use cv or ca, or filter: ekf with {self.motion}",
             )
-        used = MOTION_NOISE[self.motion]
-        for key in NOISE_KEYS:
-            if key in used and getattr(self, key) is None:
-                yield Problem((key,), f"missing: motion {self.motion} needs {' and '.join(used)}")
-            if key not in used and key in given:
-                yield Problem((key,), f"motion {self.motion} does not use this; it uses {' and '.join(used)}")
+        yield from self._noise_problems()
         for name, keys in FILTER_KEYS.items():
             for key in keys:
                 if key in given and self.filter != name:
@@ -145,7 +204,27 @@ class FilterConfig(Config):
             if key in self.initial.model_fields_set and self.motion not in motions:
                 uses = " and ".join(motions)
                 yield Problem(("initial", key), f"motion {self.motion} has no such component; {uses} have")
+        yield from self._size_problem(("process_noise_diag",), self.process_noise_diag)
+        yield from self._size_problem(("initial", "covariance_diag"), self.initial.covariance_diag)
         yield from _repeated(self.sensors)
+        yield from _unexpanded(self.sweep)
+
+    def _noise_problems(self) -> Iterator[Problem]:
+        used = MOTION_NOISE[self.motion]
+        stated = self.process_noise_diag is not None
+        for key in NOISE_KEYS:
+            if stated and key in self.model_fields_set:
+                yield Problem((key,), "not used with process_noise_diag, which says it all; remove one of them")
+            elif not stated and key in used and getattr(self, key) is None:
+                yield Problem((key,), f"missing: motion {self.motion} needs {' and '.join(used)}")
+            elif key not in used and key in self.model_fields_set:
+                yield Problem((key,), f"motion {self.motion} does not use this; it uses {' and '.join(used)}")
+
+    def _size_problem(self, at: tuple[str, ...], diagonal: list[float] | None) -> Iterator[Problem]:
+        components = MOTION_STATE[self.motion]
+        if diagonal is not None and len(diagonal) != len(components):
+            needed = f"motion {self.motion} needs {len(components)} variances ({', '.join(components)})"
+            yield Problem(at, f"{needed}, not {len(diagonal)}")
 
 
 class PluginConfig(Config):
@@ -159,14 +238,28 @@ class PluginConfig(Config):
         None, min_length=1, description="Names of the sensors it reads; all unless given."
     )
 
+    sweep: Sweep = None
+
+    @property
+    def heard(self) -> list[str] | None:
+        """Names of the sensors whose readings it is given; None: all."""
+        return self.sensors
+
     def problems(self) -> Iterator[Problem]:
         yield from _repeated(self.sensors)
+        yield from _unexpanded(self.sweep)
 
 
 def _repeated(sensors: list[str] | None) -> Iterator[Problem]:
     for index, name in enumerate(sensors or []):
         if name in (sensors or [])[:index]:
             yield Problem(("sensors", index), f"{name!r} is named twice; remove one")
+
+
+def _unexpanded(sweep: object) -> Iterator[Problem]:
+    """A scenario's sweeps are expanded before its trackers are validated."""
+    if sweep is not None:
+        yield Problem(("sweep",), "only an entry of a scenario's trackers has this key")
 
 
 def _kind(value: Any) -> str | None:

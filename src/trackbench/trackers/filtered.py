@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
 from trackbench.trackers.base import Prior, require_in_sequence
 from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.initial import Waiting
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
 
@@ -23,7 +25,7 @@ class TrackState(NamedTuple):
     belief: Belief
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
-    waiting: initial.FirstReading | None = None
+    waiting: Waiting | None = None
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,10 @@ class FilterTracker:
     initial: InitialConfig
     prior: Prior | None = None
     """Set by the bench where ``initial`` says that tracks start from the truth."""
+    sensor_models: Mapping[str, str] = field(default_factory=dict)
+    """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose readings it takes in; None: all that it is given."""
 
     batched: ClassVar = True
 
@@ -43,6 +49,7 @@ class FilterTracker:
         Raises:
             TrackbenchError: the scan is older than the state.
         """
+        scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
         if state is None:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
         require_in_sequence(scan, state.time)
@@ -50,17 +57,17 @@ class FilterTracker:
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
         said: Update | None = None
-        if np.any(scan.valid):
+        if np.any(scan.valid) and _named(scan, self.sensors):
             said = self.filter.update(belief, scan)
             belief = said.belief
         known, waiting = started, state.waiting
-        if self.prior is None and not np.all(started):
+        if self.prior is None and not np.all(started) and _named(scan, self.initial.sensors or self.sensors):
             begin = initial.start(self.filter.motion, self.initial, scan, waiting)
             begun = _choose(begin.ready & ~started, begin.belief, belief)
             belief = begun._replace(repaired=belief.repaired)
             started, waiting = started | begin.ready, begin.waiting
         repaired = None if belief.repaired is None else belief.repaired & started
-        estimate = self._estimate(belief, started)._replace(repaired=repaired)
+        estimate = self._estimate(belief, started, waiting)._replace(repaired=repaired)
         if said is not None:
             estimate = estimate._replace(
                 innovation=_where(known, said.innovation),
@@ -85,7 +92,7 @@ class FilterTracker:
         sigma = initial.prior_sigma(self.filter.motion, self.initial)
         truth = self.filter.motion.from_kinematics(motion)
         drawn = truth + linalg.expand(sigma, truth) * normal[: len(sigma)]
-        return replace(self, prior=Prior(time, drawn, np.diag(sigma**2)))
+        return replace(self, prior=Prior(time, drawn, np.diag(self.initial.covariance_diag or sigma**2)))
 
     def _placeholder(self, valid: Mask) -> Belief:
         size = len(self.filter.motion.components)
@@ -117,14 +124,24 @@ class FilterTracker:
             chosen = chosen._replace(points=points)
         return chosen, started | fresh
 
-    def _estimate(self, belief: Belief, started: Mask) -> Estimate:
+    def _estimate(self, belief: Belief, started: Mask, waiting: Waiting | None) -> Estimate:
         mean, covariance = self.filter.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
-        return Estimate(_where(started, mean), _where(started, covariance), belief.mean, belief.covariance)
+        if not np.all(started):
+            before: Gaussian | tuple[float, float] = (np.nan, np.nan)
+            if waiting is not None and self.initial.waiting == "at_rest":
+                before = initial.at_rest(waiting, self.initial)
+            mean = np.where(started, mean, before[0])
+            covariance = np.where(started, covariance, before[1])
+        return Estimate(mean, covariance, belief.mean, belief.covariance)
 
 
 def _where(known: Mask, values: Array) -> Array:
     """The values, NaN where nothing is known yet."""
     return values if np.all(known) else np.where(known, values, np.nan)
+
+
+def _named(scan: Scan, sensors: Collection[str] | None) -> bool:
+    return sensors is None or scan.sensor in sensors
 
 
 def _choose(where: Mask, a: Gaussian | Belief, b: Gaussian | Belief) -> Belief:

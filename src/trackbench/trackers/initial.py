@@ -16,12 +16,17 @@ from trackbench.types import Array, Gaussian, Mask, Scan
 TRUE_YAW_SIGMA = 0.1
 
 
-class FirstReading(NamedTuple):
-    """The first position of each track that still waits for its second, each ``(..., lanes)``."""
+class Waiting(NamedTuple):
+    """What is known of the objects whose tracks have not started, each ``(..., lanes)``."""
 
+    readings: Array
+    """How many there were."""
     time: Array
-    """NaN where there was none yet."""
+    """Of the first reading that counts, s; NaN where there was none yet."""
     position: Gaussian
+    """Of the first reading that counts."""
+    latest: Gaussian
+    """Position of the latest reading; NaN where there was none yet."""
 
 
 class Start(NamedTuple):
@@ -29,7 +34,7 @@ class Start(NamedTuple):
 
     ready: Mask
     belief: Gaussian
-    waiting: FirstReading | None
+    waiting: Waiting
 
 
 def spread(config: InitialConfig) -> Spread:
@@ -38,20 +43,29 @@ def spread(config: InitialConfig) -> Spread:
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: FirstReading | None) -> Start:
+def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: Waiting | None) -> Start:
     """Start the tracks that a scan allows to start, from its reading alone or with an earlier one."""
     position = _position(scan)
+    waiting = waiting or _none_yet(scan)
+    counts = scan.valid & (waiting.readings >= config.skip)
+    after = _taken_in(waiting, scan, position, counts)
     if config.source == "first_reading":
-        belief = _at_rest(position, config.velocity_sigma_mps)
-        return Start(scan.valid, motion.from_cartesian(belief, spread(config)), None)
-    if waiting is None:
-        return Start(np.zeros_like(scan.valid), _nothing(motion, scan), _first(scan, position))
+        velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
+        velocity = velocity if config.velocity == "radial" else np.zeros_like(velocity)
+        belief = motion.from_cartesian(_from_one(position, velocity, config.velocity_sigma_mps), spread(config))
+        return Start(counts, _stated(belief, config), after)
     elapsed = scan.time - waiting.time
-    ready = scan.valid & (elapsed > 0.0)
+    ready = counts & (elapsed > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
         begun = motion.from_cartesian(belief, spread(config))
-    return Start(ready, begun, _fill(waiting, _first(scan, position)))
+    return Start(ready, _stated(begun, config), after)
+
+
+def at_rest(waiting: Waiting, config: InitialConfig) -> Gaussian:
+    """px, py, vx, vy of objects that stand where their latest reading says; NaN where there was none."""
+    belief = _from_one(waiting.latest, np.zeros_like(waiting.latest.mean), config.velocity_sigma_mps)
+    return Gaussian(*(np.where(waiting.readings > 0, part, np.nan) for part in belief))
 
 
 def prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
@@ -72,12 +86,12 @@ def _position(scan: Scan) -> Gaussian:
     return Gaussian(mean, np.broadcast_to(linalg.expand(covariance, mean[None]), (2, *mean.shape)))
 
 
-def _at_rest(position: Gaussian, velocity_sigma: float) -> Gaussian:
+def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gaussian:
     batch = position.mean.shape[1:]
     covariance = np.zeros((4, 4, *batch))
     covariance[:2, :2] = position.covariance
     covariance[2, 2] = covariance[3, 3] = velocity_sigma**2
-    return Gaussian(np.concatenate([position.mean, np.zeros((2, *batch))]), covariance)
+    return Gaussian(np.concatenate([position.mean, velocity]), covariance)
 
 
 def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
@@ -90,18 +104,30 @@ def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
     return Gaussian(np.concatenate([second.mean, velocity]), covariance)
 
 
-def _first(scan: Scan, position: Gaussian) -> FirstReading:
-    return FirstReading(np.where(scan.valid, scan.time, np.nan), position)
+def _stated(belief: Gaussian, config: InitialConfig) -> Gaussian:
+    """The belief with the covariance that the scenario states, if it states one."""
+    if config.covariance_diag is None:
+        return belief
+    covariance = linalg.expand(np.diag(config.covariance_diag), belief.mean[None])
+    return Gaussian(belief.mean, np.broadcast_to(covariance, belief.covariance.shape))
 
 
-def _fill(waiting: FirstReading, new: FirstReading) -> FirstReading:
-    held = ~np.isnan(waiting.time)
-    return FirstReading(
-        np.where(held, waiting.time, new.time),
-        Gaussian(*(np.where(held, a, b) for a, b in zip(waiting.position, new.position, strict=True))),
+def _none_yet(scan: Scan) -> Waiting:
+    batch = scan.valid.shape
+    nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
+    nothing = Gaussian(np.zeros((2, *batch)), np.zeros((2, 2, *batch)))
+    return Waiting(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)
+
+
+def _taken_in(waiting: Waiting, scan: Scan, position: Gaussian, counts: Mask) -> Waiting:
+    first = counts & np.isnan(waiting.time)
+    return Waiting(
+        waiting.readings + scan.valid,
+        np.where(first, scan.time, waiting.time),
+        _choose(first, position, waiting.position),
+        _choose(scan.valid, position, waiting.latest),
     )
 
 
-def _nothing(motion: MotionModel, scan: Scan) -> Gaussian:
-    size, batch = len(motion.components), scan.valid.shape
-    return Gaussian(np.zeros((size, *batch)), np.zeros((size, size, *batch)))
+def _choose(where: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
+    return Gaussian(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))

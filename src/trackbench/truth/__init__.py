@@ -1,19 +1,30 @@
-"""Ground truth: simulated once, audited, and kept.
+"""Ground truth, from whatever source a scenario names: simulated (once, and kept), scripted, or recorded.
 
 The simulator takes a second to import, so nothing here imports it before it is needed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 from trackbench.truth import cache as store
-from trackbench.truth.config import HighwayTruth
-from trackbench.types import Truth
+from trackbench.truth.config import AnyTruth, HighwayTruth, RecordingTruth, ScriptedTruth
+from trackbench.truth.scripted import script
+from trackbench.types import RecordedReadings, Truth
 
-__all__ = ["LoadedTruth", "list_envs", "load_truth", "validate"]
+__all__ = ["Draw", "LoadedTruth", "list_envs", "load_truth", "validate"]
 
 OWN_CLASSES = "highway_env."
+
+
+class Draw(NamedTuple):
+    """What random motion is drawn by: ``streams.stream(seed, scenario, run, "motion of <object>")``."""
+
+    seed: int
+    scenario: str
+    runs: int
 
 
 class LoadedTruth(NamedTuple):
@@ -24,14 +35,69 @@ class LoadedTruth(NamedTuple):
     """Whether it was read from the cache."""
     notes: tuple[str, ...] = ()
     """What went wrong with the cache, a line each."""
+    readings: dict[str, RecordedReadings] | None = None
+    """By sensor; None where readings are to be synthesised."""
 
 
-def load_truth(config: HighwayTruth, *, cache: bool = True) -> LoadedTruth:
-    """The truth that ``config`` describes, from the cache if it is there.
+def load_truth(
+    config: AnyTruth, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, cache: bool = True
+) -> LoadedTruth:
+    """The truth that ``config`` describes.
+
+    Args:
+        config: the ``truth`` of a scenario.
+        draw: what random motion is drawn by.
+        folder: the scenario's, where relative paths start.
+        sensors: the kind of each of the scenario's sensors, which a recording may feed.
+        cache: whether a simulated truth is read from the cache and kept there.
 
     Raises:
-        InputError: the configuration cannot be simulated, or the audit is told to refuse and finds a fault.
+        InputError: the configuration cannot be simulated, the audit is told to refuse and finds a fault, or a
+            recording is missing or damaged.
     """
+    match config:
+        case HighwayTruth():
+            return _simulated(config, cache)
+        case ScriptedTruth():
+            return LoadedTruth(script(config, *draw), cached=False)
+        case RecordingTruth():
+            from trackbench.truth import recorded
+
+            recording = recorded.load(config, sensors or {}, folder)
+            return LoadedTruth(recording.truth, cached=False, readings=recording.readings)
+
+
+def validate(config: AnyTruth, *, folder: Path, sensors: Mapping[str, str] | None = None) -> None:
+    """Check everything that can be checked without simulating; a recording is read.
+
+    Args:
+        config: the ``truth`` of a scenario.
+        folder: the scenario's, where relative paths start.
+        sensors: the kind of each of the scenario's sensors, which a recording may feed.
+
+    Raises:
+        InputError: an unknown environment or key, a value of the wrong type, rates that do not divide, a recording
+            that is missing or damaged.
+    """
+    if isinstance(config, HighwayTruth):
+        from trackbench.truth import highway
+
+        highway.validate(config)
+    if isinstance(config, RecordingTruth):
+        from trackbench.truth import recorded
+
+        recorded.load(config, sensors or {}, folder)
+
+
+def list_envs() -> list[str]:
+    """The environments that a scenario can name."""
+    from trackbench.truth import highway
+
+    return highway.list_envs()
+
+
+def _simulated(config: HighwayTruth, cache: bool) -> LoadedTruth:
+    """From the cache if it is there."""
     file = store.path(config) if cache and _determined(config) else None
     notes = []
     if file is not None:
@@ -52,24 +118,6 @@ def load_truth(config: HighwayTruth, *, cache: bool = True) -> LoadedTruth:
         except OSError as error:
             notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
     return LoadedTruth(truth, cached=False, notes=tuple(notes))
-
-
-def validate(config: HighwayTruth) -> None:
-    """Check everything that can be checked without simulating.
-
-    Raises:
-        InputError: an unknown environment or key, a value of the wrong type, rates that do not divide.
-    """
-    from trackbench.truth import highway
-
-    highway.validate(config)
-
-
-def list_envs() -> list[str]:
-    """The environments that a scenario can name."""
-    from trackbench.truth import highway
-
-    return highway.list_envs()
 
 
 def _determined(config: HighwayTruth) -> bool:

@@ -92,6 +92,23 @@ def audit(truth: Truth, mode: Literal["repair", "refuse"], reported: Reported | 
     return replace(repaired, audit={**truth.audit, **findings})
 
 
+def nothing_to_find() -> dict[str, Any]:
+    """What ``audit`` would find on a truth whose positions and velocities come from the same formulas."""
+    none = {"max_mps": 0.0, "mean_mps": 0.0, "object": None, "time_s": None}
+    repairs = ("velocity_from_course_and_slip", "velocity_from_displacement", "cut_at_jump")
+    return {
+        "ended_early": None,
+        "mode": "by construction",
+        "verdict": "exact",
+        "tolerance_mps": TOLERANCE_MPS,
+        "velocity_error_before": none,
+        "velocity_error_after": none,
+        "jumps": [],
+        "clock_drift_s": 0.0,
+        "repaired": {**{name: [] for name in repairs}, "own_clock": False},
+    }
+
+
 def _velocity(truth: Truth) -> Array:
     """``(2, steps, objects, runs)`` m/s."""
     return np.stack([truth.vx, truth.vy])

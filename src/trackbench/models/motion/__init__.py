@@ -5,6 +5,7 @@ from trackbench.models.motion.ca import ConstantAcceleration
 from trackbench.models.motion.ctra import ConstantTurnRateAcceleration
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
+from trackbench.models.motion.stated import StatedNoise
 
 #: Short name to class; each class takes its noise sigmas as keyword arguments.
 MOTION_MODELS: dict[str, type[MotionModel]] = {
@@ -23,5 +24,6 @@ __all__ = [
     "Kinematics",
     "MotionModel",
     "Spread",
+    "StatedNoise",
     "process_noise",
 ]

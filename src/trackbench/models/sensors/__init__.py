@@ -3,7 +3,8 @@
 from trackbench.models.sensors.base import SensorModel
 from trackbench.models.sensors.lidar import Lidar
 from trackbench.models.sensors.radar import Radar
+from trackbench.models.sensors.speed_radar import SpeedRadar
 
-SENSOR_MODELS: dict[str, SensorModel] = {"radar": Radar(), "lidar": Lidar()}
+SENSOR_MODELS: dict[str, SensorModel] = {model.kind: model for model in (Radar(), SpeedRadar(), Lidar())}
 
-__all__ = ["SENSOR_MODELS", "Lidar", "Radar", "SensorModel"]
+__all__ = ["SENSOR_MODELS", "Lidar", "Radar", "SensorModel", "SpeedRadar"]

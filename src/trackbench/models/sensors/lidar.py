@@ -32,3 +32,6 @@ class Lidar:
         x, y = scan.reading
         rotation = linalg.matrix([[c, -s], [s, c]])
         return Gaussian(linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), linalg.quadratic(rotation, scan.noise))
+
+    def radial_velocity(self, scan: Scan) -> Array:
+        return np.zeros((2, *scan.reading.shape[1:]))

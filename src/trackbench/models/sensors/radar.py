@@ -61,3 +61,13 @@ class Radar:
         yy = common * r * r * s * s + 0.5 * square * (1 - twice * (c * c - s * s))
         xy = common * r * r * c * s + 0.5 * square * twice * (2 * c * s)
         return Gaussian(mean, linalg.matrix([[xx, xy], [xy, yy]]))
+
+    def radial_velocity(self, scan: Scan) -> Array:
+        along = along_sight(scan)
+        return linalg.vector([along[0] + scan.sensor_velocity[0], along[1] + scan.sensor_velocity[1]])
+
+
+def along_sight(scan: Scan) -> Array:
+    """``(2, ...)`` the third component of a reading as a vector along the line of sight, in the fixed frame."""
+    c, s = cos_sin(scan.reading[1] + scan.sensor_pose[2])
+    return linalg.vector([scan.reading[2] * c, scan.reading[2] * s])

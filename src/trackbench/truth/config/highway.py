@@ -1,4 +1,4 @@
-"""Where the true motion comes from."""
+"""Traffic simulated by highway-env."""
 
 from __future__ import annotations
 
@@ -6,18 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.config import MAPPING, PROBLEM, WORD, Angle, Config, shape
-
-
-class FixedObserver(Config):
-    """A point beside the road that carries the sensors.
-
-    The fixed frame is highway-env's with its y turned up, so that angles count counter-clockwise from above.
-    """
-
-    x: float = Field(0, description="Position along x in the fixed frame, m.")
-    y: float = Field(0, description="Position along y in the fixed frame, m.")
-    yaw_deg: Angle = Field(0, description="Heading in the fixed frame, counter-clockwise from x, degrees.")
+from trackbench.config import MAPPING, PROBLEM, WORD, Config, shape
+from trackbench.truth.config.observer import FixedObserver
 
 
 class NearestTargets(Config):

@@ -1,0 +1,85 @@
+"""``trackbench serve``"""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from trackbench.errors import InputError
+from trackbench.scenario import load_scenario
+
+#: What a shell reports of a program that Ctrl-C ended.
+INTERRUPTED = 130
+
+
+@click.group("serve")
+def serve_command() -> None:
+    """Let a simulator drive a tracker of a scenario, live."""
+
+
+@serve_command.command("udacity")
+@click.option(
+    "--tracker", required=True, metavar="SCENARIO.yaml#NAME", help="A tracker of a scenario, whose sensors it reads."
+)
+@click.option("--port", type=click.IntRange(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
+)
+@click.option("-v", "--verbose", is_flag=True, help="Log every frame that is no event, too.")
+def udacity_command(tracker: str, port: int, host: str, verbose: bool) -> None:
+    """Speak the protocol of the Udacity term-2 simulator, until Ctrl-C.
+
+    Each client has its own tracker, which starts afresh when it connects again or restarts its data set.
+
+    \b
+    Example:
+      trackbench serve udacity --port 4567 --tracker scenarios/figure_eight.yaml#ekf
+    """
+    path, hash_sign, name = tracker.rpartition("#")
+    if not hash_sign or not path or not name:
+        raise InputError(f"write SCENARIO.yaml#NAME, not {tracker!r}", key="--tracker")
+
+    if not host:
+        # To the operating system, no address means all of them.
+        raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
+    import asyncio
+
+    from trackbench.serve.server import serve
+    from trackbench.serve.session import served
+
+    found = served(load_scenario(Path(path)), name)
+    _log_to_stderr(verbose)
+    for kind in {"lidar", "radar"} - set(found.sensors):
+        click.echo(f"{path} has no {kind}: such readings are passed over", err=True)
+
+    def ready(address: str, actual: int) -> None:
+        shown = f"[{address}]" if ":" in address else address
+        click.echo(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
+
+    if asyncio.run(serve(found, host, port, ready)) == signal.SIGINT:
+        raise click.exceptions.Exit(INTERRUPTED)
+
+
+class OneLine(logging.Formatter):
+    """A record in one line: an exception is named, not traced."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line."""
+        cause = record.exc_info[1] if record.exc_info else None
+        record.exc_info = record.exc_text = None
+        text = super().format(record) + (f": {cause}" if cause else "")
+        return " ".join(text.split())
+
+
+def _log_to_stderr(verbose: bool) -> None:
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(OneLine("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S"))
+    logger = logging.getLogger("trackbench.serve")
+    logger.addHandler(handler)
+    logger.setLevel(logging.DEBUG if verbose else logging.INFO)
+    # The library tells every step of a connection at the level of information.
+    logging.getLogger("trackbench.serve.server.websockets").setLevel(logging.WARNING)

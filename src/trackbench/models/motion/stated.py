@@ -1,0 +1,59 @@
+"""Any motion model, driven by a process noise of stated variance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from trackbench.models.motion.base import Kinematics, MotionModel, Spread
+from trackbench.types import Array, Gaussian
+
+
+@dataclass(frozen=True)
+class StatedNoise:
+    """A motion model whose process noise is the same at every step, however long the step is.
+
+    Each component of the state is driven by a noise of its own; a step of no time has none.
+    """
+
+    motion: MotionModel
+    variances: tuple[float, ...]
+    """``(n,)`` diagonal of the covariance that a step adds, in the units of the state's components squared."""
+
+    components: ClassVar[tuple[str, ...]]
+    angular: ClassVar[tuple[int, ...]]
+    linear: ClassVar[bool]
+
+    def __post_init__(self) -> None:
+        for name in ("components", "angular", "linear"):
+            object.__setattr__(self, name, getattr(self.motion, name))
+
+    @property
+    def noise_sigma(self) -> tuple[float, ...]:
+        return tuple(np.sqrt(self.variances).tolist())
+
+    def transition(self, x: Array, dt: float) -> Array:
+        return self.motion.transition(x, dt)
+
+    def jacobian(self, x: Array, dt: float) -> Array:
+        return self.motion.jacobian(x, dt)
+
+    def noise_gain(self, x: Array, dt: float) -> Array:
+        return np.eye(len(self.variances)) if dt > 0.0 else np.zeros((len(self.variances),) * 2)
+
+    def to_cartesian(self, x: Array) -> Array:
+        return self.motion.to_cartesian(x)
+
+    def cartesian_jacobian(self, x: Array) -> Array:
+        return self.motion.cartesian_jacobian(x)
+
+    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
+        return self.motion.cartesian_belief(belief)
+
+    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+        return self.motion.from_cartesian(belief, spread)
+
+    def from_kinematics(self, motion: Kinematics) -> Array:
+        return self.motion.from_kinematics(motion)

@@ -1,0 +1,69 @@
+"""What must fit together in a scenario whose truth is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from trackbench.config import Problem
+from trackbench.errors import nearest
+from trackbench.trackers.config import FilterConfig
+from trackbench.truth.config import RecordingTruth
+from trackbench.truth.config.recording import READING_COLUMNS
+
+if TYPE_CHECKING:
+    from trackbench.scenario.config import Scenario
+
+#: Keys of a sensor that say what it would read; recorded readings are taken as they are.
+SYNTHETIC = ("phase_s", "fov_deg", "max_range_m", "detection_probability")
+
+
+def problems(scenario: Scenario, truth: RecordingTruth) -> Iterator[Problem]:
+    """Everything that is wrong between the recording and the other sections."""
+    kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
+    fed = truth.feeds(kinds)
+    yield from _columns(truth, kinds)
+    if truth.format == "udacity":
+        yield from _one_of_each(fed)
+    for name in fed:
+        yield from _synthetic(scenario, name)
+    if len(fed) == len(kinds) and scenario.monte_carlo.runs > 1 and not _random_starts(scenario):
+        message = (
+            f"must be 1, not {scenario.monte_carlo.runs}: all readings are recorded, so every run would be the same"
+        )
+        yield Problem(("monte_carlo", "runs"), message)
+
+
+def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
+    for name, columns in truth.readings.items():
+        at = ("truth", "readings", name)
+        if name not in kinds:
+            yield Problem(at, f"the scenario has no sensor {name!r}; {nearest(name, kinds)}")
+            continue
+        needed = READING_COLUMNS[kinds[name]]
+        for component in needed:
+            if component not in columns.components:
+                yield Problem((*at, component), f"missing: a {kinds[name]} reads {', '.join(needed)}")
+        for component in columns.components:
+            if component not in needed:
+                yield Problem((*at, component), f"sensor {name} is a {kinds[name]}, which reads {', '.join(needed)}")
+
+
+def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
+    first: dict[str, str] = {}
+    for name, kind in fed.items():
+        other = first.setdefault(kind, name)
+        if other != name:
+            yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
+
+
+def _synthetic(scenario: Scenario, name: str) -> Iterator[Problem]:
+    sensor = scenario.sensors[name]
+    biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
+    for key in (*SYNTHETIC, *biases):
+        if key in sensor.model_fields_set and sensor.preset is None:
+            yield Problem(("sensors", name, key), f"the readings of {name} are recorded and taken as they are; remove")
+
+
+def _random_starts(scenario: Scenario) -> bool:
+    return any(isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values())

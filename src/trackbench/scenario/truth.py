@@ -1,0 +1,22 @@
+"""The truth that a scenario is about."""
+
+from __future__ import annotations
+
+from trackbench.errors import InputError
+from trackbench.scenario.load import LoadedScenario
+from trackbench.truth import Draw, LoadedTruth, load_truth
+
+
+def truth_of(loaded: LoadedScenario) -> LoadedTruth:
+    """Simulate, draw or read the truth of a scenario, with what its other sections say of it.
+
+    Raises:
+        InputError: it cannot be had; with file and line.
+    """
+    config = loaded.config
+    draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
+    kinds = {name: sensor.type for name, sensor in config.sensors.items()}
+    try:
+        return load_truth(config.truth, draw, folder=loaded.path.resolve().parent, sensors=kinds)
+    except InputError as error:
+        raise loaded.locate(error) from None

@@ -1,0 +1,1 @@
+"""Trackers as live servers: a client sends readings and gets estimates."""

@@ -1,0 +1,200 @@
+"""One client's tracker, its truth and the running RMSE."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.errors import InputError, nearest
+from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.scorer import OVERFLOW
+from trackbench.runner.adapters import LaneFault, Stepper, adapt, blinded, cause_of
+from trackbench.scenario import LoadedScenario
+from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.sensing.geometry import sensor_motion
+from trackbench.sensing.noise import standard_deviations
+from trackbench.sensing.schedule import silent
+from trackbench.serve.protocol import Marker
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.truth.config import FixedObserver
+from trackbench.truth.recorded.udacity import Measurement
+from trackbench.types import Array, Estimate, Observer, Scan
+from trackbench.units import wrap_angle
+
+#: Microseconds.
+SECOND = 1e6
+
+
+class TrackerFailed(Exception):
+    """The tracker cannot go on; when and why."""
+
+
+class Sensor(NamedTuple):
+    """A sensor of the scenario."""
+
+    name: str
+    config: LidarConfig | RadarConfig
+    noise: Array
+    """``(m, m)``"""
+    pose: Array
+    """``(3,)`` x m, y m, yaw rad in the simulator's frame."""
+
+
+@dataclass(frozen=True)
+class Served:
+    """A scenario's tracker, which every session makes afresh, and the sensors that it reads."""
+
+    name: str
+    config: FilterConfig | PluginConfig
+    folder: Path
+    sensors: Mapping[str, Sensor]
+    """By kind: the scenario's lidar and radar."""
+
+    def stepper(self) -> Stepper:
+        """A fresh tracker.
+
+        Raises:
+            InputError: it starts from the truth, or is a plug-in that does not start.
+        """
+        return adapt(self.config, self.folder, 1, _refuse_truth)
+
+
+def served(loaded: LoadedScenario, name: str) -> Served:
+    """The tracker of that name, started once to see that it can be.
+
+    Raises:
+        InputError: no such tracker, it cannot start, or not one lidar and one radar at most.
+    """
+    config, folder = loaded.config, loaded.path.resolve().parent
+    tracker = config.trackers.get(name)
+    if tracker is None:
+        raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
+    sensors: dict[str, Sensor] = {}
+    for sensor_name, sensor in config.sensors.items():
+        other = sensors.get(sensor.type)
+        if other is not None:
+            message = f"a second {sensor.type} beside {other.name}; the simulator has one lidar and one radar"
+            raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
+        if isinstance(sensor, LidarConfig | RadarConfig):
+            sensors[sensor.type] = Sensor(sensor_name, sensor, *_noise_and_pose(sensor, config.truth.observer))
+    if not sensors:
+        raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
+    found = Served(name, tracker, folder, sensors)
+    try:
+        found.stepper()
+    except InputError as error:
+        raise loaded.locate(InputError(error.message, key=f"trackers.{name}")) from error
+    return found
+
+
+class Session:
+    """Follows one data set of one client. Every estimate counts in the RMSE, from the first on."""
+
+    def __init__(self, served: Served) -> None:
+        """Start a fresh tracker.
+
+        Raises:
+            TrackerFailed: a plug-in does not start again.
+        """
+        self._served = served
+        try:
+            self._stepper = served.stepper()
+        except (Exception, SystemExit) as error:
+            raise TrackerFailed(f"to start: {cause_of(error)}") from error
+        self._first: int | None = None
+        self._squares = np.zeros(4)
+        self.readings = 0
+        self.estimates = 0
+
+    @property
+    def rmse(self) -> Array:
+        """``(4,)`` px, py m, vx, vy m/s; NaN before the first estimate."""
+        return np.sqrt(self._squares / self.estimates) if self.estimates else np.full(4, np.nan)
+
+    def take(self, measurement: Measurement) -> Marker | None:
+        """The estimate after a measurement, or None while there is none.
+
+        Args:
+            measurement: not older than the one before; its kind is one that the scenario has.
+
+        Raises:
+            TrackerFailed: the tracker raised, or what it gave is not an estimate.
+        """
+        if self._first is None:
+            self._first = measurement.stamp
+        self.readings += 1
+        estimate = self._step(self._scan(measurement, self._first))
+        if estimate is None:
+            return None
+        error = estimate.mean[:, 0] - measurement.truth
+        self._squares += error * error
+        self.estimates += 1
+        if not self._squares.max() < OVERFLOW:
+            raise self._failed(TOO_LARGE)
+        x, y = estimate.mean[:2, 0]
+        return Marker(float(x), float(y), *(float(value) for value in self.rmse))
+
+    def _scan(self, measurement: Measurement, first: int) -> Scan:
+        sensor = self._served.sensors[measurement.kind]
+        reading = np.array(measurement.reading)[:, None]
+        if measurement.kind == "radar":
+            reading[1] = wrap_angle(reading[1])
+        time = (measurement.stamp - first) / SECOND
+        valid = ~silent(sensor.config, np.array([time]))
+        scan = Scan(
+            time=time,
+            sensor=sensor.name,
+            kind=measurement.kind,
+            reading=np.where(valid, reading, np.nan),
+            valid=valid,
+            noise=sensor.noise,
+            sensor_pose=sensor.pose,
+            sensor_velocity=np.zeros(2),
+            arrival_time=time + sensor.config.latency_s,
+        )
+        named = self._served.config.heard
+        return scan if named is None or sensor.name in named else blinded(scan)
+
+    def _step(self, scan: Scan) -> Estimate | None:
+        """The tracker's estimate, held against what the runner asks of one."""
+        try:
+            with np.errstate(all="ignore"):
+                estimate = self._stepper.step(scan)
+        except LaneFault as fault:
+            raise self._failed(cause_of(fault.cause)) from fault
+        except (Exception, SystemExit) as error:
+            raise self._failed(cause_of(error)) from error
+        if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
+            if self.estimates:
+                raise self._failed(GIVEN_UP if estimate is None else NOT_FINITE)
+            return None
+        if not normalised_square(estimate.mean, estimate.covariance)[2].all():
+            raise self._failed(NOT_DEFINITE)
+        return estimate
+
+    def _failed(self, cause: str) -> TrackerFailed:
+        return TrackerFailed(f"at reading {self.readings}: {cause}")
+
+
+def _noise_and_pose(config: LidarConfig | RadarConfig, observer: FixedObserver | str) -> tuple[Array, Array]:
+    """The simulator's sensors sit at its origin, unless the scenario puts them elsewhere; they never move."""
+    at = observer if isinstance(observer, FixedObserver) else FixedObserver()
+    x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
+    pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
+    noise = np.diag(standard_deviations(config) ** 2)
+    for shared in (noise, pose):
+        # One client's tracker must not change what another's reads.
+        shared.setflags(write=False)
+    return noise, pose
+
+
+def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
+    if tracker.starts_from_truth:
+        raise InputError("starts from the truth, which a live client does not have; use initial: two_readings")
+    return tracker

@@ -1,0 +1,199 @@
+"""Motion written down piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from trackbench.config import Angle, Config, Name, NonNegative, Positive, Problem
+from trackbench.trackers.config import MOTION_NOISE, NOISE_KEYS, MotionName
+from trackbench.truth.config.observer import MovingObserver
+
+#: The kinds of motion that a piece can have, and the keys that each adds.
+KINDS: dict[str, tuple[str, ...]] = {
+    "white": (),
+    "white_acceleration": (),
+    "waypoints": ("speed_mps",),
+}
+#: The keys of the kind of motion that needs no word: a constant turn rate and acceleration, zero unless given.
+STEADY = ("turn_rate_degps", "acceleration_mps2")
+
+Waypoint = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class Start(Config):
+    """Where an object is at the start, and its velocity: speed and course, or its components."""
+
+    x: float = Field(0, description="Position along x in the fixed frame, m.")
+    y: float = Field(0, description="Position along y in the fixed frame, m.")
+    speed_mps: NonNegative | None = Field(None, description="Speed along the course, m/s; 0 unless given.")
+    course_deg: Angle | None = Field(
+        None, description="Direction of motion in the fixed frame, counter-clockwise from x, degrees; 0 unless given."
+    )
+    vx_mps: float | None = Field(None, description="Velocity along x, m/s; instead of speed_mps and course_deg.")
+    vy_mps: float | None = Field(None, description="Velocity along y, m/s; instead of speed_mps and course_deg.")
+
+    def problems(self) -> Iterator[Problem]:
+        if self.speed_mps is None and self.course_deg is None:
+            return
+        for key in ("vx_mps", "vy_mps"):
+            if getattr(self, key) is not None:
+                yield Problem(
+                    (key,), "the velocity is given twice: write speed_mps and course_deg, or vx_mps and vy_mps"
+                )
+
+
+class WhiteMotion(Config):
+    """A motion model driven by its own noise, drawn anew in each run and at each truth step."""
+
+    motion: MotionName = Field(description="The motion model (`trackbench list motion-models` shows them).")
+    acceleration_sigma_mps2: Positive | None = Field(
+        None, description="Standard deviation of the acceleration that drives cv and ctrv, m/s^2; required there."
+    )
+    jerk_sigma_mps3: Positive | None = Field(
+        None, description="Standard deviation of the jerk that drives ca and ctra, m/s^3; required there."
+    )
+    yaw_acceleration_sigma_radps2: Positive | None = Field(
+        None,
+        description="Standard deviation of the yaw acceleration that drives ctrv and ctra, rad/s^2; required there.",
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        used = MOTION_NOISE[self.motion]
+        for key in NOISE_KEYS:
+            if key in used and getattr(self, key) is None:
+                yield Problem((key,), f"missing: motion {self.motion} needs {' and '.join(used)}")
+            if key not in used and key in self.model_fields_set:
+                yield Problem((key,), f"motion {self.motion} does not use this; it uses {' and '.join(used)}")
+
+
+class WhiteAcceleration(Config):
+    """Acceleration along the axes of the fixed frame, drawn anew in each run and at each truth step."""
+
+    x_sigma_mps2: NonNegative = Field(0, description="Standard deviation of the acceleration along x, m/s^2.")
+    y_sigma_mps2: NonNegative = Field(0, description="Standard deviation of the acceleration along y, m/s^2.")
+
+
+class Piece(Config):
+    """A stretch of one kind of motion, which goes on from where the piece before it ends.
+
+    Without any other key it is straight and steady. In random motion the noise is constant from one truth step to the
+    next, as in the trackers' own models: their process noise is that of the truth where there is a reading at every
+    truth step.
+    """
+
+    for_s: Positive | None = Field(
+        None, description="How long it lasts, s; a whole number of truth steps. The last piece may leave it out."
+    )
+    turn_rate_degps: float = Field(
+        0, ge=-720, le=720, description="Constant turn rate, counter-clockwise, degrees per second."
+    )
+    acceleration_mps2: float = Field(
+        0, description="Constant acceleration along the path, m/s^2; below a speed of zero the object reverses."
+    )
+    white: WhiteMotion | None = Field(None, description="Random motion: a motion model driven by its own noise.")
+    white_acceleration: WhiteAcceleration | None = Field(
+        None, description="Random motion: constant velocity, with an acceleration of its own size on each axis."
+    )
+    waypoints: list[Waypoint] | None = Field(
+        None,
+        min_length=1,
+        description="Points [x, y] in the fixed frame, m, on the way through which the object goes straight from one "
+        "to the next, and straight on after the last.",
+    )
+    speed_mps: Positive | None = Field(
+        None, description="Speed along the waypoints, m/s; that at the end of the piece before unless given."
+    )
+
+    @property
+    def random(self) -> bool:
+        """Whether the motion differs from run to run."""
+        return self.white is not None or self.white_acceleration is not None
+
+    def problems(self) -> Iterator[Problem]:
+        given = [kind for kind in KINDS if getattr(self, kind) is not None]
+        for kind in given[1:]:
+            yield Problem(
+                (kind,), f"a piece has one kind of motion: write another piece for it, beside that of {given[0]}"
+            )
+        for key in STEADY:
+            if given and key in self.model_fields_set:
+                yield Problem((key,), f"not used with {given[0]}; write another piece for it")
+        for kind, keys in KINDS.items():
+            for key in keys:
+                if kind not in given and key in self.model_fields_set:
+                    yield Problem((key,), f"only used with {kind}; the speed changes by acceleration_mps2")
+
+
+class ScriptedObject(Config):
+    """An object and its motion."""
+
+    start: Start = Field(default_factory=Start, description="Position and velocity at the start.")
+    length_m: Positive = Field(4.5, description="Length, m, to draw it.")
+    width_m: Positive = Field(1.8, description="Width, m, to draw it.")
+    pieces: list[Piece] = Field(
+        default_factory=lambda: [Piece()],
+        min_length=1,
+        description="Its motion, one piece after the other; straight and steady unless given.",
+    )
+
+    @property
+    def random(self) -> bool:
+        """Whether its motion differs from run to run."""
+        return any(piece.random for piece in self.pieces)
+
+
+class ScriptedTruth(Config):
+    """Motion written down piece by piece, exact in position and velocity."""
+
+    source: Literal["scripted"] = Field(description="Where the true motion comes from.")
+    duration_s: float = Field(gt=0, le=3600, description="Length of the scene, s.")
+    rate_hz: int = Field(
+        ge=1, le=1000, description="Steps of the truth per second, Hz; every sensor's rate divides it."
+    )
+    observer: MovingObserver = Field(default_factory=MovingObserver, description="The point that carries the sensors.")
+    objects: dict[Name, ScriptedObject] = Field(min_length=1, description="The objects, by name.")
+
+    @property
+    def random(self) -> bool:
+        """Whether any motion differs from run to run."""
+        return any(body.random for body in self.objects.values())
+
+    def problems(self) -> Iterator[Problem]:
+        for name, body in self.objects.items():
+            for problem in self._times(body.pieces):
+                yield Problem(("objects", name, "pieces", *problem.at), problem.message)
+
+    def _times(self, pieces: list[Piece]) -> Iterator[Problem]:
+        """What does not add up to the length of the scene."""
+        last = len(pieces) - 1
+        lasting = sum(piece.for_s or 0.0 for piece in pieces)
+        whole = True
+        for index, piece in enumerate(pieces):
+            if piece.for_s is None:
+                if index < last:
+                    yield Problem((index, "for_s"), "missing; only the last piece may leave it out")
+                    whole = False
+                continue
+            steps = piece.for_s * self.rate_hz
+            if abs(steps - round(steps)) > 1e-6 or round(steps) == 0:
+                near = f"{max(1, round(steps)) / self.rate_hz:g}"
+                message = f"must be a multiple of the truth step, which is {1 / self.rate_hz:g} s; use {near}"
+                yield Problem((index, "for_s"), message)
+                whole = False
+        if not whole:
+            return
+        rest = self.duration_s - lasting
+        scene = f"truth.duration_s is {self.duration_s:g}"
+        if pieces[last].for_s is None:
+            if rest < 1e-6:
+                yield Problem((last,), f"nothing is left for it: the pieces before it last {lasting:g} s, and {scene}")
+        elif rest > 1e-6:
+            message = f"the pieces last {lasting:g} s, but {scene}; leave for_s out here, and it lasts to the end"
+            yield Problem((last, "for_s"), message)
+        elif rest < -1e-6:
+            yield Problem(
+                (last, "for_s"), f"the pieces last {lasting:g} s, but {scene}; shorten one, or leave this one's out"
+            )

@@ -1,0 +1,135 @@
+"""Rows of a table from a CSV or Parquet file, as numbers and names."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.errors import InputError, nearest
+from trackbench.truth.recorded.files import read_text
+from trackbench.types import Array
+
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+
+
+class Rows(NamedTuple):
+    """The columns of a table, as the file holds them."""
+
+    file: Path
+    columns: Mapping[str, Sequence[Any]]
+    lines: Sequence[int] | None
+    """The line of each row; None where the file has no lines."""
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def error(self, row: int, message: str) -> InputError:
+        """What is wrong with a row (from 0)."""
+        if self.lines is None:
+            return InputError(f"row {row + 1}: {message}", file=self.file)
+        return InputError(message, file=self.file, line=self.lines[row])
+
+    def numbers(self, column: str, *, optional: bool = False) -> Array:
+        """A column of finite numbers; NaN where it is empty, if it may be."""
+        values = np.empty(len(self))
+        for row, value in enumerate(self.columns[column]):
+            values[row] = math.nan if optional and _empty(value) else self._number(row, column, value)
+        return values
+
+    def times(self, column: str) -> list[Decimal]:
+        """A column of times that never run backwards, exactly as written."""
+        times = []
+        for row, value in enumerate(self.columns[column]):
+            self._number(row, column, value)
+            times.append(Decimal(value.strip() if isinstance(value, str) else value))
+            if row and times[row] < times[row - 1]:
+                raise self.error(row, f"{column}: time runs backwards, {value} after {times[row - 1]}")
+        return times
+
+    def names(self, column: str) -> list[str]:
+        """A column of names, none of them empty."""
+        for row, value in enumerate(self.columns[column]):
+            if _empty(value):
+                raise self.error(row, f"{column} is empty, where the name of an object is expected")
+        return [str(value).strip() for value in self.columns[column]]
+
+    def _number(self, row: int, column: str, value: Any) -> float:
+        if _empty(value):
+            raise self.error(row, f"{column} is empty, where a number is expected")
+        if isinstance(value, str):
+            number = float(value) if _NUMBER.fullmatch(value.strip()) else math.nan
+        else:
+            number = float(value) if isinstance(value, int | float | Decimal) else math.nan
+        if not math.isfinite(number):
+            raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
+        return number
+
+
+def read(file: Path, form: str, wanted: Iterable[str]) -> Rows:
+    """The columns of a file of the format "csv" or "parquet" that are wanted.
+
+    Raises:
+        InputError: the file cannot be read or has no such column, or no row.
+    """
+    names = list(dict.fromkeys(wanted))
+    rows = _csv(file, names) if form == "csv" else _parquet(file, names)
+    if not len(rows):
+        raise InputError("the file has no row of data", file=file)
+    return rows
+
+
+def _csv(file: Path, names: list[str]) -> Rows:
+    reader = csv.reader(read_text(file).splitlines(keepends=True), strict=True)
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    header: list[str] = []
+    try:
+        for row in reader:
+            if not any(cell.strip() for cell in row):
+                continue
+            if not header:
+                header = [name.strip() for name in row]
+                _require(names, header, file, reader.line_num)
+                continue
+            if len(row) != len(header):
+                message = f"{len(row)} columns, where the header has {len(header)}"
+                raise InputError(message, file=file, line=reader.line_num)
+            rows.append(row)
+            lines.append(reader.line_num)
+    except csv.Error as error:
+        raise InputError(f"not valid CSV: {error}", file=file, line=reader.line_num) from None
+    columns = {name: [row[header.index(name)] for row in rows] for name in names}
+    return Rows(file, columns, lines)
+
+
+def _parquet(file: Path, names: list[str]) -> Rows:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        header = pq.read_schema(file).names
+        _require(names, header, file, None)
+        table = pq.read_table(file, columns=names)
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
+    return Rows(file, {name: table[name].to_pylist() for name in names}, None)
+
+
+def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:
+    for name in names:
+        if name not in header:
+            raise InputError(f"there is no column {name!r}; {nearest(name, header)}", file=file, line=line)
+        if header.count(name) > 1:
+            raise InputError(f"there are {header.count(name)} columns {name!r}", file=file, line=line)
+
+
+def _empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and not value.strip())

@@ -1,0 +1,202 @@
+"""Truth from a script: closed forms, and motion models driven by drawn noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.errors import InputError
+from trackbench.models.motion import (
+    MOTION_MODELS,
+    ConstantTurnRateAcceleration,
+    ConstantVelocity,
+    Kinematics,
+    MotionModel,
+)
+from trackbench.streams import stream
+from trackbench.trackers.config import MOTION_NOISE
+from trackbench.truth.audit import nothing_to_find
+from trackbench.truth.config import MovingObserver, ScriptedTruth
+from trackbench.truth.config.scripted import Piece, ScriptedObject, Start
+from trackbench.types import Array, Observer, Truth
+from trackbench.units import wrap_angle
+
+Generators = Sequence[np.random.Generator]
+
+#: Numbers of steps, objects and runs whose product still fits the memory of a small machine (400 bytes each in a run).
+LARGEST = 20_000_000
+
+#: A steady piece has no noise, so the sigmas mean nothing.
+STEADY = ConstantTurnRateAcceleration(jerk_sigma=0.0, yaw_acceleration_sigma=0.0)
+
+
+def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
+    """The motion that a script describes; with random motion in it, that of every run.
+
+    Raises:
+        InputError: an object is to pass through waypoints, but stands still; random motion in more runs than fit.
+    """
+    steps = int(config.duration_s * config.rate_hz + 1e-6)
+    most = LARGEST // ((steps + 1) * len(config.objects))
+    if config.random and runs > most:
+        raise InputError(f"random motion is kept for all runs at once; at most {most} fit", key="monte_carlo.runs")
+    time = np.arange(steps + 1) / config.rate_hz
+    paths = []
+    for name, body in config.objects.items():
+        random = [stream(seed, scenario, run, f"motion of {name}") for run in range(runs)] if body.random else []
+        try:
+            paths.append(_path(body, steps, config.rate_hz, random))
+        except InputError as error:
+            raise InputError(error.message, key=f"truth.objects.{name}.{error.key}") from None
+    size = max(path.px.shape[1] for path in paths)
+    px, py, speed, heading, acceleration, yaw_rate = (
+        np.stack([np.broadcast_to(field, (steps + 1, size)) for field in fields], axis=1)
+        for fields in zip(*paths, strict=True)
+    )
+    backward = speed < 0.0
+    return Truth(
+        time=time,
+        ids=tuple(config.objects),
+        px=px,
+        py=py,
+        heading=wrap_angle(heading),
+        course=wrap_angle(heading + np.where(backward, np.pi, 0.0)),
+        speed=np.abs(speed),
+        acceleration=np.where(backward, -acceleration, acceleration),
+        yaw_rate=yaw_rate,
+        alive=np.ones((steps + 1, len(paths)), dtype=bool),
+        length=np.array([body.length_m for body in config.objects.values()]),
+        width=np.array([body.width_m for body in config.objects.values()]),
+        observer=_observer(config.observer, time),
+        source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
+        audit=nothing_to_find(),
+    )
+
+
+def _path(body: ScriptedObject, steps: int, rate: int, random: Generators) -> Kinematics:
+    """The motion of one object, each ``(steps + 1, runs or 1)``; the speed is negative in reverse."""
+    state = _start(body.start, max(1, len(random)))
+    parts: list[Kinematics] = []
+    left = steps
+    for index, piece in enumerate(body.pieces):
+        count = left if piece.for_s is None else min(left, round(piece.for_s * rate))
+        left -= count
+        if piece.waypoints is not None and piece.speed_mps is None and not np.all(state.speed):
+            raise InputError("missing: the object stands still when this piece starts", key=f"pieces.{index}.speed_mps")
+        part, state = _follow(piece, state, count, 1.0 / rate, random)
+        # What holds at the end of a piece is said by the next one.
+        parts.append(part if index == len(body.pieces) - 1 else Kinematics(*(field[:-1] for field in part)))
+    return Kinematics(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+
+
+def _follow(
+    piece: Piece, state: Kinematics, count: int, dt: float, random: Generators
+) -> tuple[Kinematics, Kinematics]:
+    """The motion at the ``count + 1`` steps of a piece, and that which the next one goes on from."""
+    elapsed = np.arange(count + 1, dtype=np.float64) * dt
+    if piece.waypoints is not None:
+        return _along(np.array(piece.waypoints), piece.speed_mps, state, elapsed)
+    if piece.white is not None:
+        sigmas = [getattr(piece.white, key) for key in MOTION_NOISE[piece.white.motion]]
+        model = MOTION_MODELS[piece.white.motion](*sigmas)
+        return _drawn(model, np.array(model.noise_sigma), state, count, dt, random)
+    if piece.white_acceleration is not None:
+        sigma = np.array([piece.white_acceleration.x_sigma_mps2, piece.white_acceleration.y_sigma_mps2])
+        return _drawn(ConstantVelocity(acceleration_sigma=0.0), sigma, state, count, dt, random)
+    return _steady(piece, state, elapsed)
+
+
+def _steady(piece: Piece, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
+    """Constant turn rate and acceleration along the path."""
+    begin = STEADY.from_kinematics(
+        state._replace(
+            acceleration=np.full_like(state.px, piece.acceleration_mps2),
+            yaw_rate=np.full_like(state.px, np.deg2rad(piece.turn_rate_degps)),
+        )
+    )
+    # Each from the start of the piece: no rounding adds up.
+    states = np.stack([STEADY.transition(begin, float(time)) for time in elapsed], axis=1)
+    px, py, speed, heading, yaw_rate, acceleration = states
+    path = Kinematics(px, py, speed, heading, acceleration, yaw_rate)
+    return path, _last(path)
+
+
+def _drawn(
+    model: MotionModel, sigma: Array, state: Kinematics, count: int, dt: float, random: Generators
+) -> tuple[Kinematics, Kinematics]:
+    """A motion model driven by noise, which is constant from one step to the next."""
+    noise = sigma[:, None] * np.stack([one.standard_normal((count + 1, len(sigma))) for one in random], axis=-1)
+    states = [model.from_kinematics(state)]
+    for drive in noise[:-1]:
+        x = states[-1]
+        states.append(model.transition(x, dt) + linalg.apply(model.noise_gain(x, dt), drive))
+    path = _kinematics(model, np.stack(states, axis=1), np.swapaxes(noise, 0, 1), state.course)
+    return path, _kinematics(model, states[-1], np.zeros_like(noise[0]), path.course[-1])
+
+
+def _kinematics(model: MotionModel, x: Array, drive: Array, resting: Array) -> Kinematics:
+    """The motion of the states ``x`` ``(n, ...)`` under the driving noise ``(q, ...)``.
+
+    ``resting`` is the course of an object that stands still, which its velocity does not tell.
+    """
+    if not model.linear:
+        px, py, speed, yaw, yaw_rate = x[:5]
+        return Kinematics(px, py, speed, yaw, x[5] if len(x) > 5 else drive[0], yaw_rate)
+    px, py, vx, vy = x[:4]
+    ax, ay = x[4:] if len(x) > 4 else drive
+    speed = np.hypot(vx, vy)
+    moving = speed > 0.0
+    course = np.where(moving, np.arctan2(vy, vx), resting)
+    c, s = np.cos(course), np.sin(course)
+    yaw_rate = np.where(moving, c * ay - s * ax, 0.0) / np.where(moving, speed, 1.0)
+    return Kinematics(px, py, speed, course, c * ax + s * ay, yaw_rate)
+
+
+def _along(points: Array, speed: float | None, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:
+    """Straight from where the object is to each of the ``(points, 2)`` in turn, and straight on after the last."""
+    pace = np.abs(state.speed) if speed is None else np.full_like(state.px, speed)
+    ways = np.broadcast_to(points[:, :, None], (*points.shape, len(state.px)))
+    corners = np.concatenate([np.stack([state.px, state.py])[None], ways])
+    legs = np.diff(corners, axis=0)
+    length = np.hypot(legs[:, 0], legs[:, 1])
+    reached = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)])
+    course = np.arctan2(legs[:, 1], legs[:, 0])
+    gone = pace * elapsed[:, None]
+    # The leg that begins at the last corner passed, of those that have a length.
+    begun = (gone[:, None] >= reached[:-1] * (1.0 - 1e-12)) & (length > 0.0)
+    leg = np.where(begun.any(axis=1), len(legs) - 1 - np.argmax(begun[:, ::-1], axis=1), -1)
+    runs = np.arange(len(state.px))
+    heading = np.where(leg < 0, state.course, course[leg, runs])
+    rest = gone - np.where(leg < 0, 0.0, reached[leg, runs])
+    px = np.where(leg < 0, state.px, corners[leg, 0, runs]) + rest * np.cos(heading)
+    py = np.where(leg < 0, state.py, corners[leg, 1, runs]) + rest * np.sin(heading)
+    still = np.zeros_like(gone)
+    path = Kinematics(px, py, pace + still, heading, still, still)
+    return path, _last(path)
+
+
+def _last(path: Kinematics) -> Kinematics:
+    return Kinematics(*(field[-1] for field in path))
+
+
+def _start(start: Start, runs: int) -> Kinematics:
+    if start.vx_mps is None and start.vy_mps is None:
+        speed, course = start.speed_mps or 0.0, np.deg2rad(start.course_deg or 0.0)
+    else:
+        vx, vy = start.vx_mps or 0.0, start.vy_mps or 0.0
+        speed, course = np.hypot(vx, vy), np.arctan2(vy, vx)
+    return Kinematics(*(np.full(runs, float(value)) for value in (start.x, start.y, speed, course, 0.0, 0.0)))
+
+
+def _observer(at: MovingObserver, time: Array) -> Observer:
+    turn = np.deg2rad(at.turn_rate_degps)
+    return Observer(
+        px=at.x + at.vx_mps * time,
+        py=at.y + at.vy_mps * time,
+        yaw=wrap_angle(np.deg2rad(at.yaw_deg) + turn * time),
+        vx=np.full_like(time, at.vx_mps),
+        vy=np.full_like(time, at.vy_mps),
+        yaw_rate=np.full_like(time, turn),
+    )

@@ -1,0 +1,212 @@
+"""Recordings as CSV and Parquet tables with columns and units of the user's own."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from trackbench.errors import InputError
+from trackbench.truth import Draw, LoadedTruth, load_truth
+from trackbench.truth.config import RecordingTruth
+
+#: Two cars, at irregular times; the second is seen later. km, km/h and degrees.
+HEAD = ["t_ms", "who", "x_km", "y_km", "v_kmph", "course_deg", "r_km", "az_deg", "rr_kmph"]
+ROWS = [
+    [1000, "a", 0.010, 0.020, 36.0, 90.0, 0.021, 1.5, -18.0],
+    [1030, "a", 0.010, 0.0203, 36.0, 90.0, "", "", ""],
+    [1030, "b", 0.050, 0.000, 72.0, 180.0, 0.051, 190.0, 3.6],
+    [1100, "a", 0.010, 0.021, 36.0, 90.0, 0.022, 2.5, -17.0],
+    [1250, "b", 0.0456, 0.000, 72.0, 180.0, "", "", ""],
+]
+COLUMNS = {"time": "t_ms", "object": "who", "px": "x_km", "py": "y_km", "speed": "v_kmph", "course": "course_deg"}
+UNITS = {"time": "ms", "length": "km", "speed": "kmph", "angle": "deg"}
+READINGS = {"front": {"range": "r_km", "azimuth": "az_deg", "range_rate": "rr_kmph"}}
+
+
+def write(file: Path, rows: list[list[object]] = ROWS, head: list[str] = HEAD) -> None:
+    if file.suffix == ".parquet":
+        cells = [[None if cell == "" else cell for cell in column] for column in zip(*rows, strict=True)]
+        pq.write_table(pa.table(dict(zip(head, cells, strict=True))), file)
+        return
+    with file.open("w", newline="") as stream:
+        csv.writer(stream).writerows([head, *rows])
+
+
+def load(file: Path, **keys: object) -> LoadedTruth:
+    form = file.suffix[1:]
+    entry = {"columns": COLUMNS, "units": UNITS, "readings": READINGS, **keys}
+    config = RecordingTruth.model_validate({"source": "recording", "format": form, "path": file.name, **entry})
+    return load_truth(config, Draw(0, "test", 1), folder=file.parent, sensors={"front": "radar", "roof": "lidar"})
+
+
+@pytest.fixture(params=["csv", "parquet"])
+def file(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    return tmp_path / f"log.{request.param}"
+
+
+def test_columns_and_units_become_si(file: Path) -> None:
+    write(file)
+    truth = load(file).truth
+    assert truth.ids == ("a", "b")
+    np.testing.assert_allclose(truth.time, [0, 0.03, 0.1, 0.25])
+    np.testing.assert_allclose(truth.py[:3, 0, 0], [20, 20.3, 21])
+    np.testing.assert_allclose(truth.vy[:3, 0, 0], 10)
+    np.testing.assert_allclose(truth.vx[1:, 1, 0], -20)
+    # Between its own rows an object is where the straight line between them is.
+    np.testing.assert_allclose(truth.px[1:, 1, 0], [50, 50 - 4.4 * 0.07 / 0.22, 45.6])
+
+
+def test_objects_are_there_from_their_first_row_to_their_last(file: Path) -> None:
+    write(file)
+    np.testing.assert_array_equal(load(file).truth.alive, [[1, 0], [1, 1], [1, 1], [0, 1]])
+
+
+def test_empty_cells_are_no_readings(file: Path) -> None:
+    write(file)
+    found = load(file).readings["front"]
+    assert found.steps.tolist() == [0, 1, 2]
+    np.testing.assert_array_equal(found.valid, [[1, 0], [0, 1], [1, 0]])
+    np.testing.assert_allclose(found.reading[:, 0, 0], [21, np.deg2rad(1.5), -5])
+    np.testing.assert_allclose(found.reading[:, 1, 1], [51, np.deg2rad(-170), 1])
+
+
+def test_readings_of_a_second_file_at_times_of_their_own(file: Path) -> None:
+    write(file)
+    other = file.with_name(f"lidar{file.suffix}")
+    write(other, [[1010, "a", 1.0, 2.0], [1100, "b", 3.0, 4.0]], ["stamp", "id", "fore", "left"])
+    entry = {"path": other.name, "time": "stamp", "object": "id", "x": "fore", "y": "left"}
+    loaded = load(file, readings={"roof": entry})
+    np.testing.assert_allclose(loaded.truth.time, [0, 0.01, 0.03, 0.1, 0.25])
+    np.testing.assert_allclose(loaded.truth.py[:2, 0, 0], [20, 20.1])
+    found = loaded.readings["roof"]
+    assert found.steps.tolist() == [1, 3]
+    np.testing.assert_allclose(found.reading[:, 0, 0], [1000, 2000])
+    np.testing.assert_array_equal(found.valid, [[1, 0], [0, 1]])
+
+
+def test_the_sensors_carrier_may_move(file: Path) -> None:
+    head = [*HEAD, "ex", "ey", "eyaw", "evx", "evy"]
+    poses = [(0.0, 0, 350, 36, 0), (0.0003, 0, 0, 36, 0), (0.0003, 0, 0, 36, 0), (0.001, 0, 10, 36, 0)]
+    write(file, [[*row, *pose] for row, pose in zip(ROWS, [*poses, (0.0025, 0, 20, 36, 0)], strict=True)], head)
+    carrier = {"px": "ex", "py": "ey", "yaw": "eyaw", "vx": "evx", "vy": "evy"}
+    observer = load(file, columns={**COLUMNS, "observer": carrier}).truth.observer
+    np.testing.assert_allclose(observer.px, [0, 0.3, 1, 2.5])
+    np.testing.assert_allclose(np.rad2deg(observer.yaw), [350, 360, 370, 380])
+    np.testing.assert_allclose(observer.vx, 10)
+
+
+def test_nanoseconds_since_1970_keep_their_differences(file: Path) -> None:
+    start = 1_477_010_443_000_000_000
+    write(file, [[start + 10 * k, "a", 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0] for k in range(3)])
+    np.testing.assert_allclose(load(file, units={"time": "ns"}).truth.time, [0, 1e-8, 2e-8], rtol=1e-12)
+
+
+def test_one_object_needs_no_name(file: Path) -> None:
+    write(file, [row for row in ROWS if row[1] == "a"])
+    columns = {key: column for key, column in COLUMNS.items() if key != "object"}
+    assert load(file, columns=columns).truth.ids == ("object",)
+
+
+def changed(row: int, column: str, value: object) -> list[list[object]]:
+    rows = [list(item) for item in ROWS]
+    rows[row][HEAD.index(column)] = value
+    return rows
+
+
+# What is wrong in both formats: rows, the row at fault (from 0; None: the file), and what is said.
+DAMAGED = {
+    "NaN": (changed(1, "x_km", float("nan")), 1, "x_km is not a finite number: 'nan'"),
+    "empty": (changed(3, "y_km", ""), 3, "y_km is empty, where a number is expected"),
+    "backwards": ([ROWS[3], ROWS[0]], 1, "t_ms: time runs backwards, 1000 after 1100"),
+    "twice": ([ROWS[0], ROWS[0]], 1, "a second row of a at the same time"),
+    "half a reading": (changed(3, "az_deg", ""), 3, "az_deg is empty, but other columns of the same reading are not"),
+    "no name": (changed(2, "who", ""), 2, "who is empty, where the name of an object is expected"),
+    "no reading": ([ROWS[1], ROWS[4]], None, "there is no reading in r_km, az_deg, rr_kmph"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damaged_row_is_refused_with_its_number(file: Path, name: str) -> None:
+    rows, row, message = DAMAGED[name]
+    write(file, rows)
+    with pytest.raises(InputError) as caught:
+        load(file)
+    assert message in caught.value.message
+    assert caught.value.file == file
+    if row is not None and file.suffix == ".csv":
+        assert caught.value.line == row + 2
+    elif row is not None:
+        assert caught.value.message.startswith(f"row {row + 1}: ")
+
+
+def test_missing_column_names_the_nearest(file: Path) -> None:
+    write(file)
+    with pytest.raises(InputError, match="there is no column 'x_m'; did you mean 'x_km'") as caught:
+        load(file, columns={**COLUMNS, "px": "x_m"})
+    assert caught.value.file == file
+
+
+def test_file_without_rows_is_refused(file: Path) -> None:
+    if file.suffix == ".csv":
+        write(file, [])
+    else:
+        pq.write_table(pa.table({name: pa.array([], pa.float64()) for name in HEAD}), file)
+    with pytest.raises(InputError, match="no row of data"):
+        load(file)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        ("", None, "empty"),
+        ("t_ms,who\n1,a,7\n", 2, "3 columns, where the header has 2"),
+        ('t_ms,who\n1,"a\n', 2, "not valid CSV"),
+        ("t_ms,t_ms\n1,2\n", 1, "2 columns 't_ms'"),
+        ("t_ms,who\n1,a\n\n1x,a\n", 4, "not a finite number: '1x'"),
+        ("t_ms,who\n1,a\n1_0,a\n", 3, "not a finite number: '1_0'"),
+    ],
+)
+def test_damaged_csv_is_refused_with_its_line(tmp_path: Path, text: str, line: int | None, message: str) -> None:
+    file = tmp_path / "log.csv"
+    file.write_text(text)
+    names = {"time": "t_ms", "px": "t_ms", "py": "t_ms", "vx": "t_ms", "vy": "t_ms"}
+    with pytest.raises(InputError, match=message) as caught:
+        load(file, columns=names, readings={})
+    assert (caught.value.file, caught.value.line) == (file, line)
+
+
+def test_file_that_is_not_parquet_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "log.parquet"
+    file.write_text("t_ms,who\n1,a\n")
+    with pytest.raises(InputError, match="not a Parquet file"):
+        load(file)
+
+
+def test_text_where_parquet_needs_numbers_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "log.parquet"
+    write(file, changed(0, "x_km", "north")[:1])
+    with pytest.raises(InputError, match="row 1: x_km is not a finite number: 'north'"):
+        load(file)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ([[900, "a", 1.0, 2.0]], "a reading of a at -0.1 s, where its truth is not known"),
+        ([[1200, "a", 1.0, 2.0]], "where its truth is not known"),
+        ([[1010, "c", 1.0, 2.0]], "the truth has no object 'c'; choose from: a, b"),
+        ([[1010, "a", 1.0, 2.0], [1010, "a", 1.0, 2.0]], "a second reading of a at the same time"),
+    ],
+)
+def test_readings_without_truth_are_refused(tmp_path: Path, rows: list[list[object]], message: str) -> None:
+    file, other = tmp_path / "log.csv", tmp_path / "lidar.csv"
+    write(file)
+    write(other, rows, ["t_ms", "who", "fore", "left"])
+    with pytest.raises(InputError, match=message) as caught:
+        load(file, readings={"roof": {"path": other.name, "x": "fore", "y": "left"}})
+    assert (caught.value.file, caught.value.line) == (other, len(rows) + 1)
