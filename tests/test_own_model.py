@@ -25,7 +25,6 @@ RADAR = RadarConfig(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_
 
 def result(name: str, *overrides: str) -> RunResult:
     loaded = load_scenario(SCENARIOS / f"{name}.yaml", overrides)
-    config = loaded.config
     return run(loaded, truth_of(loaded))
 
 

@@ -48,7 +48,6 @@ def write(folder: Path, scenario: dict[str, object], lines: list[str] = LINES) -
 
 def result(file: Path) -> RunResult:
     loaded = load_scenario(file)
-    config = loaded.config
     return run(loaded, truth_of(loaded))
 
 

@@ -53,7 +53,6 @@ def result(name: str) -> RunResult:
     """The result of one of the scenarios."""
     path = SCENARIOS / f"{name}.yaml"
     loaded = load_scenario(path)
-    config = loaded.config
     return run(loaded, truth_of(loaded))
 
 
