@@ -189,6 +189,8 @@ def make_tables() -> dict[str, pa.Table]:
                     "tracker": [name] * TIME.size,
                     "sensor": [sensor] * TIME.size,
                     "time_s": TIME,
+                    "count": np.full(TIME.size, 300.0),
+                    "dof": np.full(TIME.size, float(dof)),
                     "nis_mean": dof * (NEES[name] or 4) / 4 * rng.normal(1, 0.08, TIME.size),
                     "nis_low": np.full(TIME.size, 0.9 * dof),
                     "nis_high": np.full(TIME.size, 1.1 * dof),

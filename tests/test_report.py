@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html.parser import HTMLParser
 
+import numpy as np
 import pyarrow as pa
 import pytest
 from tests.example_result import RMSE, failed_tracker, make_result, make_summary, make_tables
@@ -168,3 +169,15 @@ def test_one_run_gives_no_intervals() -> None:
     page = Page(html.render(RunResult(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text
+
+
+def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
+    tables = make_tables()
+    nis = tables["nis"]
+    alone = pa.array(np.ones(nis.num_rows))
+    tables["nis"] = nis.set_column(nis.column_names.index("count"), "count", alone)
+    page = Page(html.render(RunResult(make_summary(), tables)))
+    assert "95 % are below the dashed line, at 7.815 (3 degrees of freedom)" in page.text
+    assert "at 5.991 (2 degrees of freedom)" in page.text
+    whole = Page(html.render(RunResult(make_summary(), make_tables())))
+    assert "below the dashed line" not in whole.text

@@ -60,6 +60,7 @@ def synthetic_result() -> RunResult:
                     "tracker": [tracker] * len(at),
                     "sensor": [sensor] * len(at),
                     "time_s": at,
+                    "count": number,
                     "nis_mean": mean,
                     "dof": np.full(len(at), float(dof)),
                     "nis_low": low,

@@ -96,6 +96,22 @@ def test_the_shown_run_has_the_rms_error_of_its_targets_and_bounds_for_their_num
     assert read("/series/shown_run/nees/bounds/high_1", "Scalars:scalars")[8.0] == pytest.approx([high])
 
 
+def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
+    result: RunResult, tmp_path: Path, read_file: Any
+) -> None:
+    nis, shown = result.tables["nis"], result.tables["shown_nis"]
+    nis = nis.set_column(nis.column_names.index("count"), "count", pc.if_else(pc.greater(nis["count"], 0), 1.0, 0.0))
+    shown = shown.filter(pc.equal(shown["object"], "v1"))
+    recording.write(RunResult(result.summary, result.tables | {"nis": nis, "shown_nis": shown}), tmp_path / "run.rrd")
+    read = read_file(tmp_path / "run.rrd")
+    for run in ("all_runs", "shown_run"):
+        place = f"/series/{run}/nis/front_radar/bounds"
+        assert {entity for entity in read.entities() if entity.startswith(place)} == {f"{place}/line_1"}
+        assert read(f"{place}/line_1", "SeriesLines:names")[None][0] == "95 % of single innovations"
+        values = read(f"{place}/line_1", "Scalars:scalars").values()
+        np.testing.assert_allclose([value[0] for value in values], 7.815, atol=5e-4)
+
+
 def test_a_line_is_broken_where_there_is_no_value(result: RunResult, tmp_path: Path, read_file: Any) -> None:
     steps = result.tables["steps"]
     column = steps.column_names.index("nees_mean")

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
-from trackbench.metrics.consistency import mean_bounds
+from trackbench.metrics.consistency import mean_bounds, point95
 from trackbench.palette import BOUND_COLOUR
 from trackbench.recording.stream import Stream, path, rgba
 from trackbench.recording.tables import Columns, mean_over_objects, split
@@ -16,6 +16,9 @@ from trackbench.types import COMMON_STATE, Array
 
 ALL_RUNS = "all_runs"
 SHOWN_RUN = "shown_run"
+
+#: What the line means under which the NIS of a consistent tracker is 95 % of the time.
+SINGLE = "95 % of single innovations"
 
 #: Lines that differ by less than this share are one line.
 SAME = 1e-6
@@ -34,7 +37,11 @@ def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: dict[
     for sensor, rows_by_tracker in _by_sensor(nis).items():
         nis_place = ("series", ALL_RUNS, "nis", sensor)
         _lines(stream, nis_place, rows_by_tracker, "nis_mean", colours)
-        _bounds(stream, nis_place, "95 % bounds", rows_by_tracker, ("nis_low", "nis_high"), colours)
+        if _single(rows_by_tracker):
+            lined = {tracker: _with_line(rows, int(rows["dof"][0])) for tracker, rows in rows_by_tracker.items()}
+            _bounds(stream, nis_place, SINGLE, lined, ("line",), colours)
+        else:
+            _bounds(stream, nis_place, "95 % bounds", rows_by_tracker, ("nis_low", "nis_high"), colours)
 
 
 def send_shown_run(
@@ -57,7 +64,13 @@ def send_shown_run(
             for tracker, rows in rows_by_tracker.items()
             if (tracker, sensor) in dof
         }
-        _with_bounds(stream, ("series", SHOWN_RUN, "nis", sensor), means, colours)
+        nis_place = ("series", SHOWN_RUN, "nis", sensor)
+        if _single(means):
+            lined = {tracker: _with_line(rows, dof[tracker, sensor]) for tracker, rows in means.items()}
+            _lines(stream, nis_place, lined, "value", colours)
+            _bounds(stream, nis_place, SINGLE, lined, ("line",), colours)
+        else:
+            _with_bounds(stream, nis_place, means, colours)
 
 
 def _by_sensor(table: pa.Table) -> dict[str, dict[str, Columns]]:
@@ -70,7 +83,16 @@ def _by_sensor(table: pa.Table) -> dict[str, dict[str, Columns]]:
 def _mean_with_bounds(time: Array, values: Array, dof: int) -> Columns:
     instants, mean, count = mean_over_objects(time, values)
     low, high = mean_bounds(dof, count)
-    return {"time_s": instants, "value": mean, "low": low, "high": high}
+    return {"time_s": instants, "value": mean, "low": low, "high": high, "count": count}
+
+
+def _single(rows: dict[str, Columns]) -> bool:
+    """Whether each value is a single innovation, and not a mean."""
+    return bool(rows) and max(float(np.nanmax(columns["count"])) for columns in rows.values()) <= 1
+
+
+def _with_line(rows: Columns, dof: int) -> Columns:
+    return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
 
 
 def _with_bounds(stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], colours: dict[str, str]) -> None:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from trackbench.metrics.consistency import point95
 from trackbench.report.columns import column, where
 from trackbench.report.figures import Entry, Look, Picture, entries, fit_value_axis, titles
 from trackbench.report.numbers import counted, joined
@@ -20,6 +21,7 @@ from trackbench.types import Array
 _HEIGHT = 250.0
 _PANEL = 125.0
 _TIME = "time, s"
+_DASHED = (0, (4, 2))
 #: Errors are averaged over time to about so many points, or a sensor that alternates with another fills the figure.
 _POINTS = 100
 
@@ -48,7 +50,7 @@ def error_over_time(
         _draw(axes, steps, lines)
         for group in bounds:
             colour = INK if len(bounds) == 1 else group[0].look.colour
-            axes.plot(group[0].time, group[0].value, color=colour, linestyle=(0, (4, 2)), linewidth=1.3)
+            axes.plot(group[0].time, group[0].value, color=colour, linestyle=_DASHED, linewidth=1.3)
         fit_value_axis(axes, [line.value for line in lines] + [group[0].value for group in bounds])
 
     name = f"{quantity}-error"
@@ -96,7 +98,7 @@ def spread(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
                 axes.fill_between(line.time, low[key], high[key], color=line.look.colour, alpha=0.3)
             axes.plot(line.time, line.value, color=line.look.colour)
             if key in bounds:
-                axes.plot(bounds[key].time, bounds[key].value, color=INK, linestyle=(0, (4, 2)), linewidth=1.2)
+                axes.plot(bounds[key].time, bounds[key].value, color=INK, linestyle=_DASHED, linewidth=1.2)
             axes.set_title(line.look.name, fontsize=10, loc="left", pad=2)
         for axes in panels[len(lines) :]:
             axes.set_visible(False)
@@ -133,15 +135,40 @@ def nees_over_time(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
 
 
 def nis_over_time(nis: pa.Table, sensor: str, shown: Sequence[Look], number: int) -> Picture | None:
-    """Mean NIS of one sensor over time with its 95 % bounds."""
+    """Mean NIS of one sensor over time with its 95 % bounds; of single innovations, with their 95 % line."""
     table = where(nis, sensor=sensor)
     lines = _lines(table, shown, "nis_mean")
+    if lines and np.nanmax(column(table, "count")) <= 1:
+        return _single_nis(table, sensor, lines, number)
     caption = (
         f"Squared innovation of {sensor} (reading minus prediction) in units of its predicted covariance. In the "
         "grey band, predictions and readings agree as well as the tracker says they do; above it, the noise or the "
         "motion is larger than the tracker assumes."
     )
     return _with_band(f"nis-{number}", f"NIS of {sensor} over time", caption, "NIS", table, lines, "nis")
+
+
+def _single_nis(table: pa.Table, sensor: str, lines: Sequence[_Line], number: int) -> Picture:
+    limits = {point95(dof): dof for dof in sorted({int(dof) for dof in column(table, "dof")})}
+    where_they_are = joined([f"{limit:.3f} ({dof} degrees of freedom)" for limit, dof in limits.items()])
+    caption = (
+        f"Squared innovation of {sensor} (reading minus prediction) in units of its predicted covariance, each one by "
+        f"itself. Of a consistent tracker 95 % are below the dashed line, at {where_they_are}. If fewer are, "
+        "the noise or the motion is larger than the tracker assumes; if nearly all are, it is smaller."
+    )
+
+    def paint(figure: Figure) -> None:
+        axes = figure.add_subplot(xlabel=_TIME, ylabel="NIS")
+        _draw(axes, table, lines)
+        for limit in limits:
+            axes.axhline(limit, color=INK, linestyle=_DASHED, linewidth=1.3, zorder=3)
+        axes.set_ylim(0, 1.06 * max(*limits, *(float(np.nanquantile(line.value, 0.995)) for line in lines)))
+
+    name, title = f"nis-{number}", f"NIS of {sensor} over time"
+    alternative = f"{title}, {_shown(lines)}, with the 95 % line of single innovations. {_ends(lines, '')}"
+    svg = in_page(draw(paint, _HEIGHT), name, alternative, titles(line.look for line in lines))
+    key = Entry("95 % of single innovations", "currentColor", "dash")
+    return Picture(name, title, caption, alternative, svg, (*entries(line.look for line in lines), key))
 
 
 def _with_band(

@@ -67,12 +67,12 @@ def load_truth(
             return LoadedTruth(recording.truth, cached=False, readings=recording.readings)
 
 
-def validate(config: AnyTruth, *, folder: Path, sensors: Mapping[str, str] | None = None) -> None:
+def validate(config: AnyTruth, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
     """Check everything that can be checked without simulating; a recording is read.
 
     Args:
         config: the ``truth`` of a scenario.
-        folder: the scenario's, where relative paths start.
+        folder: the scenario's, where relative paths start; the working directory unless given.
         sensors: the kind of each of the scenario's sensors, which a recording may feed.
 
     Raises:
@@ -86,7 +86,7 @@ def validate(config: AnyTruth, *, folder: Path, sensors: Mapping[str, str] | Non
     if isinstance(config, RecordingTruth):
         from trackbench.truth import recorded
 
-        recorded.load(config, sensors or {}, folder)
+        recorded.load(config, sensors or {}, folder or Path())
 
 
 def list_envs() -> list[str]:
