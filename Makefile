@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint types contracts unit install benchmark reference clean docs/scenario-file.md
+.PHONY: demo test lint types contracts unit install benchmark reference recorded clean docs/scenario-file.md
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
 demo: $(VENV)/.installed
@@ -42,6 +42,11 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 # Everything that is committed under results/ and docs/ and made by a command.
 reference: $(VENV)/.installed docs/scenario-file.md
 	$(BIN)/trackbench run scenarios/
+	$(BIN)/python docs/projects/range_3km.py
+
+# The tables of the Udacity pages; needs TRACKBENCH_DATA.
+recorded: $(VENV)/.installed
+	$(BIN)/python docs/projects/udacity.py
 
 docs/scenario-file.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.scenario.docs > $@

@@ -19,7 +19,7 @@ from trackbench.sensing.readings import IdealSensor, ideal_sensors
 from trackbench.truth import Draw, load_truth
 from trackbench.types import Array, Truth
 
-SCENARIOS = Path(__file__).parent.parent / "scenarios"
+SCENARIOS = Path(__file__).parent.parent / "scenarios" / "scripted"
 RADAR = RadarConfig(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.3)
 
 

@@ -20,7 +20,7 @@ def project(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 def test_the_cases_differ_in_their_truth_alone():
-    read = [yaml.safe_load((ROOT / "scenarios" / f"range_3km_{case}.yaml").read_text()) for case in CASES]
+    read = [yaml.safe_load((ROOT / "scenarios" / "published" / f"range_3km_{case}.yaml").read_text()) for case in CASES]
     for key in ("sensors", "trackers", "monte_carlo", "score"):
         assert all(scenario[key] == read[0][key] for scenario in read)
     assert len({scenario["name"] for scenario in read}) == len(CASES)

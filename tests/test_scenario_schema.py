@@ -15,7 +15,7 @@ from trackbench.scenario.schema import json_schema
 from trackbench.scenario.source import parse
 
 ROOT = Path(__file__).parent.parent
-SHIPPED = sorted((ROOT / "scenarios").glob("*.yaml"))
+SHIPPED = sorted((ROOT / "scenarios").rglob("*.yaml"))
 EXAMPLE = "".join(EXAMPLES.values())
 
 

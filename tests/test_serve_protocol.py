@@ -242,7 +242,7 @@ def test_a_tracker_that_starts_from_the_truth_cannot_be_served(scenario):
 
 def test_two_lidars_are_one_too_many():
     loaded = load_scenario(
-        Path(__file__).parents[1] / "scenarios/figure_eight.yaml",
+        Path(__file__).parents[1] / "scenarios/scripted/figure_eight.yaml",
         ["sensors.roof={type: lidar, rate_hz: 10, position_sigma_m: 1}"],
     )
     with pytest.raises(InputError, match=r"sensors\.roof: a second lidar beside lidar"):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -198,7 +199,7 @@ def test_truth_ends_where_the_environment_ends() -> None:
 )
 def test_mistakes_are_found_without_simulating(env: str, keys: dict[str, Any], key: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        validate(configured(env, **keys))
+        validate(configured(env, **keys), folder=Path())
     assert caught.value.key == key
 
 

@@ -20,7 +20,7 @@ from trackbench.scenario.truth import truth_of
 from trackbench.types import Array
 
 HERE = Path(__file__).resolve().parent
-SCENARIOS = HERE.parent.parent / "scenarios"
+SCENARIOS = HERE.parent.parent / "scenarios" / "published"
 
 #: The published RMSE (x, y) of the one run of each case, m: filtered, raw.
 PUBLISHED = {

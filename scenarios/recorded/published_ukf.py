@@ -43,7 +43,7 @@ class FaultyUkf(SigmaPointFilter):
         state_deviations = difference(points, belief.mean[:, None], motion.angular)
         s = np.einsum("s,is...,js...->ij...", weights, deviations, deviations)
         s += linalg.expand(scan.noise, s)
-        cross = np.einsum("s,is...,js...->ij...", weights, state_deviations, deviations)
+        cross = np.einsum("s,is...,js...->ij...", weights, deviations, state_deviations)
         innovation = difference(scan.reading, expected, sensor.angular)
         return correct(belief, innovation, s, cross, scan.valid, motion.angular)
 

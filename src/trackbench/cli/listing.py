@@ -18,7 +18,7 @@ def _scenarios() -> Iterable[Row]:
     folder = Path("scenarios")
     if not folder.is_dir():
         raise InputError("no folder scenarios/ in the working directory")
-    for file in sorted(folder.glob("*.y*ml")):
+    for file in sorted(folder.rglob("*.y*ml")):
         try:
             yield str(file), load_scenario(file).config.description
         except InputError as error:

@@ -37,7 +37,7 @@ def udacity_command(tracker: str, port: int, host: str, verbose: bool) -> None:
 
     \b
     Example:
-      trackbench serve udacity --port 4567 --tracker scenarios/figure_eight.yaml#ekf
+      trackbench serve udacity --port 4567 --tracker scenarios/scripted/figure_eight.yaml#ekf
     """
     path, hash_sign, name = tracker.rpartition("#")
     if not hash_sign or not path or not name:
