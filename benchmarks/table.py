@@ -22,7 +22,7 @@ def markdown(found: dict[str, Any]) -> str:
         "| problem | engine | µs per step of one run |",
         "|---|---|---:|",
         *(
-            f"| {row['problem']} | {row['engine']} | {row['value']:.3g} |"
+            f"| {row['problem']} | {row['engine']} | {_digits(row['value'])} |"
             for row in sorted(found["microseconds_per_step"], key=lambda row: (row["problem"], row["value"]))
         ),
         "",
@@ -32,7 +32,7 @@ def markdown(found: dict[str, Any]) -> str:
         "| | measured | required | |",
         "|---|---:|---|---|",
         *(
-            f"| {row['what']} | {row['value']:.3g} | {row['required']} | {_met(row['met'])} |"
+            f"| {row['what']} | {_digits(row['value'])} | {row['required']} | {_met(row['met'])} |"
             for row in found["ratios"]
         ),
     ]
@@ -53,6 +53,10 @@ def markdown(found: dict[str, Any]) -> str:
         "",
     ]
     return "\n".join(parts)
+
+
+def _digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def _met(met: bool | None) -> str:

@@ -126,8 +126,9 @@ class Scorer:
         self._filled, self._first = 0, first + filled
         here = slice(first, first + filled)
         mean, covariance = self._mean[:, :filled], self._covariance[:, :, :filled]
-        # A sum is finite only if all of its terms are.
-        total = mean.sum(axis=0) + np.einsum("ij...->...", covariance)
+        # A sum is finite only if all of its terms are; a covariance with finite variances and other entries that are
+        # not is not positive definite.
+        total = mean.sum(axis=0) + np.einsum("ii...->...", covariance)
         finite = np.isfinite(total)
         if finite.all():
             self._seen[:] = True
@@ -139,7 +140,9 @@ class Scorer:
 
         shape = (filled, self._objects, self._runs)
         truth = self._target.state[:, here]
-        error = (mean.reshape(4, *shape) - truth).reshape(4, filled, self._lanes)
+        values = np.empty((len(ERROR_FIELDS), filled, self._lanes))
+        error = values[1:5]
+        np.subtract(mean.reshape(4, *shape), truth, out=error.reshape(4, *shape))
         nees, _, positive = normalised_square(error, covariance)
         if not positive.all():
             self._reject(NOT_DEFINITE, self._alive(here) & finite & ~positive)
@@ -149,10 +152,9 @@ class Scorer:
         moving = scored & np.broadcast_to(vx * vx + vy * vy > MOVING**2, shape).reshape(scored.shape)
         true_course = np.arctan2(vy, vx)
         course = wrap_angle(np.arctan2(mean[3], mean[2]).reshape(shape) - true_course).reshape(scored.shape)
-        values = np.empty((len(ERROR_FIELDS), filled, self._lanes))
         values[0] = 1.0
         with np.errstate(over="ignore"):
-            np.multiply(error, error, out=values[1:5])
+            error *= error
         values[5] = nees
         values[6] = moving
         np.multiply(course, course, out=values[7])
