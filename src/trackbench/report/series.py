@@ -84,7 +84,8 @@ def spread(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
     low = {line.look.key: line.value for line in _smooth(_lines(steps, shown, "position_p10_m"))}
     high = {line.look.key: line.value for line in _smooth(_lines(steps, shown, "position_p90_m"))}
     bounds = {line.look.key: line for line in _smooth(_lines(steps, shown, "position_bound_m"))}
-    if not lines or not low:
+    # One object in one run has no spread.
+    if not lines or all(key in high and np.array_equal(low[key], high[key], equal_nan=True) for key in low):
         return None
     columns = 2 if len(lines) > 1 else 1
     rows = -(-len(lines) // columns)
