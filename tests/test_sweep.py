@@ -1,5 +1,6 @@
 """One tracker for each point of a sweep."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -155,3 +156,13 @@ def test_check_shows_the_number_of_points(tmp_path):
 
     assert shown.exit_code == 0
     assert shown.output == f"{tmp_path / 'sweep.yaml'}: ok (ukf: 4 points)\n"
+
+
+def test_the_name_of_a_sweep_chooses_all_of_its_points(tmp_path):
+    load(tmp_path, COMBINED + "  raw: {use: raw}\nmonte_carlo: {runs: 2}\n")
+    command = ["run", str(tmp_path / "sweep.yaml"), "--out", str(tmp_path / "out"), "--no-recording", "--json"]
+    for chosen, count in (("ukf", 4), ("ukf_0p8_0p4,raw", 2)):
+        done = CliRunner().invoke(cli, [*command, "--trackers", chosen], standalone_mode=False)
+        result = json.loads((tmp_path / "out" / "example" / "result.json").read_text())
+        assert done.exit_code == 0
+        assert len(result["trackers"]) == count

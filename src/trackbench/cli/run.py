@@ -135,13 +135,17 @@ def status(summaries: Sequence[dict[str, Any]]) -> int:
 
 
 def _only(loaded: LoadedScenario, chosen: Sequence[str]) -> LoadedScenario:
-    """The scenario with some of its trackers, and the expectations that can still be judged."""
+    """The scenario with some of its trackers, and the expectations that can still be judged.
+
+    The name of a sweep stands for all of its points.
+    """
     config = loaded.config
     for name in chosen:
-        if name not in config.trackers:
-            problem = f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}"
+        if name not in config.trackers and name not in loaded.sweeps:
+            problem = f"no tracker {name!r} in this scenario; {nearest(name, [*config.trackers, *loaded.sweeps])}"
             raise InputError(problem, key="--trackers", file=loaded.path)
-    kept = {name: tracker for name, tracker in config.trackers.items() if name in chosen}
+    wanted = {point for name in chosen for point in loaded.sweeps.get(name, (name,))}
+    kept = {name: tracker for name, tracker in config.trackers.items() if name in wanted}
     expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(kept)]
     return replace(loaded, config=config.model_copy(update={"trackers": kept, "expect": expect}))
 

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 from trackbench import linalg
 from trackbench.models.motion import turning
-from trackbench.models.motion.base import Kinematics, Spread
-from trackbench.types import Array, Gaussian
+from trackbench.models.motion.base import Kinematics
+from trackbench.types import Array
 from trackbench.units import cos_sin
 
 
 @dataclass(frozen=True)
-class ConstantTurnRateVelocity:
+class ConstantTurnRateVelocity(turning.SpeedAndYaw):
     """State px, py, v, yaw, yaw rate; white acceleration along the path and white yaw acceleration.
 
     Source: Schubert, Richter and Wanielik (2008), "Comparison and evaluation of advanced motion models for vehicle
@@ -58,18 +58,6 @@ class ConstantTurnRateVelocity:
         c, s = cos_sin(x[3])
         half = dt**2 / 2
         return linalg.matrix([[half * c, 0], [half * s, 0], [dt, 0], [0, half], [0, dt]])
-
-    def to_cartesian(self, x: Array) -> Array:
-        return turning.to_cartesian(x)
-
-    def cartesian_jacobian(self, x: Array) -> Array:
-        return turning.cartesian_jacobian(x)
-
-    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
-        return turning.cartesian_belief(belief)
-
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
-        return turning.from_cartesian(belief, spread, len(self.components))
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         return linalg.vector([motion.px, motion.py, motion.speed, motion.course, motion.yaw_rate])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -133,3 +133,21 @@ def from_cartesian(belief: Gaussian, spread: Spread, components: int) -> Gaussia
         covariance[5, 5] = spread.acceleration**2
     zeros = np.zeros((components - 4, *batch))
     return Gaussian(np.concatenate([linalg.vector([px, py, speed, np.arctan2(vy, vx)]), zeros]), covariance)
+
+
+class SpeedAndYaw:
+    """The way to Cartesian and back, for models whose state begins with px, py, v, yaw, yaw rate."""
+
+    components: ClassVar[tuple[str, ...]]
+
+    def to_cartesian(self, x: Array) -> Array:
+        return to_cartesian(x)
+
+    def cartesian_jacobian(self, x: Array) -> Array:
+        return cartesian_jacobian(x)
+
+    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
+        return cartesian_belief(belief)
+
+    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+        return from_cartesian(belief, spread, len(self.components))
