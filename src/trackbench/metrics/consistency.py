@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from trackbench import linalg
-from trackbench.types import Array, Mask
+from trackbench.types import Array, Estimate, Mask
 
 
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
@@ -24,6 +24,19 @@ def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Ma
     factor = linalg.cholesky(covariance)
     whitened = factor.whiten(error)
     return np.einsum("i...,i...->...", whitened, whitened), whitened, factor.positive
+
+
+def whitened_innovation(estimate: Estimate, lanes: slice = slice(None)) -> Array | None:
+    """``(m, lanes)`` innovation in units of its own standard deviations: what the tracker gives, or else computed.
+
+    None where the tracker gives no innovation; NaN where its covariance is not positive definite.
+    """
+    if estimate.whitened_innovation is not None:
+        return estimate.whitened_innovation[:, lanes]
+    if estimate.innovation is None or estimate.innovation_covariance is None:
+        return None
+    _, white, positive = normalised_square(estimate.innovation[:, lanes], estimate.innovation_covariance[:, :, lanes])
+    return np.where(positive, white, np.nan)
 
 
 def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:

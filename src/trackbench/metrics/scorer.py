@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.metrics.consistency import normalised_square, point95
+from trackbench.metrics.consistency import normalised_square, point95, whitened_innovation
 from trackbench.metrics.scores import ERROR_FIELDS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, NisScores, Scores
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.types import Array, Estimate, Mask, Scan
@@ -203,17 +203,13 @@ class _Innovations:
         self._last: tuple[Array, Mask] | None = None
 
     def add(self, instant: int, scan: Scan, estimate: Estimate) -> None:
-        if estimate.innovation is None or estimate.innovation_covariance is None:
+        white = whitened_innovation(estimate)
+        if white is None:
             self.flush()
             self._first += 1
             self._last = None
             return
-        used = scan.valid & self._scorer.scored(instant)
-        white = estimate.whitened_innovation
-        if white is None:
-            _, white, positive = normalised_square(estimate.innovation, estimate.innovation_covariance)
-            used = used & positive
-        self._waiting.append((white, used))
+        self._waiting.append((white, scan.valid & self._scorer.scored(instant)))
         if len(self._waiting) == self._scorer._chunk:
             self.flush()
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from trackbench.words import counted
+
 NOT_AVAILABLE = "n/a"
 
 
@@ -35,7 +37,7 @@ def about(summary: dict[str, Any]) -> str:
     lines = [
         scenario["description"],
         "",
-        f"- truth: {source}, {_counted(len(truth['objects']), 'target')}, {truth['duration_s']:g} s",
+        f"- truth: {source}, {counted(len(truth['objects']), 'target')}, {truth['duration_s']:g} s",
         f"- shown: Monte-Carlo run {summary['shown_run']} of {summary['runs']}, seed {summary['seed']}",
         f"- readings: fingerprint `{summary['fingerprint'].removeprefix('sha256:')[:16]}`",
         "",
@@ -98,10 +100,6 @@ def _sensor(name: str, sensor: dict[str, Any]) -> str:
 
 def _interval(limits: list[float] | None) -> str:
     return " to ".join(_number(limit) for limit in limits) if limits else NOT_AVAILABLE
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _number(value: float | None) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from trackbench.report.markdown import escape, grid
-from trackbench.report.numbers import counted, decimals, fixed, interval, percent
+from trackbench.report.numbers import decimals, fixed, interval, percent
 from trackbench.report.standings import RESAMPLES, ScenarioScores, Score, Standing
+from trackbench.words import counted
 
 #: Mean ranks with a lead at least this frequent are called certain.
 _CERTAIN = 0.95

@@ -9,11 +9,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from trackbench.report.numbers import NOT_AVAILABLE, Metric, counted, decimals, fixed, half_width
+from trackbench.report.numbers import NOT_AVAILABLE, Metric, decimals, fixed, half_width
 from trackbench.report.significance import Differences, letters
 from trackbench.report.tables import TONE
 from trackbench.report.wording import Tracker, expectations_met, failure, scored, unscored
 from trackbench.results import RunResult
+from trackbench.words import counted
 
 _STYLE = {"good": "green", "warn": "yellow", "bad": "bold red"}
 

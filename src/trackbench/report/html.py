@@ -10,11 +10,12 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from trackbench.report import tables
 from trackbench.report.audit_words import audit_sentences
 from trackbench.report.figures import Look, Picture, looks
-from trackbench.report.numbers import counted, fixed
+from trackbench.report.numbers import fixed
 from trackbench.report.scene import cost_against_accuracy, map_of_run
 from trackbench.report.series import error_over_time, nees_over_time, nis_over_time, spread
 from trackbench.report.wording import expectations_met, failure, headline, scored, unscored, verdict
 from trackbench.results import RunResult
+from trackbench.words import counted
 
 
 def render(result: RunResult) -> str:

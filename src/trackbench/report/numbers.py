@@ -43,11 +43,6 @@ def half_width(metric: Metric) -> float | None:
     return (bounds[1] - bounds[0]) / 2 if bounds else None
 
 
-def counted(number: int, noun: str) -> str:
-    """ "1 run", "2 runs"."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def joined(names: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 
 from trackbench.report.columns import column, names, where
 from trackbench.report.figures import Entry, Look, Picture, entries, logarithmic, titles
-from trackbench.report.numbers import counted, fixed
+from trackbench.report.numbers import fixed
 from trackbench.report.svg import GRID, INK, MUTED, WIDTH, draw, in_page
 from trackbench.types import Array
+from trackbench.words import counted
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 _ELONGATED = 4.0

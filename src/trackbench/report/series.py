@@ -14,9 +14,10 @@ from matplotlib.ticker import MaxNLocator
 from trackbench.metrics.consistency import point95
 from trackbench.report.columns import column, where
 from trackbench.report.figures import Entry, Look, Picture, entries, fit_value_axis, titles
-from trackbench.report.numbers import counted, joined
+from trackbench.report.numbers import joined
 from trackbench.report.svg import GRID, INK, MUTED, draw, in_page
 from trackbench.types import Array
+from trackbench.words import counted
 
 _HEIGHT = 250.0
 _PANEL = 125.0

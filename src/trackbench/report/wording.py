@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from trackbench.report.numbers import counted, decimals, fixed, half_width, interval, joined, percent
+from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.significance import Differences
+from trackbench.words import counted
 
 Tracker = Mapping[str, Any]
 

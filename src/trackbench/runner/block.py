@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.scorer import Fault, Scorer, Target
 from trackbench.metrics.scores import Scores
 from trackbench.models.motion import Kinematics
@@ -195,10 +195,10 @@ class _Passage:
         if self.trace is None or self._shown is None:
             return
         nis = np.full(len(self._work.truth.ids), np.nan)
-        if estimate.innovation is not None and estimate.innovation_covariance is not None:
-            lanes = slice(self._shown, None, len(self._runs))
-            value = normalised_square(estimate.innovation[:, lanes], estimate.innovation_covariance[:, :, lanes])[0]
-            nis = np.where(scan.valid[lanes], value, np.nan)
+        lanes = slice(self._shown, None, len(self._runs))
+        white = whitened_innovation(estimate, lanes)
+        if white is not None:
+            nis = np.where(scan.valid[lanes], np.einsum("i...,i...->...", white, white), np.nan)
         self.trace.nis.setdefault(scan.sensor, []).append(nis)
 
     def _failure(self, cause: str, instant: int, sensor: str | None, lane: int | None) -> Failure:

@@ -106,7 +106,7 @@ class _Assembly:
 
     def result(self, command: str) -> RunResult:
         work, scenario, truth = self._work, self._scenario, self._work.truth
-        bounds = {name: self._bound(work.trackers[name]) for name in self._scores}
+        bounds = self._bounds()
         rms = {name: rms_bound(bounds[name], item.weight) for name, item in self._scores.items()}
         intervals = {name: error_intervals(item) for name, item in self._scores.items()}
         entries = {name: self._entry(name, rms.get(name)) for name in work.trackers}
@@ -160,11 +160,20 @@ class _Assembly:
         assert bound is not None
         return {**entry, "metrics": metrics(scores, bound, self._work.runs), "health": health(scores)}
 
-    def _bound(self, tracker: FilterConfig | PluginConfig) -> Array:
-        work, config = self._work, self._scenario.score.bound
-        sensors = [item for item in work.sensors if tracker.sensors is None or item.name in tracker.sensors]
-        prior = _prior(tracker, config)
-        return cramer_rao(work.truth, sensors, self._rates(), self._acceleration(), prior, self._instants)
+    def _bounds(self) -> dict[str, Array]:
+        """Variances of the bound by tracker, computed once for all that read the same sensors from the same start."""
+        work, rates, acceleration = self._work, self._rates(), self._acceleration()
+        known: dict[tuple[tuple[str, ...], Prior], Array] = {}
+        found = {}
+        for name in self._scores:
+            tracker = work.trackers[name]
+            sensors = [item for item in work.sensors if tracker.sensors is None or item.name in tracker.sensors]
+            prior = _prior(tracker, self._scenario.score.bound)
+            case = tuple(sensor.name for sensor in sensors), prior
+            if case not in known:
+                known[case] = cramer_rao(work.truth, sensors, rates, acceleration, prior, self._instants)
+            found[name] = known[case]
+        return found
 
     def _rates(self) -> dict[str, Array]:
         """Share of the runs in which each object was detected, at each reading of each sensor."""

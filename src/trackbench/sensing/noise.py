@@ -16,6 +16,11 @@ def standard_deviations(config: Sensor) -> Array:
     return np.array([config.position_sigma_m, config.position_sigma_m])
 
 
+def noise_covariance(config: Sensor) -> Array:
+    """``(m, m)`` covariance that the sensor states of its readings."""
+    return np.diag(standard_deviations(config) ** 2)
+
+
 def biases(config: Sensor) -> Array:
     """``(m,)`` constant error of each component of a reading."""
     if isinstance(config, RadarConfig | SpeedRadarConfig):

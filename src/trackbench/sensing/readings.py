@@ -12,7 +12,7 @@ import numpy.typing as npt
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.config import Sensor
 from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.noise import biases, standard_deviations
+from trackbench.sensing.noise import biases, noise_covariance, standard_deviations
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.streams import stream
 from trackbench.types import Array, Mask, RecordedReadings, Scan, Truth
@@ -115,7 +115,7 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     visible = visible & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
     if config.max_range_m is not None:
         visible = visible & (polar[0] <= config.max_range_m)
-    noise = np.diag(standard_deviations(config) ** 2)
+    noise = noise_covariance(config)
     return IdealSensor(name, config, steps, time, reading, visible, pose, velocity, noise)
 
 
@@ -124,7 +124,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, readings: RecordedRead
     time = truth.time[readings.steps]
     visible = readings.valid[:, :, None] & ~silent(config, time)[:, None, None]
     pose, velocity = motion.pose[:, readings.steps], motion.velocity[:, readings.steps]
-    noise = np.diag(standard_deviations(config) ** 2)
+    noise = noise_covariance(config)
     reading = readings.reading[..., None]
     return IdealSensor(name, config, readings.steps, time, reading, visible, pose, velocity, noise, recorded=True)
 

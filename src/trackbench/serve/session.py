@@ -16,7 +16,7 @@ from trackbench.runner.adapters import LaneFault, Stepper, adapt, blinded, cause
 from trackbench.scenario import LoadedScenario
 from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.noise import standard_deviations
+from trackbench.sensing.noise import noise_covariance
 from trackbench.sensing.schedule import silent
 from trackbench.serve.protocol import Marker
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
@@ -187,7 +187,7 @@ def _noise_and_pose(config: LidarConfig | RadarConfig, observer: FixedObserver |
     at = observer if isinstance(observer, FixedObserver) else FixedObserver()
     x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
     pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
-    noise = np.diag(standard_deviations(config) ** 2)
+    noise = noise_covariance(config)
     for shared in (noise, pose):
         # One client's tracker must not change what another's reads.
         shared.setflags(write=False)
