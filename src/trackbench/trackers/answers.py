@@ -29,10 +29,27 @@ def unpack(answer: Any) -> tuple[Any, Any]:
 
 
 def checked(answer: Any, scan: Scan) -> Estimate | None:
-    """An estimate of the right shapes.
+    """An estimate of the right shapes, its covariance symmetric.
 
     Raises:
         TrackerFault: it is not a mean (4, ...) with a symmetric covariance (4, 4, ...).
+    """
+    estimate = shaped(answer, scan)
+    if estimate is None:
+        return None
+    covariance = estimate.covariance
+    with np.errstate(invalid="ignore"):
+        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
+    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1))):
+        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
+    return estimate
+
+
+def shaped(answer: Any, scan: Scan) -> Estimate | None:
+    """An estimate of the right shapes.
+
+    Raises:
+        TrackerFault: it is not a mean (4, ...) with a covariance (4, 4, ...).
     """
     if answer is None:
         return None
@@ -51,10 +68,6 @@ def checked(answer: Any, scan: Scan) -> Estimate | None:
     repaired = answer.repaired
     if repaired is not None and np.shape(repaired) != batch:
         raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
-    with np.errstate(invalid="ignore"):
-        gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1))
-    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1))):
-        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {np.nanmax(gap):.3g}")
     # The whitened innovation is left out: it is computed here, rather than believed.
     return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, spread, None, repaired)
 

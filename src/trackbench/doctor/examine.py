@@ -1,0 +1,127 @@
+"""The examination of one tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from trackbench.doctor.bench import Bench
+from trackbench.doctor.checks.drives import drives
+from trackbench.doctor.checks.expectation import expectation
+from trackbench.doctor.checks.gain import gain
+from trackbench.doctor.checks.output import output
+from trackbench.doctor.checks.prediction import prediction, spreading
+from trackbench.doctor.checks.process_noise import process_noise
+from trackbench.doctor.checks.soundness import repeatability, vital_signs
+from trackbench.doctor.checks.start import confidence, first_position
+from trackbench.doctor.checks.wrapping import wrapping
+from trackbench.doctor.drives import courses
+from trackbench.doctor.exhibits import Exhibit, exhibit
+from trackbench.doctor.findings import Check, Finding, Outcome
+from trackbench.doctor.following import follow
+from trackbench.doctor.weighing import weigh
+from trackbench.sensing.config import Sensor
+from trackbench.trackers.base import Tracker
+from trackbench.trackers.builtin import ekf
+
+#: In this order; the vital signs last, when all answers have been seen.
+PARTS: tuple[Callable[[Bench], Outcome], ...] = (
+    repeatability,
+    output,
+    first_position,
+    confidence,
+    prediction,
+    spreading,
+    expectation,
+    gain,
+    wrapping,
+    process_noise,
+    drives,
+    vital_signs,
+)
+
+
+#: The drive that is shown where no other shows more.
+USUAL = "azimuth_crossing"
+#: How many drives are shown.
+MOST_SHOWN = 3
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What was found in a tracker."""
+
+    tracker: str
+    findings: list[Finding]
+    checks: list[Check]
+
+    @property
+    def healthy(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+    def json(self) -> dict[str, Any]:
+        """As ``--json`` prints it."""
+        return {
+            "tracker": self.tracker,
+            "healthy": self.healthy,
+            "findings": [finding.json() for finding in self.findings],
+            "checks": [check.json() for check in self.checks],
+        }
+
+
+def reference() -> Tracker:
+    """The tracker that others are held against: an extended Kalman filter with constant velocity."""
+    return ekf(motion="cv", acceleration_sigma_mps2=3.0)
+
+
+class Doctor:
+    """Examines trackers with some sensors.
+
+    Args:
+        sensors: by name. Only their kinds, noise and mounting count: every examination has the same rates and sees
+            all around.
+    """
+
+    def __init__(self, sensors: Mapping[str, Sensor]) -> None:
+        self.sensors = {name: _plain(sensor) for name, sensor in sensors.items()}
+        self._courses = [(course, follow(reference, course.scans)) for course in courses(self.sensors)]
+
+    def examine(self, name: str, make: Callable[[], Tracker]) -> Examination:
+        """Take a tracker through the whole battery.
+
+        Args:
+            name: what it is called in the results.
+            make: gives a fresh one.
+        """
+        bench = Bench(make, self.sensors, self._courses)
+        outcomes = [part(bench) for part in PARTS]
+        return Examination(
+            name,
+            weigh(finding for outcome in outcomes for finding in outcome.findings),
+            [check for outcome in outcomes for check in outcome.checks],
+        )
+
+    def exhibits(self, examination: Examination, make: Callable[[], Tracker]) -> list[Exhibit]:
+        """What shows the roots among the findings; of a healthy tracker, a drive in which most could go wrong."""
+        shown: dict[str, list[Finding]] = {}
+        for finding in examination.findings:
+            if finding.consequence_of is None and len(shown) < MOST_SHOWN:
+                shown.setdefault(self._course_of(finding), []).append(finding)
+        ready = {course.name: (course, track) for course, track in self._courses}
+        return [exhibit(make, *ready[name], findings) for name, findings in (shown or {USUAL: []}).items()]
+
+    def _course_of(self, finding: Finding) -> str:
+        for course, _ in self._courses:
+            if finding.station == course.name or finding.fault in course.drive.shows:
+                return course.name
+        return USUAL
+
+
+def _plain(sensor: Sensor) -> Sensor:
+    """The sensor without anything that would hide a target or shift a reading."""
+    biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
+    rate = 10.0 if sensor.type == "lidar" else 20.0
+    sees: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
+    return sensor.model_copy(update={**biases, **sees, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0.0})
