@@ -1,0 +1,146 @@
+"""Faults in the start, the noise and the correction of a plain tracker, as methods that go before the correct ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .plain import Array, Belief, PlainTracker, Track
+
+
+class CertainStart:
+    """A first covariance that is tiny in every component."""
+
+    def from_cartesian(self, x: Array, P: Array) -> Belief:
+        x, P = super().from_cartesian(x, P)
+        return x, 1e-4 * np.eye(len(x))
+
+
+class PolarStart:
+    """Range and azimuth of the first radar reading as px and py."""
+
+    def first_position(self, scan: Any) -> Belief:
+        if scan.kind == "radar":
+            return scan.reading[:2].copy(), np.eye(2)
+        return super().first_position(scan)
+
+
+class PolarStartWithRate(PolarStart):
+    """Besides, the range rate as vx."""
+
+    def first_velocity(self, scan: Any) -> Array:
+        return np.array([scan.reading[2], 0.0]) if scan.kind == "radar" else super().first_velocity(scan)
+
+
+class ArctanCourse:
+    """The first course by arctan(vy / vx): backwards where vx is negative."""
+
+    def course(self, vx: float, vy: float) -> float:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.nan_to_num(np.arctan(np.divide(vy, vx)))
+
+
+class UnsymmetricUpdate:
+    """The upper triangle of each corrected covariance off by a thousandth."""
+
+    def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
+        P = super().corrected_covariance(P, K, S)
+        return P * (1 + np.triu(np.full(P.shape, 1e-3), 1))
+
+
+class OneSidedNoise:
+    """Process noise without the entries below its diagonal, and a correction that does not symmetrise."""
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        return np.triu(super().process_noise(x, dt))
+
+    def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
+        return P - K @ S @ K.T
+
+
+class SubtractsTooMuch:
+    """Half as much again as the correction takes from the covariance."""
+
+    def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
+        return super().corrected_covariance(P, np.sqrt(1.5) * K, S)
+
+
+class MeanNotMoved:
+    """A sensor's correction narrows the covariance, and the corrected mean is thrown away."""
+
+    kind: str
+
+    def update(self, x: Array, P: Array, scan: Any) -> Belief:
+        later, P = super().update(x, P, scan)
+        return (x if scan.kind == self.kind else later), P
+
+
+class RadarNotMoved(MeanNotMoved):
+    kind = "radar"
+
+
+class LidarNotMoved(MeanNotMoved):
+    kind = "lidar"
+
+
+class NoisePerSecond:
+    """Process noise as a rate, which is found by a division by the time step."""
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        with np.errstate(invalid="ignore"):
+            return np.divide(super().process_noise(x, dt), dt) * dt
+
+
+class StartAtOneInstant:
+    """The velocity from two readings without a look at the time between them."""
+
+    def differs(self, elapsed: float) -> bool:
+        return True
+
+    def two_readings(self, first: Belief, second: Belief, dt: float) -> Belief:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().two_readings(first, second, np.float64(dt))
+
+
+class NoiseAlongCourse:
+    """Process noise turned along the velocity, whose direction is not defined at rest."""
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        with np.errstate(invalid="ignore"):
+            c, s = x[2:4] / np.hypot(x[2], x[3])
+        turn = np.kron(np.eye(2), [[c, -s], [s, c]])
+        return turn @ super().process_noise(x, dt) @ turn.T
+
+
+class UnguardedRange:
+    """Divides by the range of a target that may be where the sensor is."""
+
+    def range(self, dx: float, dy: float) -> float:
+        return np.hypot(dx, dy)
+
+    def update(self, x: Array, P: Array, scan: Any) -> Belief:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().update(x, P, scan)
+
+
+def surviving(base: type[PlainTracker]) -> type[PlainTracker]:
+    """The tracker, the covariance of its start being a class attribute that each track then changes in place."""
+
+    class Surviving(base):  # type: ignore[misc, valid-type]
+        covariance: Array | None = None
+
+        def begin(self, track: Track, scan: Any) -> Track:
+            track = super().begin(track, scan)
+            if track.mean is None:
+                return track
+            if Surviving.covariance is None:
+                Surviving.covariance = track.covariance.copy()
+            return track._replace(covariance=Surviving.covariance)
+
+        def update(self, x: Array, P: Array, scan: Any) -> Belief:
+            x, P = super().update(x, P, scan)
+            Surviving.covariance[:] = P
+            return x, P
+
+    return Surviving

@@ -1,0 +1,93 @@
+"""Scans taken for something else than they are: one function for each mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from trackbench.types import Array, Scan
+from trackbench.units import wrap_angle
+
+Alter = Callable[[Scan], Scan]
+
+RANGE, AZIMUTH, RATE = range(3)
+X, Y, YAW = range(3)
+
+
+def component(kind: str, index: int, change: Callable[[Array], Array]) -> Alter:
+    """One component of one sensor's readings, changed."""
+
+    def alter(scan: Scan) -> Scan:
+        if scan.kind != kind:
+            return scan
+        reading = scan.reading.copy()
+        reading[index] = change(reading[index])
+        return scan._replace(reading=reading)
+
+    return alter
+
+
+def offset(kind: str, index: int, bias: float) -> Alter:
+    return component(kind, index, lambda value: value + bias)
+
+
+def azimuth(change: Callable[[Array], Array]) -> Alter:
+    return component("radar", AZIMUTH, lambda angle: wrap_angle(change(angle)))
+
+
+def scaled_noise(factor: float, kind: str | None = None, index: int | None = None) -> Alter:
+    """The covariance of one sensor or of all (or one of its variances, uncorrelated), times a factor."""
+
+    def alter(scan: Scan) -> Scan:
+        if kind not in (None, scan.kind):
+            return scan
+        scale = np.full(len(scan.noise), factor)
+        if index is not None:
+            scale = np.ones(len(scan.noise))
+            scale[index] = factor
+        return scan._replace(noise=scan.noise * np.sqrt(np.outer(scale, scale)))
+
+    return alter
+
+
+def pose(index: int | slice, change: Callable[[Array], Array]) -> Alter:
+    def alter(scan: Scan) -> Scan:
+        changed = scan.sensor_pose.copy()
+        changed[index] = change(changed[index])
+        return scan._replace(sensor_pose=changed)
+
+    return alter
+
+
+def velocity_ignored(scan: Scan) -> Scan:
+    return scan._replace(sensor_velocity=np.zeros(2))
+
+
+def lidar_axes_swapped(scan: Scan) -> Scan:
+    return scan._replace(reading=scan.reading[::-1]) if scan.kind == "lidar" else scan
+
+
+def dropped(kind: str) -> Alter:
+    """One sensor's readings as if they had been missed."""
+
+    def alter(scan: Scan) -> Scan:
+        return scan._replace(valid=np.zeros_like(scan.valid)) if scan.kind == kind else scan
+
+    return alter
+
+
+def missed_taken_as_read(scan: Scan) -> Scan:
+    """``valid`` is never looked at: a missed reading is NaN."""
+    return scan._replace(valid=np.ones_like(scan.valid))
+
+
+def drawn(scale: float) -> Alter:
+    """The reading with noise that nobody seeded, of ``scale`` times its standard deviations."""
+
+    def alter(scan: Scan) -> Scan:
+        sigma = scale * np.sqrt(np.diag(scan.noise))
+        normal = np.random.default_rng().standard_normal(scan.reading.shape)
+        return scan._replace(reading=scan.reading + (sigma * normal.T).T)
+
+    return alter

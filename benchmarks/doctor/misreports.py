@@ -1,0 +1,42 @@
+"""Means and covariances (4, ...) and (4, 4, ...) that are not what the filter found: one function for each mistake."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.types import Array
+
+SAMPLES = 200
+
+
+def velocity_beside_position(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """In the order px, vx, py, vy."""
+    order = [0, 2, 1, 3]
+    return mean[order], covariance[order][:, order]
+
+
+def upper_triangle_scaled(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    upper = np.triu(np.full((4, 4), 1e-3), 1)
+    return mean, covariance * linalg.expand(1.0 + upper, covariance)
+
+
+def one_entry_left(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """The covariance of px and vx right in one of its two places only."""
+    changed = covariance.copy()
+    changed[0, 2] = 0.9 * covariance[2, 0]
+    return mean, changed
+
+
+def correlations_doubled(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """Each covariance counted twice, as where the two triangles are added up."""
+    return mean, covariance * linalg.expand(2.0 - np.eye(4), covariance)
+
+
+def sampled(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """Of samples drawn from the estimate by a generator that nobody seeded."""
+    normal = np.random.default_rng().standard_normal((4, SAMPLES, *mean.shape[1:]))
+    spread = linalg.matmul(linalg.cholesky(covariance).lower(), normal)
+    centre = spread.mean(axis=1)
+    apart = spread - centre[:, None]
+    return mean + centre, linalg.matmul_transposed(apart, apart) / (SAMPLES - 1)

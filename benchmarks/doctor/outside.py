@@ -1,0 +1,107 @@
+"""The mutants that need not look into a tracker: its options, its scans, its time and its answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+
+import numpy as np
+
+from . import misreadings as read
+from . import misreports as report
+from .misreadings import AZIMUTH, RANGE, RATE, YAW, X, Y
+from .mutant import Mutant, Subject
+from .wrapping import Clocked, Misread, Misreported
+
+ACCELERATION_SIGMA, YAW_ACCELERATION_SIGMA = 3.0, 0.5
+DEGREE = pi / 180
+
+
+def mutants(subject: Subject) -> Iterator[Mutant]:
+    for part in (readings, noise, timing, start, chance, answers):
+        yield from part(subject)
+
+
+def readings(subject: Subject) -> Iterator[Mutant]:
+    def mutant(fault: str, variant: str, alter: read.Alter, sensor: str | None = None) -> Mutant:
+        return subject.behind(fault, variant, Misread, alter, sensor=sensor)
+
+    fault = "degrees_for_radians"
+    yield mutant(fault, "reading", read.azimuth(np.radians), "radar")
+    yield mutant(fault, "sigma_in_degrees", read.scaled_noise(DEGREE**-2, "radar", AZIMUTH), "radar")
+    yield mutant(fault, "sigma_converted_twice", read.scaled_noise(DEGREE**2, "radar", AZIMUTH), "radar")
+    yield mutant(fault, "yaw_in_degrees", read.pose(YAW, np.degrees))
+    yield mutant(fault, "yaw_converted_twice", read.pose(YAW, np.radians))
+    fault = "sensor_bias"
+    for metres in (0.5, 1.0, 2.0):
+        yield mutant(fault, f"range_{metres}", read.offset("radar", RANGE, metres), "radar")
+        yield mutant(fault, f"lidar_x_{metres}", read.offset("lidar", X, metres), "lidar")
+    for degrees in (2, -3):
+        yield mutant(
+            fault, f"azimuth_{degrees}", read.azimuth(lambda angle, bias=degrees * DEGREE: angle + bias), "radar"
+        )
+    yield mutant("axis_swapped", "lidar", read.lidar_axes_swapped, "lidar")
+    yield mutant("axis_swapped", "azimuth", read.azimuth(lambda angle: pi / 2 - angle), "radar")
+    yield mutant("axis_mirrored", "lidar", read.component("lidar", Y, np.negative), "lidar")
+    yield mutant("axis_mirrored", "azimuth", read.azimuth(np.negative), "radar")
+    fault = "ego_motion_ignored"
+    yield mutant(fault, "pose", read.pose(slice(None), np.zeros_like))
+    yield mutant(fault, "position", read.pose(slice(2), np.zeros_like))
+    yield mutant(fault, "yaw", read.pose(YAW, np.zeros_like))
+    if subject.uses_rate:
+        yield mutant(fault, "velocity", read.velocity_ignored, "radar")
+        yield mutant("doppler_sign", "reading", read.component("radar", RATE, np.negative), "radar")
+    for kind in ("radar", "lidar"):
+        yield subject.behind("measurement_ignored", kind, Misread, read.dropped(kind), "later", sensor=kind)
+    yield mutant("nonfinite", "missed_reading", read.missed_taken_as_read)
+
+
+def noise(subject: Subject) -> Iterator[Mutant]:
+    for fault, scales in (("q_too_small", (1e-2, 1e-3, 1e-4)), ("q_too_large", (1e2, 1e3, 1e4))):
+        for scale in scales:
+            options = {"acceleration_sigma": ACCELERATION_SIGMA * scale**0.5}
+            if subject.turning:
+                options["yaw_acceleration_sigma"] = YAW_ACCELERATION_SIGMA * scale**0.5
+            yield subject.optioned(fault, f"{scale:g}", **options)
+    small = [("radar", 1 / 25), ("radar", 1 / 4), ("lidar", 1 / 16), (None, 1 / 10)]
+    large = [("radar", 16.0), ("radar", 100.0), ("lidar", 9.0), (None, 25.0), ("lidar", 4.0)]
+    for fault, cases in (("r_too_small", small), ("r_too_large", large)):
+        for kind, factor in cases:
+            alter, variant = read.scaled_noise(factor, kind), f"{kind or 'all'}_{factor:g}"
+            yield subject.behind(fault, variant, Misread, alter, sensor=kind, factor=factor)
+
+
+def timing(subject: Subject) -> Iterator[Mutant]:
+    clocks = {
+        "stale": lambda _now, before, _time: before,
+        "fixed_0.1": lambda now, _before, _time: now + 0.1,
+        "fixed_0.05": lambda now, _before, _time: now + 0.05,
+        "milliseconds": lambda now, before, time: now + 1000 * (time - before),
+        "thousandths": lambda now, before, time: now + (time - before) / 1000,
+    }
+    for variant, clock in clocks.items():
+        yield subject.behind("wrong_dt", variant, Clocked, clock)
+
+
+def start(subject: Subject) -> Iterator[Mutant]:
+    for sigma in (0.1, 0.3, 1.0):
+        start = {"start": "first_reading"}
+        yield subject.optioned("overconfident_start", f"velocity_{sigma}", start, velocity_sigma=sigma)
+
+
+def chance(subject: Subject) -> Iterator[Mutant]:
+    fault = "not_deterministic"
+    yield subject.behind(fault, "drawn_start", Misread, read.drawn(1.0), "first")
+    yield subject.behind(fault, "perturbed_readings", Misread, read.drawn(0.2), "later")
+    yield subject.behind(fault, "sampled_output", Misreported, report.sampled)
+
+
+def answers(subject: Subject) -> Iterator[Mutant]:
+    alterations = [
+        ("axis_swapped", "output_order", report.velocity_beside_position),
+        ("covariance_asymmetric", "upper_triangle", report.upper_triangle_scaled),
+        ("covariance_asymmetric", "one_entry", report.one_entry_left),
+        ("covariance_not_psd", "correlations_doubled", report.correlations_doubled),
+    ]
+    for fault, variant, alter in alterations:
+        yield subject.behind(fault, variant, Misreported, alter)

@@ -1,0 +1,61 @@
+"""Faults outside of the filter: a tracker that is handed altered scans, or whose answer is altered.
+
+They fit any tracker, batched or not, whatever it is made of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from trackbench.types import Estimate, Scan
+
+When = Literal["always", "first", "later"]
+
+
+class Misread:
+    """Takes each scan (or only the first, or only those after it) for another."""
+
+    def __init__(self, tracker: Any, alter: Callable[[Scan], Scan], when: When = "always") -> None:
+        self.tracker, self.alter, self.when = tracker, alter, when
+        self.batched = getattr(tracker, "batched", False)
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        if self.when == "always" or (self.when == "first") == (state is None):
+            scan = self.alter(scan)
+        return self.tracker.step(state, scan)
+
+
+class Clocked:
+    """Steps by the wrong time.
+
+    ``clock(now, before, time)`` gives the tracker's own time at a scan from its own time and the true time at the scan
+    before, and the true time at this one.
+    """
+
+    def __init__(self, tracker: Any, clock: Callable[[float, float, float], float]) -> None:
+        self.tracker, self.clock = tracker, clock
+        self.batched = getattr(tracker, "batched", False)
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        inner, now, before = (None, scan.time, None) if state is None else state
+        if before is not None:
+            now = self.clock(now, before, scan.time)
+        inner, answer = self.tracker.step(inner, scan._replace(time=now))
+        return (inner, now, scan.time), answer
+
+
+class Misreported:
+    """Reports another mean and covariance than those it goes on with."""
+
+    def __init__(self, tracker: Any, alter: Callable[[Any, Any], tuple[Any, Any]]) -> None:
+        self.tracker, self.alter = tracker, alter
+        self.batched = getattr(tracker, "batched", False)
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        state, answer = self.tracker.step(state, scan)
+        if answer is None:
+            return state, None
+        said = Estimate(*answer)
+        altered = self.alter(said.mean, said.covariance)
+        return state, Estimate(*altered, innovation=said.innovation, innovation_covariance=said.innovation_covariance)
