@@ -3,26 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
-from . import filter_faults as filtering
-from . import inside, outside
+from . import builtin, inside, outside
+from .correct import CORRECT, ONE_SENSOR
+from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Mutant, Subject
 from .plain_ekf import PlainEkf
+from .plain_kf import PlainKf
+from .plain_ukf import PlainUkf
+
+__all__ = ["CORRECT", "MUTANTS", "ONE_SENSOR", "Mutant"]
 
 PLAIN_EKF = Subject("plain_ekf", PlainEkf)
+PLAIN_UKF = Subject("plain_ukf", PlainUkf, turning=True)
+PLAIN_KF = Subject("plain_kf", PlainKf, uses_rate=False)
+FILTERPY_EKF = Subject("filterpy_ekf", FilterPyEkf)
+FILTERPY_UKF = Subject("filterpy_ukf", FilterPyUkf, turning=True)
 
-
-def _plain_ekf() -> Iterator[Mutant]:
-    for part in (outside.mutants, inside.predictions, inside.jacobians, inside.motion_jacobians, inside.starts):
-        yield from part(PLAIN_EKF)
-    yield from inside.corrections(PLAIN_EKF)
-    at_rest, at_sensor = ("speed", filtering.NoiseAlongCourse), ("range", filtering.UnguardedRange)
-    yield from inside.divisions(PLAIN_EKF, at_rest, at_sensor)
-
-
-MUTANTS: list[Mutant] = [*_plain_ekf()]
-CORRECT = {
-    "plain_ekf": PlainEkf,
-    "plain_ekf two_readings": partial(PlainEkf, start="two_readings"),
+SUBJECTS = {
+    PLAIN_EKF: (inside.predictions, inside.linearised, inside.motion_jacobians, inside.starts, inside.divisions),
+    PLAIN_UKF: (inside.predictions, inside.unscented, inside.innovation, inside.starts, inside.divisions),
+    PLAIN_KF: (inside.starts, inside.divisions),
+    # FilterPy's EKF refuses to invert what is not finite, so that it raises where the others answer.
+    FILTERPY_EKF: (inside.predictions, inside.linearised, inside.starts),
+    FILTERPY_UKF: (inside.predictions, inside.unscented, inside.starts, inside.divisions),
+    builtin.EKF: (builtin.any_filter, builtin.predictions, builtin.linearised),
+    builtin.UKF: (builtin.any_filter, builtin.predictions, builtin.turning),
+    builtin.KF: (builtin.any_filter,),
 }
+
+
+def _mutants() -> Iterator[Mutant]:
+    for subject, parts in SUBJECTS.items():
+        yield from outside.mutants(subject)
+        for part in parts:
+            yield from part(subject)
+    for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
+        yield from inside.corrections(subject)
+
+
+MUTANTS: list[Mutant] = list(_mutants())

@@ -124,6 +124,26 @@ class UnguardedRange:
             return super().update(x, P, scan)
 
 
+class UnguardedTurn:
+    """Divides by the yaw rate, which is zero on a straight path."""
+
+    def displacement(self, v: float, yaw: float, w: float, dt: float) -> tuple[float, float]:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = np.divide(v, w)
+            return radius * (np.sin(yaw + w * dt) - np.sin(yaw)), radius * (np.cos(yaw) - np.cos(yaw + w * dt))
+
+
+class UnguardedSpeed:
+    """Divides by a first speed that may be zero."""
+
+    def divisor(self, speed: float) -> float:
+        return speed
+
+    def from_cartesian(self, x: Array, P: Array) -> Belief:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().from_cartesian(x, P)
+
+
 def surviving(base: type[PlainTracker]) -> type[PlainTracker]:
     """The tracker, the covariance of its start being a class attribute that each track then changes in place."""
 

@@ -13,7 +13,6 @@ PREDICTIONS = [
     ("azimuth_not_wrapped", "residual", sensing.BareResidual),
     ("arctan_quadrant", "prediction", sensing.Arctan),
     ("degrees_for_radians", "prediction", sensing.AzimuthInDegrees),
-    ("doppler_sign", "prediction", sensing.RateNegated),
     ("speed_for_range_rate", "over_ground", sensing.SpeedOverGround),
     ("speed_for_range_rate", "relative", sensing.RelativeSpeed),
 ]
@@ -41,7 +40,9 @@ def predictions(subject: Subject) -> Iterator[Mutant]:
         yield subject.mixed(fault, variant, mixin, "radar")
 
 
-def jacobians(subject: Subject) -> Iterator[Mutant]:
+def linearised(subject: Subject) -> Iterator[Mutant]:
+    # Without a Jacobian this is the same as a negated reading.
+    yield subject.mixed("doppler_sign", "prediction", sensing.RateNegated, "radar")
     for variant, mixin, kind in JACOBIANS:
         yield subject.mixed("jacobian_wrong", variant, mixin, kind)
 
@@ -55,6 +56,7 @@ def starts(subject: Subject) -> Iterator[Mutant]:
     yield subject.mixed("overconfident_start", "all", filtering.CertainStart)
     for variant, mixin in (("position", filtering.PolarStart), ("with_rate", filtering.PolarStartWithRate)):
         yield subject.mixed("polar_start", variant, mixin, "radar", start="first_reading")
+    yield subject.mixed("nonfinite", "dt_in_start", filtering.StartAtOneInstant, start="two_readings")
 
 
 def corrections(subject: Subject) -> Iterator[Mutant]:
@@ -65,10 +67,23 @@ def corrections(subject: Subject) -> Iterator[Mutant]:
     )
 
 
-def divisions(subject: Subject, *more: tuple[str, type]) -> Iterator[Mutant]:
+def divisions(subject: Subject) -> Iterator[Mutant]:
     """By what is zero now and then."""
     fault = "nonfinite"
     yield subject.mixed(fault, "dt_in_noise", filtering.NoisePerSecond)
-    yield subject.mixed(fault, "dt_in_start", filtering.StartAtOneInstant, start="two_readings")
-    for variant, mixin in more:
-        yield subject.mixed(fault, variant, mixin)
+    if subject.turning:
+        yield subject.mixed(fault, "yaw_rate", filtering.UnguardedTurn)
+        yield subject.mixed(fault, "speed", filtering.UnguardedSpeed, start="first_reading")
+    else:
+        yield subject.mixed(fault, "speed", filtering.NoiseAlongCourse)
+    if subject.uses_rate:
+        yield subject.mixed(fault, "range", filtering.UnguardedRange)
+
+
+def unscented(subject: Subject) -> Iterator[Mutant]:
+    yield subject.mixed("azimuth_not_wrapped", "spread", sensing.BareSpread, "radar")
+    yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_readings")
+
+
+def innovation(subject: Subject) -> Iterator[Mutant]:
+    yield subject.mixed("azimuth_not_wrapped", "innovation", sensing.BareInnovation, "radar")

@@ -33,6 +33,14 @@ def correlations_doubled(mean: Array, covariance: Array) -> tuple[Array, Array]:
     return mean, covariance * linalg.expand(2.0 - np.eye(4), covariance)
 
 
+def smallest_eigenvalue_negated(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """As what is left of a difference of large numbers."""
+    values, vectors = np.linalg.eigh(np.nan_to_num(np.moveaxis(covariance, (0, 1), (-2, -1))))
+    least = vectors[..., :, 0]
+    flipped = 2 * values[..., 0, None, None] * least[..., :, None] * least[..., None, :]
+    return mean, covariance - np.moveaxis(flipped, (-2, -1), (0, 1))
+
+
 def sampled(mean: Array, covariance: Array) -> tuple[Array, Array]:
     """Of samples drawn from the estimate by a generator that nobody seeded."""
     normal = np.random.default_rng().standard_normal((4, SAMPLES, *mean.shape[1:]))

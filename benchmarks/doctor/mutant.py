@@ -57,11 +57,11 @@ class Subject:
         *arguments: Any,
         sensor: str | None = None,
         factor: float | None = None,
+        options: dict[str, Any] | None = None,
     ) -> Mutant:
-        """The correct tracker in a wrapper."""
-        return Mutant(
-            fault, self.name, variant, lambda: wrapper(self.tracker(), *arguments), self.tracker, sensor, factor
-        )
+        """The correct tracker (with these options) in a wrapper."""
+        correct = partial(self.tracker, **(options or {}))
+        return Mutant(fault, self.name, variant, lambda: wrapper(correct(), *arguments), correct, sensor, factor)
 
     def mixed(self, fault: str, variant: str, mixin: type, sensor: str | None = None, **options: Any) -> Mutant:
         """The tracker's class with methods that go before its own."""

@@ -33,7 +33,7 @@ def readings(subject: Subject) -> Iterator[Mutant]:
     yield mutant(fault, "yaw_in_degrees", read.pose(YAW, np.degrees))
     yield mutant(fault, "yaw_converted_twice", read.pose(YAW, np.radians))
     fault = "sensor_bias"
-    for metres in (0.5, 1.0, 2.0):
+    for metres in (0.5, 2.0):
         yield mutant(fault, f"range_{metres}", read.offset("radar", RANGE, metres), "radar")
         yield mutant(fault, f"lidar_x_{metres}", read.offset("lidar", X, metres), "lidar")
     for degrees in (2, -3):
@@ -52,7 +52,7 @@ def readings(subject: Subject) -> Iterator[Mutant]:
         yield mutant(fault, "velocity", read.velocity_ignored, "radar")
         yield mutant("doppler_sign", "reading", read.component("radar", RATE, np.negative), "radar")
     for kind in ("radar", "lidar"):
-        yield subject.behind("measurement_ignored", kind, Misread, read.dropped(kind), "later", sensor=kind)
+        yield subject.behind("measurement_ignored", kind, Misread, read.dropped(kind), "started", sensor=kind)
     yield mutant("nonfinite", "missed_reading", read.missed_taken_as_read)
 
 
@@ -91,8 +91,8 @@ def start(subject: Subject) -> Iterator[Mutant]:
 
 def chance(subject: Subject) -> Iterator[Mutant]:
     fault = "not_deterministic"
-    yield subject.behind(fault, "drawn_start", Misread, read.drawn(1.0), "first")
-    yield subject.behind(fault, "perturbed_readings", Misread, read.drawn(0.2), "later")
+    yield subject.behind(fault, "drawn_start", Misread, read.drawn(1.0), "starting")
+    yield subject.behind(fault, "perturbed_readings", Misread, read.drawn(0.2), "started")
     yield subject.behind(fault, "sampled_output", Misreported, report.sampled)
 
 
@@ -102,6 +102,7 @@ def answers(subject: Subject) -> Iterator[Mutant]:
         ("covariance_asymmetric", "upper_triangle", report.upper_triangle_scaled),
         ("covariance_asymmetric", "one_entry", report.one_entry_left),
         ("covariance_not_psd", "correlations_doubled", report.correlations_doubled),
+        ("covariance_not_psd", "negative_eigenvalue", report.smallest_eigenvalue_negated),
     ]
     for fault, variant, alter in alterations:
         yield subject.behind(fault, variant, Misreported, alter)

@@ -8,22 +8,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy as np
+
 from trackbench.types import Estimate, Scan
 
-When = Literal["always", "first", "later"]
+When = Literal["always", "starting", "started"]
 
 
 class Misread:
-    """Takes each scan (or only the first, or only those after it) for another."""
+    """Takes each scan for another (or only those from which the track starts, or only those after them)."""
 
     def __init__(self, tracker: Any, alter: Callable[[Scan], Scan], when: When = "always") -> None:
         self.tracker, self.alter, self.when = tracker, alter, when
         self.batched = getattr(tracker, "batched", False)
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
-        if self.when == "always" or (self.when == "first") == (state is None):
+        inner, started = (None, False) if state is None else state
+        if self.when == "always" or (self.when == "started") == started:
             scan = self.alter(scan)
-        return self.tracker.step(state, scan)
+        inner, answer = self.tracker.step(inner, scan)
+        return (inner, started or (answer is not None and bool(np.all(np.isfinite(answer[0]))))), answer
 
 
 class Clocked:

@@ -1,0 +1,135 @@
+"""Faults in trackbench's own trackers: options, wrong models in their filters, and wrong sensor models beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import astuple, replace
+from typing import Any
+
+from trackbench.filters import Filter
+from trackbench.models.motion import MotionModel
+from trackbench.models.sensors import SENSOR_MODELS, SensorModel
+from trackbench.trackers import builtin
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.types import Scan
+
+from . import builtin_models as wrong
+from .inside import JACOBIANS
+from .jacobian_faults import RadarRow
+from .mutant import Mutant, Subject
+
+
+def _initial(start: str, velocity_sigma: float) -> dict[str, Any]:
+    known = {"velocity_sigma_mps": velocity_sigma} if start == "first_reading" else {}
+    return {"from": start, **known}
+
+
+def ekf_cv(
+    start: str = "first_reading", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0
+) -> FilterTracker:
+    initial = _initial(start, velocity_sigma)
+    return builtin.ekf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial)
+
+
+def kf_cv(start: str = "first_reading", velocity_sigma: float = 20.0, acceleration_sigma: float = 3.0) -> FilterTracker:
+    initial = _initial(start, velocity_sigma)
+    return builtin.kf(motion="cv", acceleration_sigma_mps2=acceleration_sigma, initial=initial)
+
+
+def ukf_ctrv(
+    start: str = "two_readings",
+    velocity_sigma: float = 20.0,
+    acceleration_sigma: float = 3.0,
+    yaw_acceleration_sigma: float = 0.5,
+    augmented: bool = True,
+) -> FilterTracker:
+    return builtin.ukf(
+        motion="ctrv",
+        acceleration_sigma_mps2=acceleration_sigma,
+        yaw_acceleration_sigma_radps2=yaw_acceleration_sigma,
+        initial=_initial(start, velocity_sigma),
+        augmented=augmented,
+    )
+
+
+EKF = Subject("builtin_ekf", ekf_cv)
+UKF = Subject("builtin_ukf", ukf_ctrv, turning=True)
+KF = Subject("builtin_kf", kf_cv, uses_rate=False)
+
+
+class SeenBy:
+    """A tracker to which another model stands for a kind of sensor, at every step or at its first."""
+
+    def __init__(self, tracker: FilterTracker, model: SensorModel, first_only: bool = False) -> None:
+        self.tracker, self.model, self.first_only = tracker, model, first_only
+        self.batched = tracker.batched
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        if self.first_only and state is not None:
+            return self.tracker.step(state, scan)
+        right = SENSOR_MODELS[self.model.kind]
+        SENSOR_MODELS[self.model.kind] = self.model
+        try:
+            return self.tracker.step(state, scan)
+        finally:
+            SENSOR_MODELS[self.model.kind] = right
+
+
+def _with_motion(tracker: FilterTracker, motion: Callable[..., MotionModel]) -> FilterTracker:
+    right = tracker.filter.motion
+    return replace(tracker, filter=replace(tracker.filter, motion=motion(*astuple(right))))
+
+
+def _with_correction(tracker: FilterTracker, change: Callable[..., Any]) -> FilterTracker:
+    altered: Filter = wrong.Corrected(tracker.filter, change)
+    return replace(tracker, filter=altered)
+
+
+def _certain(tracker: FilterTracker) -> FilterTracker:
+    """A first covariance that is tiny in every component."""
+    variances = [1e-4] * len(tracker.filter.motion.components)
+    return replace(tracker, initial=tracker.initial.model_copy(update={"covariance_diag": variances}))
+
+
+def any_filter(subject: Subject) -> Iterator[Mutant]:
+    yield subject.behind("overconfident_start", "all", _certain)
+    start = {"start": "first_reading"}
+    polar = wrong.RadarPolarStart()
+    yield subject.behind("polar_start", "position", SeenBy, polar, True, sensor="radar", options=start)
+    corrections = [
+        ("covariance_asymmetric", "update", wrong.upper_triangle_off, None),
+        ("measurement_ignored", "radar_mean_kept", wrong.mean_kept("radar"), "radar"),
+        ("measurement_ignored", "lidar_mean_kept", wrong.mean_kept("lidar"), "lidar"),
+    ]
+    for fault, variant, change, kind in corrections:
+        yield subject.behind(fault, variant, _with_correction, change, sensor=kind)
+    noise = wrong.TurningNoisePerSecond if subject.turning else wrong.VelocityNoisePerSecond
+    yield subject.behind("nonfinite", "dt_in_noise", _with_motion, noise)
+
+
+def predictions(subject: Subject) -> Iterator[Mutant]:
+    models = [
+        ("azimuth_not_wrapped", "residual", wrong.RadarNotWrapped()),
+        ("arctan_quadrant", "prediction", wrong.RadarByArctan()),
+        ("degrees_for_radians", "prediction", wrong.RadarInDegrees()),
+        ("speed_for_range_rate", "over_ground", wrong.RadarOfSpeed()),
+    ]
+    for fault, variant, model in models:
+        yield subject.behind(fault, variant, SeenBy, model, sensor="radar")
+
+
+def linearised(subject: Subject) -> Iterator[Mutant]:
+    yield subject.behind("doppler_sign", "prediction", SeenBy, wrong.RadarRateNegated(), sensor="radar")
+    for variant, fault, kind in JACOBIANS:
+        model = wrong.RadarWithJacobian(fault) if issubclass(fault, RadarRow) else wrong.LidarNotTurned()
+        yield subject.behind("jacobian_wrong", variant, SeenBy, model, sensor=kind)
+    yield subject.behind("jacobian_wrong", "dt_missing", _with_motion, wrong.TimeStepMissing)
+    yield subject.behind("nonfinite", "range", SeenBy, wrong.RadarWithoutGuard())
+
+
+def turning(subject: Subject) -> Iterator[Mutant]:
+    start = {"start": "two_readings"}
+    yield subject.behind("arctan_quadrant", "first_course", _with_motion, wrong.CourseByArctan, options=start)
+    subtracting = wrong.subtracts_too_much
+    yield subject.behind("covariance_not_psd", "subtracts_too_much", _with_correction, subtracting)
+    yield subject.behind("nonfinite", "yaw_rate", _with_motion, wrong.TurnNotGuarded)

@@ -1,0 +1,164 @@
+"""Wrong models, and filters that correct wrongly, to be put into trackbench's own trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.filters import Belief, Filter, Update
+from trackbench.models.motion import MotionModel, Spread
+from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
+from trackbench.models.motion.cv import ConstantVelocity
+from trackbench.models.sensors import Lidar, Radar, SpeedRadar
+from trackbench.types import Array, Gaussian, Scan
+
+from .jacobian_faults import RadarRow
+
+
+class RadarNotWrapped(Radar):
+    angular: ClassVar[tuple[int, ...]] = ()
+
+
+class RadarByArctan(Radar):
+    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+        r, azimuth, rate = super().measure(target, pose, velocity)
+        return linalg.vector([r, np.arctan(np.tan(azimuth)), rate])
+
+
+class RadarInDegrees(Radar):
+    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+        r, azimuth, rate = super().measure(target, pose, velocity)
+        return linalg.vector([r, np.degrees(azimuth), rate])
+
+
+class RadarRateNegated(Radar):
+    """In the prediction; the Jacobian is right."""
+
+    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+        r, azimuth, rate = super().measure(target, pose, velocity)
+        return linalg.vector([r, azimuth, -rate])
+
+
+class RadarOfSpeed(SpeedRadar):
+    """Speed where the range rate belongs, consistently."""
+
+    kind: ClassVar[str] = "radar"
+
+
+class RadarPolarStart(Radar):
+    """Range and azimuth as px and py."""
+
+    def position(self, scan: Scan) -> Gaussian:
+        return Gaussian(scan.reading[:2], np.eye(2))
+
+
+class RadarWithoutGuard(Radar):
+    """Divides by the range of a target that may be where the sensor is."""
+
+    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+        _, azimuth, rate = super().measure(target, pose, velocity)
+        distance = np.hypot(target[0] - pose[0], target[1] - pose[1])
+        with np.errstate(invalid="ignore"):
+            return linalg.vector([distance, azimuth, rate * np.divide(distance, distance)])
+
+
+class RadarWithJacobian(Radar):
+    """One fault of the Jacobians."""
+
+    def __init__(self, fault: type[RadarRow]) -> None:
+        self.fault = fault()
+
+    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
+        h = super().jacobian(target, pose, velocity)
+        offset = target[:2] - linalg.expand(pose[:2], target)
+        self.fault.change(h, offset, target[2:] - linalg.expand(velocity, target))
+        return h
+
+
+class LidarNotTurned(Lidar):
+    """The Jacobian without the sensor's yaw, which the prediction has."""
+
+    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
+        return np.eye(2, 4)
+
+
+class TimeStepMissing(ConstantVelocity):
+    """The Jacobian without dt."""
+
+    def jacobian(self, x: Array, dt: float) -> Array:
+        return np.eye(4)
+
+
+class NoisePerSecond:
+    """Process noise as a rate, which is found by a division by the time step."""
+
+    def noise_gain(self, x: Array, dt: float) -> Array:
+        with np.errstate(invalid="ignore"):
+            return np.divide(super().noise_gain(x, dt), dt) * dt
+
+
+class VelocityNoisePerSecond(NoisePerSecond, ConstantVelocity):
+    pass
+
+
+class TurningNoisePerSecond(NoisePerSecond, ConstantTurnRateVelocity):
+    pass
+
+
+class TurnNotGuarded(ConstantTurnRateVelocity):
+    """Divides by the yaw rate, which is zero on a straight path."""
+
+    def transition(self, x: Array, dt: float) -> Array:
+        px, py, v, yaw, w = x
+        later = yaw + w * dt
+        with np.errstate(divide="ignore", invalid="ignore"):
+            radius = np.divide(v, w)
+            dx, dy = radius * (np.sin(later) - np.sin(yaw)), radius * (np.cos(yaw) - np.cos(later))
+        return linalg.vector([px + dx, py + dy, v, later, w])
+
+
+class CourseByArctan(ConstantTurnRateVelocity):
+    """The first course by arctan(vy / vx): backwards where vx is negative."""
+
+    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+        x, p = super().from_cartesian(belief, spread)
+        return Gaussian(linalg.vector([x[0], x[1], x[2], np.arctan(np.tan(x[3])), x[4]]), p)
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A filter whose corrections are changed: ``change(before, after, scan)`` gives the belief in place of after."""
+
+    filter: Filter
+    change: Callable[[Belief, Belief, Scan], Belief]
+
+    @property
+    def motion(self) -> MotionModel:
+        return self.filter.motion
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        return self.filter.predict(belief, dt)
+
+    def update(self, belief: Belief, scan: Scan) -> Update:
+        update = self.filter.update(belief, scan)
+        return update._replace(belief=self.change(belief, update.belief, scan))
+
+
+def upper_triangle_off(_before: Belief, after: Belief, _scan: Scan) -> Belief:
+    """By a thousandth."""
+    p = after.covariance
+    return Belief(after.mean, p * linalg.expand(1.0 + np.triu(np.full(p.shape[:2], 1e-3), 1), p))
+
+
+def subtracts_too_much(before: Belief, after: Belief, _scan: Scan) -> Belief:
+    """Half as much again as the correction takes from the covariance."""
+    return Belief(after.mean, before.covariance - 1.5 * (before.covariance - after.covariance))
+
+
+def mean_kept(kind: str) -> Callable[[Belief, Belief, Scan], Belief]:
+    """A sensor's correction narrows the covariance, and the corrected mean is thrown away."""
+    return lambda before, after, scan: Belief(before.mean, after.covariance) if scan.kind == kind else after
