@@ -103,7 +103,9 @@ def test_every_fault_is_there_in_all_that_can_have_it() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*CORRECT, *ONE_SENSOR])
+@pytest.mark.parametrize(
+    "name", [name for name in [*CORRECT, *ONE_SENSOR] if "calm" not in name and "lively" not in name]
+)
 def test_the_correct_keep_the_contract(name: str) -> None:
     make = CORRECT[name] if name in CORRECT else ONE_SENSOR[name][1]
     if not name.startswith("FilterPy"):
