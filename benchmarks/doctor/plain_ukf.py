@@ -83,7 +83,7 @@ class ConstantTurnRate(PlainTracker):
         across = np.array([0, 0, -s, c])
         # At rest the first order says that the velocity across the yaw is known; the second order does not.
         second = P[2, 2] * P[3, 3] + P[2, 3] ** 2
-        return self.cartesian(x), symmetric(J @ P @ J.T) + second * np.outer(across, across)
+        return self.cartesian(x), J @ P @ J.T + second * np.outer(across, across)
 
 
 class PlainUkf(ConstantTurnRate):

@@ -12,7 +12,7 @@ from trackbench import linalg
 from trackbench.doctor.drives import Course
 from trackbench.doctor.following import Track
 from trackbench.doctor.session import Answer, Broken, Session, blind
-from trackbench.doctor.stations import MOVING, OPEN, PASSING, RADIAL, TANGENTIAL, Station
+from trackbench.doctor.stations import Station, Stations
 from trackbench.doctor.vitals import Vitals
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.config import Sensor
@@ -31,12 +31,20 @@ class Bench:
     """Follows targets to stations with a fresh tracker each."""
 
     def __init__(
-        self, make: Callable[[], Tracker], sensors: Mapping[str, Sensor], courses: Sequence[tuple[Course, Track]]
+        self,
+        make: Callable[[], Tracker],
+        sensors: Mapping[str, Sensor],
+        courses: Sequence[tuple[Course, Track]],
+        stations: Stations,
+        seed: int,
     ) -> None:
         self.make = make
         self.sensors = sensors
         self.courses = courses
         """The drives, each with the reference's track."""
+        self.stations = stations
+        self.seed = seed
+        """Of the noise."""
         self.vitals = Vitals()
         self.broken: list[tuple[str, Broken]] = []
         self._sessions: dict[tuple[Station, tuple[str, ...]], Session | None] = {}
@@ -67,15 +75,32 @@ class Bench:
     @cached_property
     def replies(self) -> dict[str, list[Reply]]:
         """By sensor, what was asked at the stations of ordinary geometry."""
-        stations = (*OPEN, RADIAL, TANGENTIAL, *PASSING, *MOVING)
         found: dict[str, list[Reply]] = {name: [] for name in self.sensors}
-        for station in stations:
+        for station in self.stations.ordinary:
             for by in self.kinds():
                 for name in self.sensors:
                     reply = self.reply(station, name, by)
                     if reply is not None and reply.sound:
                         found[name].append(reply)
         return found
+
+    @cached_property
+    def memoryless(self) -> bool:
+        """Whether the tracker takes each position that is read as it is, and so predicts and weighs nothing."""
+        for reply in (reply for replies in self.replies.values() for reply in replies):
+            later = reply.session.peek(blind(reply.scan._replace(time=reply.scan.time + 1.0)))
+            if later is None or not np.allclose(later.mean[:2], reply.predicted.mean[:2]):
+                return False
+            aside = 5.0 * np.array([reply.spread[0], -reply.spread[1], 0.0, 0.0])
+            scan = reply.scan
+            reading = SENSOR_MODELS[scan.kind].measure(
+                reply.predicted.mean + aside, scan.sensor_pose, scan.sensor_velocity
+            )
+            answer = reply.ask(reading)
+            wanted = (reply.predicted.mean + aside)[:2]
+            if answer is None or np.hypot(*(answer.mean[:2] - wanted)) > 5e-3 * np.hypot(*aside[:2]):
+                return False
+        return any(self.replies.values())
 
     def reply(self, station: Station, sensor: str, by: tuple[str, ...]) -> Reply | None:
         """What is asked about one sensor at a station; None where the tracker broke or has no estimate."""
@@ -148,6 +173,26 @@ class Reply:
         return SENSOR_MODELS[self.scan.kind].jacobian(
             self.predicted.mean, self.scan.sensor_pose, self.scan.sensor_velocity
         )
+
+    @cached_property
+    def curvature(self) -> Array:
+        """``(m,)`` standard deviation of the reading's second order over the prediction, relative to its own.
+
+        ``sqrt(tr(A P A P) / 2)`` with the second derivative ``A`` (Bar-Shalom, Li and Kirubarajan 2001, section
+        10.3.2). Where it is large, sigma points and a linearisation differ, and neither is wrong.
+        """
+        model, scan = SENSOR_MODELS[self.scan.kind], self.scan
+        steps = np.diag(1e-3 * np.maximum(self.spread, 1e-3))
+        ahead, behind = (
+            [
+                model.jacobian(self.predicted.mean + side * step, scan.sensor_pose, scan.sensor_velocity)
+                for step in steps
+            ]
+            for side in (1, -1)
+        )
+        second = (np.stack(ahead, axis=-1) - np.stack(behind, axis=-1)) / (2 * np.diag(steps))
+        bent = np.einsum("iab,bc->iac", second, linalg.symmetrise(self.predicted.covariance))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", bent, bent), 0.0) / 2) / self.sigma)
 
     def ask(self, reading: Array) -> Answer | None:
         """What the tracker would say if the sensor read this; None where it cannot say."""

@@ -20,7 +20,6 @@ from trackbench.types import Array, Scan
 
 #: Of every drive; those of the sensors divide it.
 STEPS_PER_SECOND = 100
-SEED = 20
 
 
 class Drive(Config):
@@ -62,13 +61,13 @@ class Course(NamedTuple):
     """``(4, scans, runs or 1)`` px, py, vx, vy of the target at each scan."""
 
 
-def courses(sensors: Mapping[str, Sensor]) -> list[Course]:
+def courses(sensors: Mapping[str, Sensor], seed: int) -> list[Course]:
     """Every drive of the battery, seen by some sensors."""
-    return [_course(name, drive, sensors) for name, drive in battery().items()]
+    return [_course(name, drive, sensors, seed) for name, drive in battery().items()]
 
 
-def _course(name: str, drive: Drive, sensors: Mapping[str, Sensor]) -> Course:
-    truth = script(drive.truth, SEED, name, drive.runs)
+def _course(name: str, drive: Drive, sensors: Mapping[str, Sensor], seed: int) -> Course:
+    truth = script(drive.truth, seed, name, drive.runs)
     changed = {}
     for number, (sensor, config) in enumerate(sensors.items()):
         update: dict[str, Any] = {"detection_probability": drive.detection_probability}
@@ -77,7 +76,7 @@ def _course(name: str, drive: Drive, sensors: Mapping[str, Sensor]) -> Course:
         if drive.silent_s is not None:
             update["dropouts"] = [Dropout(from_s=drive.silent_s[0], to_s=drive.silent_s[1])]
         changed[sensor] = config.model_copy(update=update)
-    scans = sense(ideal_sensors(truth, changed), SEED, name, range(drive.runs)).scans
+    scans = sense(ideal_sensors(truth, changed), seed, name, range(drive.runs)).scans
     time = np.array([scan.time for scan in scans])
     at = np.searchsorted(truth.time, time - 1e-9)
     target = np.stack([field[at, 0] for field in (truth.px, truth.py, truth.vx, truth.vy)])

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from trackbench.doctor.bench import Bench
 from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
@@ -20,6 +22,7 @@ from trackbench.doctor.drives import courses
 from trackbench.doctor.exhibits import Exhibit, exhibit
 from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.following import follow
+from trackbench.doctor.stations import Stations, varied
 from trackbench.doctor.weighing import weigh
 from trackbench.sensing.config import Sensor
 from trackbench.trackers.base import Tracker
@@ -42,6 +45,9 @@ PARTS: tuple[Callable[[Bench], Outcome], ...] = (
 )
 
 
+#: What only makes sense of a tracker that predicts, and weighs readings against its prediction.
+OF_FILTERS = (prediction, spreading, expectation, gain, wrapping, process_noise)
+
 #: The drive that is shown where no other shows more.
 USUAL = "azimuth_crossing"
 #: How many drives are shown.
@@ -58,8 +64,8 @@ class Examination:
 
     @property
     def healthy(self) -> bool:
-        """Whether nothing was found."""
-        return not self.findings
+        """Whether nothing was found, and no check failed."""
+        return not self.findings and all(check.passed is not False for check in self.checks)
 
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it."""
@@ -82,11 +88,14 @@ class Doctor:
     Args:
         sensors: by name. Only their kinds, noise and mounting count: every examination has the same rates and sees
             all around.
+        seed: of the noise, and of other stations than the usual ones; None for those.
     """
 
-    def __init__(self, sensors: Mapping[str, Sensor]) -> None:
+    def __init__(self, sensors: Mapping[str, Sensor], seed: int | None = None) -> None:
+        self._stations = Stations() if seed is None else varied(np.random.default_rng(seed))
+        self._seed = seed or 0
         self.sensors = {name: _plain(sensor) for name, sensor in sensors.items()}
-        self._courses = [(course, follow(reference, course.scans)) for course in courses(self.sensors)]
+        self._courses = [(course, follow(reference, course.scans)) for course in courses(self.sensors, self._seed)]
 
     def examine(self, name: str, make: Callable[[], Tracker]) -> Examination:
         """Take a tracker through the whole battery.
@@ -95,8 +104,8 @@ class Doctor:
             name: what it is called in the results.
             make: gives a fresh one.
         """
-        bench = Bench(make, self.sensors, self._courses)
-        outcomes = [part(bench) for part in PARTS]
+        bench = Bench(make, self.sensors, self._courses, self._stations, self._seed)
+        outcomes = [part(bench) for part in PARTS if not (part in OF_FILTERS and bench.memoryless)]
         return Examination(
             name,
             weigh(finding for outcome in outcomes for finding in outcome.findings),

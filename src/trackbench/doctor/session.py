@@ -86,7 +86,8 @@ class Session:
             # A batched tracker has NaN for a target of which it knows nothing yet.
             if not self._known and np.isnan(spoken.mean).all():
                 return None, after
-            spoken = Answer(*(None if part is None else part[..., 0] for part in spoken))
+            first = [None if part is None else part[..., 0] for part in spoken[2:]]
+            spoken = Answer(spoken.mean[..., 0], spoken.covariance[..., 0], *first)
         return spoken, after
 
 

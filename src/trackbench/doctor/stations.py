@@ -98,3 +98,36 @@ AXES = (
 COURSE_AXIS = Station("course_axis", "a target whose course is pi", (20.0, -15.0, -9.0, 0.002))
 STATIONARY = Station("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
 AT_SENSOR = Station("at_sensor", "a target at the sensor itself", (0.0, 0.0, 0.0, 0.0))
+
+
+class Stations(NamedTuple):
+    """All of them."""
+
+    open: tuple[Station, ...] = OPEN
+    radial: Station = RADIAL
+    tangential: Station = TANGENTIAL
+    passing: tuple[Station, ...] = PASSING
+    moving: tuple[Station, ...] = MOVING
+    axes: tuple[Station, ...] = AXES
+    course_axis: Station = COURSE_AXIS
+    at_rest: Station = STATIONARY
+    at_sensor: Station = AT_SENSOR
+
+    @property
+    def ordinary(self) -> tuple[Station, ...]:
+        """Those at which no angle is at its limit and nothing stands still."""
+        return (*self.open, self.radial, self.tangential, *self.passing, *self.moving)
+
+
+def varied(random: np.random.Generator) -> Stations:
+    """The stations with other targets: positions and velocities a tenth larger or smaller where it does not matter."""
+
+    def other(station: Station) -> Station:
+        place, pace = random.uniform(0.9, 1.1, 2)
+        px, py, vx, vy = station.target
+        return station._replace(target=(place * px, place * py, pace * vx, pace * vy))
+
+    def others(stations: tuple[Station, ...]) -> tuple[Station, ...]:
+        return tuple(other(station) for station in stations)
+
+    return Stations(others(OPEN), other(RADIAL), other(TANGENTIAL), others(PASSING), others(MOVING))

@@ -12,6 +12,9 @@ from trackbench.types import Array, Scan
 #: Where the range is zero no azimuth means anything, and a sound covariance may be lost to rounding.
 SINGULAR = ("at_sensor", "on_the_sensor")
 
+#: Negative eigenvalue that rounding does not explain, of a covariance scaled to variances of one.
+NEGATIVE = 1e-6
+
 
 @dataclass(frozen=True)
 class Symptom:
@@ -30,6 +33,7 @@ class Vitals:
 
     def __init__(self) -> None:
         self.answers = 0
+        self.indefinite_answers = 0
         self.not_finite: Symptom | None = None
         self.asymmetry: Symptom | None = None
         """Difference of mirrored entries over the geometric mean of the variances that belong to them."""
@@ -54,8 +58,9 @@ class Vitals:
         relative = p / (scale[:, :, None] * scale[:, None, :])
         mirrored = np.swapaxes(relative, 1, 2)
         self.asymmetry = self._worse(self.asymmetry, float(np.abs(relative - mirrored).max()), scan, where)
-        least = float(np.linalg.eigvalsh(0.5 * (relative + mirrored))[:, 0].min())
-        self.indefinite = self._worse(self.indefinite, -least, scan, where)
+        least = np.linalg.eigvalsh(0.5 * (relative + mirrored))[:, 0]
+        self.indefinite_answers += int(np.sum(least < -NEGATIVE))
+        self.indefinite = self._worse(self.indefinite, float(-least.min()), scan, where)
 
     @staticmethod
     def _worse(known: Symptom | None, size: float, scan: Scan, where: str) -> Symptom:

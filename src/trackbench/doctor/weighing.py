@@ -13,6 +13,9 @@ SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfid
 NUMERICAL = ("covariance_not_psd", "nonfinite")
 _MODEL = ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL)
 
+#: Confidence below which a finding explains no other.
+SURE = 0.8
+
 #: What each fault can bring about.
 EXPLAINS: dict[str, tuple[str, ...]] = {
     "not_deterministic": tuple(advice()),
@@ -27,13 +30,13 @@ EXPLAINS: dict[str, tuple[str, ...]] = {
     "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "covariance_not_psd": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, "nonfinite"),
     "azimuth_not_wrapped": NUMERICAL,
+    "sensor_bias": ("jacobian_wrong", "overconfident_start", "covariance_not_psd"),
     "jacobian_wrong": ("azimuth_not_wrapped", *SIZES, *NUMERICAL),
-    "sensor_bias": ("overconfident_start", "polar_start"),
     "measurement_ignored": ("nonfinite",),
     "polar_start": ("overconfident_start", "sensor_bias"),
     "r_too_small": ("overconfident_start", *NUMERICAL),
-    "r_too_large": ("nonfinite",),
-    "q_too_large": ("nonfinite",),
+    "r_too_large": NUMERICAL,
+    "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
 }
 
@@ -48,7 +51,7 @@ def weigh(findings: Iterable[Finding]) -> list[Finding]:
     order = list(EXPLAINS)
     ranked = sorted(
         unique.values(),
-        key=lambda one: (order.index(one.fault) if one.fault in order else len(order), -one.confidence),
+        key=lambda one: (one.confidence < SURE, order.index(one.fault) if one.fault in order else len(order)),
     )
     weighed: list[Finding] = []
     for finding in ranked:
@@ -57,6 +60,7 @@ def weigh(findings: Iterable[Finding]) -> list[Finding]:
                 root.fault
                 for root in weighed
                 if root.consequence_of is None
+                and root.confidence >= SURE
                 and root.fault != finding.fault
                 and finding.fault in EXPLAINS.get(root.fault, ())
             ),

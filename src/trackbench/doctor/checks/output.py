@@ -9,7 +9,6 @@ import numpy as np
 from trackbench.doctor.bench import Bench
 from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.session import blind
-from trackbench.doctor.stations import OPEN
 from trackbench.types import Array
 
 #: Largest error after a target was followed without noise, m and m/s.
@@ -47,7 +46,7 @@ def output(bench: Bench) -> Outcome:
     """Follow targets without noise, and see how what is given lies to what is true."""
     question = "Is the estimate given as px, py, vx, vy in the fixed frame?"
     pairs = []
-    for station in OPEN:
+    for station in bench.stations.open:
         session = bench.followed(station, bench.kinds()[-1])
         name = bench.kinds()[-1][0]
         answer = None if session is None else session.peek(blind(station.scan(name, bench.sensors[name], 0.0)))
@@ -66,7 +65,7 @@ def output(bench: Bench) -> Outcome:
     if found is not None:
         mean, truth = pairs[0]
         said = f"{found.words}: of a target at {_shown(truth)} it says {_shown(mean)}, at all of {len(pairs)} stations"
-        outcome.findings.append(Finding(found.fault, 0.98, said, station=OPEN[0].name))
+        outcome.findings.append(Finding(found.fault, 0.98, said, station=bench.stations.open[0].name))
     return outcome
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.doctor.bench import Bench
 from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.session import Answer, Broken, Session, blind
-from trackbench.doctor.stations import OPEN, Station
+from trackbench.doctor.stations import Station
 from trackbench.types import Array
 
 #: Steps of time by which a tracker is asked to predict, s.
@@ -21,6 +21,10 @@ UNITS = {1e3: "milliseconds", 1e-3: "milliseconds", 1e6: "microseconds", 1e-6: "
 #: Growth of the position's variance by that of the velocity: what it may be relative to constant velocity. Of right
 #: trackers it is 0.67 to 1.5, as they turn or accelerate.
 GROWTH = (0.45, 2.2)
+
+
+#: Standard deviation of the velocity over the speed.
+KNOWN = 0.35
 
 
 class Stretch(NamedTuple):
@@ -37,7 +41,12 @@ class Stretch(NamedTuple):
 def prediction(bench: Bench) -> Outcome:
     """Predict over steps of several lengths, after steps of two lengths."""
     question = "Does it move its estimate on by its velocity times the time that has passed?"
-    stretches = [one for by in bench.kinds()[-1:] for station in OPEN[:2] for one in _stretches(bench, station, by)]
+    stretches = [
+        one
+        for by in bench.kinds()[-1:]
+        for station in bench.stations.open[:2]
+        for one in _stretches(bench, station, by)
+    ]
     outcome = Outcome()
     if len(stretches) < len(STEPS):
         outcome.checks.append(Check("prediction", question, None, "there was no moving estimate to predict"))
@@ -56,10 +65,10 @@ def prediction(bench: Bench) -> Outcome:
     if np.allclose(moved, before, rtol=TOLERANCE, atol=2e-3):
         said = "it moves by the step before: after steps of " + " and ".join(f"{b:g}" for b in np.unique(before)) + " s"
         said += f", a prediction over {asked[-1]:g} s goes {moved[-1]:.3g} s far"
-        finding = Finding("wrong_dt", 0.97, said, station=OPEN[0].name)
+        finding = Finding("wrong_dt", 0.97, said, station=bench.stations.open[0].name)
     elif np.ptp(moved) < TOLERANCE * float(np.abs(moved).max()) + 1e-6:
         said = f"it moves by the same {np.median(moved):.3g} s whether {asked.min():g} or {asked.max():g} s have passed"
-        finding = Finding("wrong_dt", 0.97, said, station=OPEN[0].name)
+        finding = Finding("wrong_dt", 0.97, said, station=bench.stations.open[0].name)
     else:
         unit = (
             next((name for size, name in UNITS.items() if abs(np.log(abs(ratio) / size)) < 0.2), None)
@@ -70,7 +79,7 @@ def prediction(bench: Bench) -> Outcome:
         said += f": time in {unit} is taken for seconds, or seconds for {unit}" if unit else ""
         if float(np.std(moved / asked)) > TOLERANCE * abs(ratio):
             return outcome
-        finding = Finding("wrong_dt", 0.97 if unit else 0.9, said, factor=ratio, station=OPEN[0].name)
+        finding = Finding("wrong_dt", 0.97 if unit else 0.9, said, factor=ratio, station=bench.stations.open[0].name)
     outcome.findings.append(finding)
     return outcome
 
@@ -92,8 +101,10 @@ def _stretches(bench: Bench, station: Station, by: tuple[str, ...]) -> list[Stre
                 if first is None or later is None or not (first.finite and later.finite):
                     continue
                 speed = float(np.hypot(*first.mean[2:]))
-                if speed > 1.0:
-                    along = (later.mean - first.mean)[:2] @ first.mean[2:] / speed**2
+                gone = (later.mean - first.mean)[:2]
+                # A velocity in another unit may be small.
+                if speed > 1.0 or (speed > 1e-6 and np.hypot(*gone) > 0.05):
+                    along = gone @ first.mean[2:] / speed**2
                     found.append(Stretch(asked, float(along), before))
     except Broken as broken:
         bench.broken.append((station.name, broken))
@@ -107,7 +118,7 @@ def spreading(bench: Bench) -> Outcome:
     """
     question = "Does the uncertainty of the velocity become one of the position?"
     ratios: list[tuple[float, float, Station]] = []
-    for station in OPEN[:4]:
+    for station in bench.stations.open[:4]:
         for name in bench.sensors:
             ratios += [(*ratio, station) for ratio in _growth(bench, station, name)]
     outcome = Outcome()
@@ -116,14 +127,14 @@ def spreading(bench: Bench) -> Outcome:
         return outcome
     least, most = np.quantile([r[0] for r in ratios], 0.3), np.quantile([r[1] for r in ratios], 0.7)
     off = [r for r in ratios if r[0] < GROWTH[0] or r[1] > GROWTH[1]]
-    text = f"it becomes {least:.2g} to {most:.2g} times the covariance of position and velocity that is right (30 % points)"
+    text = f"it becomes {least:.2g} to {most:.2g} times the right covariance of position and velocity (30 % points)"
     passed = len(off) < 0.3 * len(ratios)
     outcome.checks.append(Check("spreading", question, passed, text))
     if not passed:
         worst = min(off, key=lambda r: r[0])
         said = (
-            f"in the predicted covariance the growth of the position's part is {worst[0]:.2g} to {worst[1]:.2g} of what "
-            "the uncertain velocity causes: an entry of the transition's Jacobian (d px / d vx = dt) is wrong"
+            f"the predicted covariance of position and velocity grows by {worst[0]:.2g} to {worst[1]:.2g} of what the "
+            "uncertain velocity causes: an entry of the transition's Jacobian (d px / d vx = dt) is wrong"
         )
         outcome.findings.append(Finding("jacobian_wrong", 0.9, said, station=worst[2].name))
     return outcome
@@ -133,15 +144,20 @@ def _growth(bench: Bench, station: Station, name: str) -> list[tuple[float, floa
     sensor, session, found = bench.sensors[name], Session(bench.make), []
     rate = min(sensor.rate_hz, 20.0)
     try:
-        for k in range(8):
+        for k in range(12):
             session.step(station.scan(name, sensor, k / rate - 2.0))
             now = session.peek(blind(station.scan(name, sensor, k / rate - 2.0)))
             then = session.peek(blind(station.scan(name, sensor, k / rate - 1.9)))
-            if k >= 4 and now is not None and then is not None and now.finite and then.finite:
+            if k >= 4 and now is not None and then is not None and now.finite and then.finite and _known(now):
                 found.append(_ratios(now, then, 0.1))
     except Broken as broken:
         bench.broken.append((station.name, broken))
     return found
+
+
+def _known(answer: Answer) -> bool:
+    """Whether the direction of motion is known so well that a turning model is as good as linear."""
+    return float(np.sqrt(np.abs(np.trace(answer.covariance[2:, 2:])))) < KNOWN * float(np.hypot(*answer.mean[2:]))
 
 
 def _ratios(now: Answer, then: Answer, step: float) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from trackbench.doctor.bench import Bench
 from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.session import Answer, Broken, blind
-from trackbench.doctor.stations import OPEN, Station
+from trackbench.doctor.stations import Station
 
 #: Growth in 1 s without readings, at 20 steps a second, of the standard deviation of a road vehicle's speed, m/s. White
 #: accelerations of 0.5 and 18 m/s^2 give these: the rule of half to all of the largest acceleration (Bar-Shalom, Li and
@@ -21,7 +21,12 @@ STEP = 0.05
 def process_noise(bench: Bench) -> Outcome:
     """Leave the tracker without readings for a second, and see how its uncertainty of the speed grows."""
     question = "Does it let a target's velocity change as much as a road vehicle's does?"
-    grown = [one for station in OPEN[:3] for by in bench.kinds() if (one := _growth(bench, station, by)) is not None]
+    grown = [
+        one
+        for station in bench.stations.open[:3]
+        for by in bench.kinds()
+        if (one := _growth(bench, station, by)) is not None
+    ]
     if not grown:
         return Outcome([Check("process_noise", question, None, "there was no estimate to predict")])
     growth = float(np.median(grown))
@@ -37,7 +42,11 @@ def process_noise(bench: Bench) -> Outcome:
         edge = BAND[0] / max(growth, 1e-9) if growth < BAND[0] else growth / BAND[1]
         outcome.findings.append(
             Finding(
-                fault, min(0.97, 0.8 + 0.1 * np.log(edge)), text, factor=(growth / REFERENCE) ** 2, station=OPEN[0].name
+                fault,
+                min(0.97, 0.8 + 0.1 * np.log(edge)),
+                text,
+                factor=(growth / REFERENCE) ** 2,
+                station=bench.stations.open[0].name,
             )
         )
     return outcome

@@ -7,17 +7,17 @@ import numpy as np
 from trackbench.doctor.bench import Bench, approach
 from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.session import Broken, Session
-from trackbench.doctor.stations import AT_SENSOR, OPEN, STATIONARY
+from trackbench.doctor.vitals import NEGATIVE
 
 #: Asymmetry that rounding does not explain, relative to the variances.
 ASYMMETRY = 1e-6
-#: Negative eigenvalue that rounding does not explain, of a covariance scaled to variances of one.
-NEGATIVE = 1e-6
+#: Share of the covariances that are indefinite, below which something else has probably brought it about.
+SELDOM = 0.02
 
 
 def vital_signs(bench: Bench) -> Outcome:
     """What all natural answers of the examination had to be."""
-    for station in (STATIONARY, AT_SENSOR):
+    for station in (bench.stations.at_rest, bench.stations.at_sensor):
         for by in bench.kinds():
             bench.followed(station, by)
     vitals, outcome = bench.vitals, Outcome()
@@ -51,19 +51,23 @@ def vital_signs(bench: Bench) -> Outcome:
             continue
         passed = symptom.size < limit
         size = -symptom.size if fault == "covariance_not_psd" else symptom.size
-        said = words.format(size) + f" (at {symptom.time:g} s of {symptom.where}, after {symptom.sensor})"
+        said = words.format(size)
+        if fault == "covariance_not_psd" and symptom.size >= limit:
+            said += f", and {vitals.indefinite_answers} of {vitals.answers} are indefinite"
+        said += f" (at {symptom.time:g} s of {symptom.where}, after {symptom.sensor})"
         outcome.checks.append(Check(fault.removeprefix("covariance_"), question, passed, said))
         if not passed:
-            outcome.findings.append(Finding(fault, 0.95, said, sensor=None, station=symptom.where))
+            seldom = fault == "covariance_not_psd" and vitals.indefinite_answers < SELDOM * vitals.answers
+            outcome.findings.append(Finding(fault, 0.6 if seldom else 0.95, said, station=symptom.where))
     return outcome
 
 
 def repeatability(bench: Bench) -> Outcome:
     """The same readings to three fresh trackers."""
     question = "Do fresh trackers say the same of the same readings?"
-    station, by = OPEN[0], bench.kinds()[-1]
+    station, by = bench.stations.open[0], bench.kinds()[-1]
     scans = approach(station, {name: bench.sensors[name] for name in by})
-    random = np.random.default_rng(1)
+    random = np.random.default_rng([bench.seed, 1])
     noisy = [
         scan._replace(reading=scan.reading + np.sqrt(np.diag(scan.noise)) * random.standard_normal(len(scan.reading)))
         for scan in scans

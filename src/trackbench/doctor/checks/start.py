@@ -7,7 +7,7 @@ import numpy as np
 from trackbench.doctor.bench import Bench
 from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.session import Answer, Broken, Session
-from trackbench.doctor.stations import MOVING, OPEN, Carrier, Station
+from trackbench.doctor.stations import Carrier, Station
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Scan
 
@@ -23,7 +23,11 @@ def first_position(bench: Bench) -> Outcome:
     """Begin tracks without noise at every station with each sensor, and see where they are."""
     outcome = Outcome()
     for name, sensor in bench.sensors.items():
-        begun = [one for station in (*OPEN, *MOVING) if (one := _begin(bench, station, name)) is not None]
+        begun = [
+            one
+            for station in (*bench.stations.open, *bench.stations.moving)
+            if (one := _begin(bench, station, name)) is not None
+        ]
         question = f"Does a track that begins with {name} begin where the target is?"
         if not begun:
             outcome.checks.append(Check(f"start.{name}", question, None, "no track began"))
@@ -105,7 +109,7 @@ def _reversed(name: str, begun: list[tuple[Station, Scan, Answer, Array]]) -> li
 def confidence(bench: Bench) -> Outcome:
     """Begin tracks of targets of many velocities with noise, and hold the first errors against what is claimed."""
     question = "Is the first covariance as large as the first errors?"
-    random = np.random.default_rng(0)
+    random = np.random.default_rng([bench.seed, 0])
     squares: dict[str, list[Array]] = {name: [] for name in bench.sensors}
     for _ in range(STARTS):
         bearing, course = random.uniform(-np.pi, np.pi, 2)
@@ -135,7 +139,9 @@ def confidence(bench: Bench) -> Outcome:
     outcome.checks.append(Check("start_confidence", question, not over, text))
     if over:
         name = max(over, key=lambda item: over[item])
-        outcome.findings.append(Finding("overconfident_start", 0.9, text, factor=1 / over[name], station=OPEN[0].name))
+        outcome.findings.append(
+            Finding("overconfident_start", 0.9, text, factor=1 / over[name], station=bench.stations.open[0].name)
+        )
     return outcome
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.doctor.bench import Bench, Reply
 from trackbench.doctor.findings import Check, Finding, Outcome
-from trackbench.doctor.stations import AXES, COURSE_AXIS, Station
+from trackbench.doctor.stations import Station
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array
 from trackbench.units import wrap_angle
@@ -27,8 +27,8 @@ def wrapping(bench: Bench) -> Outcome:
     """Nudge the reading of a target at the azimuth of pi, and of one whose course is pi."""
     outcome = Outcome()
     for angle, stations, question in (
-        ("azimuth", AXES, "Does a target that crosses the azimuth of pi stay where it is?"),
-        ("course", (COURSE_AXIS,), "Does a target whose course is pi stay where it is?"),
+        ("azimuth", bench.stations.axes, "Does a target that crosses the azimuth of pi stay where it is?"),
+        ("course", (bench.stations.course_axis,), "Does a target whose course is pi stay where it is?"),
     ):
         jumps = [
             jump
