@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pydantic import ValidationError
@@ -37,27 +38,11 @@ def resolve(use: str, folder: Path | None = None) -> Factory:
     Raises:
         InputError: there is no such name, or it cannot be imported; says why.
     """
-    module, colon, attribute = use.partition(":")
-    with _searched(folder):
-        try:
-            if not colon:
-                return _published(use)
-            _require_unambiguous(module)
-            found: Any = importlib.import_module(module)
-            for name in attribute.split("."):
-                if not hasattr(found, name):
-                    raise InputError(f"module {module!r} has no {name!r}: {nearest(name, _classes(found))}")
-                found = getattr(found, name)
-        except InputError:
-            raise
-        except ModuleNotFoundError as error:
-            where = f" (looked in {folder or Path.cwd()}, the working directory and the installed packages)"
-            raise InputError(f"cannot import {use!r}: no module named {error.name!r}{where}") from error
-        except (Exception, SystemExit) as error:
-            raise InputError(f"cannot import {use!r}: {_one_line(error)}") from error
+    with _searched(folder), _explained(use, folder):
+        found = _attribute(use, _classes) if ":" in use else _published(use)
     if not callable(found):
         raise InputError(f"{use!r} is not a class")
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:
@@ -69,7 +54,9 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
     factory = resolve(use, folder)
 
     def make() -> Tracker:
-        return factory(**options)
+        # A tracker may load what its options name while it starts.
+        with _searched(folder):
+            return factory(**options)
 
     try:
         tracker = make()
@@ -83,6 +70,44 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
     if not callable(getattr(tracker, "step", None)):
         raise InputError(f"{use!r} has no method step(state, scan)")
     return make
+
+
+def named(reference: str) -> Any:
+    """What an option's ``"module:attribute"`` names, for a tracker that loads it while it starts.
+
+    Raises:
+        InputError: it cannot be imported; says why.
+    """
+    if ":" not in reference:
+        raise InputError(f'{reference!r} is no name in a module: write "module:name"')
+    with _explained(reference, None):
+        return _attribute(reference, _public)
+
+
+def _attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
+    module, _, attribute = reference.partition(":")
+    _require_unambiguous(module)
+    found: Any = importlib.import_module(module)
+    for name in attribute.split("."):
+        if not hasattr(found, name):
+            raise InputError(f"module {module!r} has no {name!r}: {nearest(name, choices(found))}")
+        found = getattr(found, name)
+    return found
+
+
+@contextmanager
+def _explained(use: str, folder: Path | None) -> Iterator[None]:
+    """What goes wrong while ``use`` is imported, as an ``InputError``."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ModuleNotFoundError as error:
+        first = folder or "the scenario's folder"
+        where = f" (looked in {first}, the working directory and the installed packages)"
+        raise InputError(f"cannot import {use!r}: no module named {error.name!r}{where}") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(f"cannot import {use!r}: {_one_line(error)}") from error
 
 
 def _require_unambiguous(module: str) -> None:
@@ -110,6 +135,11 @@ def _one_line(error: BaseException) -> str:
 
 def _classes(module: Any) -> list[str]:
     return [name for name, value in vars(module).items() if isinstance(value, type) and not name.startswith("_")]
+
+
+def _public(module: Any) -> list[str]:
+    names = [name for name, value in vars(module).items() if not isinstance(value, ModuleType)]
+    return [name for name in names if not name.startswith("_")]
 
 
 @contextmanager

@@ -1,0 +1,1 @@
+"""Filters of other libraries as trackers. Nothing here is imported but by the names under which it is published."""

@@ -1,0 +1,191 @@
+"""What the options of the adaptors have in common."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BeforeValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from trackbench import plugins
+from trackbench.adaptors import layout
+from trackbench.adaptors.reader import COMPONENTS, ELEVATION, POSITION
+from trackbench.config import PROBLEM, Config, Positive, Problem, reject
+from trackbench.errors import InputError, TrackbenchError, nearest
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers.config import InitialConfig
+from trackbench.types import Scan
+
+Found = TypeVar("Found")
+
+OWN = "own"
+#: How a track may start from readings.
+STARTS = ("first_reading", "two_readings")
+#: Which components of a state each key of the initial state is about.
+ABOUT = {
+    "acceleration_sigma_mps2": ("ax", "ay", "a"),
+    "yaw_sigma_rad": ("yaw",),
+    "yaw_rate_sigma_radps": ("yaw_rate",),
+}
+
+
+class Options(Config):
+    """Options whose unknown keys are answered with the nearest one."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known(cls, data: Any) -> Any:
+        known = [field.alias or name for name, field in cls.model_fields.items()]
+        keys = data if isinstance(data, Mapping) else ()
+        unknown = [Problem((key,), f"unknown; {nearest(str(key), known)}") for key in keys if key not in known]
+        reject(cls.__name__, unknown)
+        return data
+
+
+class SensorOptions(Options):
+    """How the readings of a sensor are given to a filter."""
+
+    reading: str | list[str] | None = None
+    R: Literal["stated", "own"] | None = None
+
+    def problems(self) -> Iterator[Problem]:
+        if isinstance(self.reading, str) and self.reading != POSITION:
+            yield Problem(("reading",), f"write {POSITION}, or a list of components such as [range, azimuth]")
+        if not isinstance(self.reading, list):
+            return
+        for index, name in enumerate(self.reading):
+            if name not in (*COMPONENTS, ELEVATION):
+                hint = nearest(name, [*COMPONENTS, ELEVATION])
+                yield Problem(("reading", index), f"no sensor reads {name!r}: {hint}")
+        if not self.reading:
+            yield Problem(("reading",), f"empty; name components, or {POSITION}")
+        if ELEVATION in self.reading and self.R != OWN:
+            yield Problem(("R",), "no sensor states how uncertain the elevation is: use R: own")
+
+    @property
+    def states_noise(self) -> bool:
+        """Whether the filter is given the covariance that the sensor states."""
+        return self.R != OWN
+
+
+def _start(value: Any) -> Any:
+    """``own`` as None, and another word as the mapping that it is short for."""
+    if value == OWN:
+        return None
+    if value is None or (isinstance(value, str) and value not in STARTS):
+        raise PydanticCustomError(PROBLEM, "{message}", {"message": nearest(str(value), [OWN, *STARTS])})
+    return value
+
+
+class AdaptorOptions(Options):
+    """Options that do not depend on the library."""
+
+    state: list[str]
+    initial: Annotated[InitialConfig | None, BeforeValidator(_start)]
+    """None: as the filter itself is set."""
+    dt_s: Positive | None = None
+
+    def problems(self) -> Iterator[Problem]:
+        wrong = layout.problem(self.state)
+        if wrong is not None:
+            yield Problem(("state",), wrong)
+        if self.initial is None:
+            return
+        if self.initial.source not in STARTS:
+            yield Problem(("initial", "from"), f"choose from: {', '.join(STARTS)}; or write initial: {OWN}")
+        for key, about in ABOUT.items():
+            if key in self.initial.model_fields_set and not set(about) & set(self.state):
+                yield Problem(("initial", key), f"the state has no {' or '.join(about)}")
+        diagonal = self.initial.covariance_diag
+        if diagonal is not None and len(diagonal) != len(self.state):
+            sizes = f"the state has {len(self.state)} components, not {len(diagonal)}"
+            yield Problem(("initial", "covariance_diag"), sizes)
+
+
+def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
+    """What cannot be taken of a sensor whose kind is known from its key."""
+    for name, sensor in sensors.items():
+        if name in SENSOR_MODELS and isinstance(sensor.reading, list):
+            read = (*SENSOR_MODELS[name].components, ELEVATION)
+            for index, component in enumerate(sensor.reading):
+                if component not in read and component in COMPONENTS:
+                    hint = nearest(component, read)
+                    yield Problem(("sensors", name, "reading", index), f"a {name} reads no {component}: {hint}")
+
+
+def of_sensor(sensors: Mapping[str, Found], scan: Scan) -> Found:
+    """The entry of a scan's sensor, which is by its name or by its kind.
+
+    Raises:
+        TrackbenchError: there is none.
+    """
+    for key in (scan.sensor, scan.kind):
+        if key in sensors:
+            return sensors[key]
+    hint = nearest(scan.sensor, sensors)
+    raise TrackbenchError(f"options.sensors has no entry for {scan.sensor} ({scan.kind}), by its name or kind: {hint}")
+
+
+def named(option: str, reference: str) -> Any:
+    """What an option names.
+
+    Raises:
+        InputError: it cannot be imported.
+    """
+    try:
+        return plugins.named(reference)
+    except InputError as error:
+        raise InputError(f"{option}: {error.message}") from error
+
+
+def function(option: str, reference: str) -> Callable[..., Any]:
+    """The function that an option names.
+
+    Raises:
+        InputError: it cannot be imported, or is not a function.
+    """
+    found = named(option, reference)
+    if not callable(found):
+        raise InputError(f"{option}: {reference!r} is not a function")
+    return found  # type: ignore[no-any-return]
+
+
+def made(option: str, reference: str, arguments: Mapping[str, Any], kind: Callable[[Any], bool]) -> Any:
+    """The object that an option names, or that the function makes which it names.
+
+    Args:
+        option: the option's key, for messages.
+        reference: ``"module:attribute"``.
+        arguments: given to the function; an object takes none.
+        kind: whether something is the object, and not a function that makes it.
+
+    Raises:
+        InputError: it cannot be imported or made.
+    """
+    found = named(option, reference)
+    if kind(found):
+        if arguments:
+            raise InputError(f"{option}_options: {reference!r} is an object, not a function that would take them")
+        return found
+    if not callable(found):
+        return found
+    try:
+        return found(**arguments)
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{option}: {reference!r} raises {type(error).__name__}: {error}") from error
+
+
+def takes_state(option: str, reference: str, call: Callable[..., Any]) -> bool:
+    """Whether a function takes the state and dt, or dt alone.
+
+    Raises:
+        InputError: neither.
+    """
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    parameters = inspect.signature(call).parameters.values()
+    needed = [item for item in parameters if item.kind in positional and item.default is item.empty]
+    if len(needed) not in (1, 2):
+        raise InputError(f"{option}: {reference!r} has to take (dt) or (x, dt), not {len(needed)} arguments")
+    return len(needed) == 2

@@ -1,0 +1,106 @@
+"""Sensors as measurement models of Stone Soup."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from stonesoup.base import Property
+from stonesoup.models.measurement.nonlinear import NonLinearGaussianMeasurement
+from stonesoup.types.angle import Bearing, Elevation
+from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
+from stonesoup.types.state import State
+
+from trackbench.adaptors.reader import ELEVATION, POSITION, Reader
+from trackbench.errors import TrackbenchError
+from trackbench.types import Array, Scan
+
+ANGLES = {"azimuth": Bearing, ELEVATION: Elevation}
+
+#: What each model of Stone Soup measures, in its own order.
+MEASURED: dict[str, str | tuple[str, ...]] = {
+    "LinearGaussian": POSITION,
+    "Cartesian2DToBearing": ("azimuth",),
+    "CartesianToBearingRange": ("azimuth", "range"),
+    "CartesianToElevationBearing": (ELEVATION, "azimuth"),
+    "CartesianToElevationBearingRange": (ELEVATION, "azimuth", "range"),
+    "CartesianToBearingRangeRate": ("azimuth", "range", "range_rate"),
+    "CartesianToBearingRangeRate2D": ("azimuth", "range", "range_rate"),
+    "CartesianToElevationBearingRangeRate": (ELEVATION, "azimuth", "range", "range_rate"),
+}
+
+
+class SensorMeasurement(NonLinearGaussianMeasurement):  # type: ignore[misc]
+    """A sensor of trackbench, as it stands at one scan."""
+
+    reader: Reader = Property(doc="What of the scan is the measurement")
+    scan: Scan = Property(doc="The scan")
+
+    @property
+    def ndim_meas(self) -> int:
+        """``m``"""
+        return len(self.reader.names(self.scan))
+
+    def function(self, state: Any, noise: Any = False, **kwargs: Any) -> Any:
+        """``(m, ...)`` expected of states ``(n, ...)``, angles as Stone Soup has them."""
+        x = np.asarray(state.state_vector, dtype=float)
+        return typed(self.reader.expected(x, self.scan), self.reader.names(self.scan)).view(StateVectors)
+
+    def jacobian(self, state: Any, **kwargs: Any) -> Array:
+        """``(m, n)`` derivative at a state."""
+        return self.reader.slope(vector(state), self.scan)
+
+
+def typed(values: Array, names: Sequence[str]) -> Any:
+    """``(m, ...)`` values with angles as objects that Stone Soup wraps."""
+    rows = np.asarray(values).astype(object)
+    for i, name in enumerate(names):
+        if name in ANGLES:
+            rows[i] = [ANGLES[name](angle) for angle in rows[i]] if rows.ndim > 1 else ANGLES[name](rows[i])
+    return rows
+
+
+def vector(state: Any) -> Array:
+    """``(n,)`` the numbers of a state or a measurement."""
+    return np.array(state.state_vector, dtype=float).reshape(-1)
+
+
+def state(x: Array) -> Any:
+    """A state of Stone Soup."""
+    return State(StateVector(x))
+
+
+def measured(model: Any) -> str | tuple[str, ...]:
+    """What a model measures, in its order.
+
+    Raises:
+        TrackbenchError: it is not known.
+    """
+    for base in type(model).__mro__:
+        if base.__name__ in MEASURED:
+            return MEASURED[base.__name__]
+    raise TrackbenchError(f"what a {type(model).__name__} measures is not known: name it with reading, in its order")
+
+
+def placed(model: Any, scan: Scan) -> Any:
+    """The model with the pose and velocity of the sensor at a scan."""
+    x, y, yaw = scan.sensor_pose
+    changed = copy.copy(model)
+    for name, stated in (
+        ("translation_offset", (x, y)),
+        ("rotation_offset", (0.0, 0.0, yaw)),
+        ("velocity", tuple(scan.sensor_velocity)),
+    ):
+        if hasattr(model, name):
+            size = len(getattr(model, name))
+            setattr(changed, name, StateVector([*stated, 0.0][:size]))
+    return changed
+
+
+def with_noise(model: Any, noise: Array) -> Any:
+    """The model with another covariance of its noise."""
+    changed = copy.copy(model)
+    changed.noise_covar = CovarianceMatrix(noise)
+    return changed
