@@ -38,7 +38,7 @@ class FilterPySensor(SensorOptions):
 class FilterPyOptions(AdaptorOptions):
     """The keys under ``options`` where a scenario says ``use: filterpy``."""
 
-    filter: str
+    filter: str = Field(description='the filter, or a function that makes one, as "module:name"')
     filter_options: dict[str, Any] = Field(default_factory=dict)
     transition: str | None = None
     fx: str | None = None
@@ -91,10 +91,11 @@ def kind_of(found: Any, options: FilterPyOptions) -> type:
             raise InputError(f"sensors.{name}.hx: an ExtendedKalmanFilter has none of its own; name a function")
     held = [name for name, option in takes.own.items() if getattr(options, option) is None]
     functions = " and ".join(takes.own[name] for name in held or takes.own)
+    counted = "a function" if len(held) == 1 else "functions"
     if held and options.dt_s is None:
         raise InputError(
-            f"dt_s: missing: the filter's own {' and '.join(held)} hold for one interval only; say which (s), "
-            f"or give {functions}: functions of dt"
+            f"dt_s: missing: the filter's own {' and '.join(held)} {'holds' if len(held) == 1 else 'hold'} for one "
+            f"interval only; say which (s), or give {functions}, as {counted} of dt"
         )
     if not held and options.dt_s is not None:
         raise InputError(f"dt_s: not used beside {functions}; remove it")

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from trackbench import plugins
@@ -32,15 +32,18 @@ ABOUT = {
 
 
 class Options(Config):
-    """Options whose unknown keys are answered with the nearest one."""
+    """Options whose unknown keys are answered with the nearest one, and missing ones with what they are."""
 
     @model_validator(mode="before")
     @classmethod
     def _known(cls, data: Any) -> Any:
-        known = [field.alias or name for name, field in cls.model_fields.items()]
-        keys = data if isinstance(data, Mapping) else ()
-        unknown = [Problem((key,), f"unknown; {nearest(str(key), known)}") for key in keys if key not in known]
-        reject(cls.__name__, unknown)
+        if not isinstance(data, Mapping):
+            return data
+        known = cls.model_fields
+        unknown = [Problem((key,), f"unknown; {nearest(str(key), known)}") for key in data if key not in known]
+        required = {name: field.description for name, field in known.items() if field.is_required()}
+        missing = [Problem((key,), f"missing: {what}") for key, what in required.items() if key not in data]
+        reject(cls.__name__, unknown + missing)
         return data
 
 
@@ -82,8 +85,10 @@ def _start(value: Any) -> Any:
 class AdaptorOptions(Options):
     """Options that do not depend on the library."""
 
-    state: list[str]
-    initial: Annotated[InitialConfig | None, BeforeValidator(_start)]
+    state: list[str] = Field(description="the components of the state in the filter's order, such as [px, vx, py, vy]")
+    initial: Annotated[InitialConfig | None, BeforeValidator(_start)] = Field(
+        description="own (x and P as they are set), first_reading or two_readings"
+    )
     """None: as the filter itself is set."""
     dt_s: Positive | None = None
 

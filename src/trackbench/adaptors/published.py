@@ -12,7 +12,7 @@ from trackbench.trackers.base import Tracker
 def filterpy(**options: Any) -> Tracker:
     """A KalmanFilter, ExtendedKalmanFilter or UnscentedKalmanFilter of FilterPy; needs trackbench[filterpy]."""
     _require("filterpy", "FilterPy")
-    from trackbench.adaptors.filterpy_tracker import tracker
+    from trackbench.adaptors.filterpy_filters import tracker
 
     return tracker(options)
 

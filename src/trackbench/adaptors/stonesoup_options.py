@@ -33,7 +33,7 @@ class StoneSoupSensor(SensorOptions):
 class StoneSoupOptions(AdaptorOptions):
     """The keys under ``options`` where a scenario says ``use: stonesoup``."""
 
-    pair: str
+    pair: str = Field(description='predictor and updater, or a function that makes them, as "module:name"')
     pair_options: dict[str, Any] = Field(default_factory=dict)
     sensors: dict[str, StoneSoupSensor] | None = Field(None, min_length=1)
 
