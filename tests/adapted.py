@@ -19,7 +19,7 @@ from stonesoup.models.transition.linear import (
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor, SqrtKalmanPredictor, UnscentedKalmanPredictor
 from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import ExtendedKalmanUpdater, SqrtKalmanUpdater, UnscentedKalmanUpdater
-from tests.peers import ACCELERATION_SIGMA, ctrv_noise, ctrv_step, cv_matrices, wrap
+from tests.peers import ACCELERATION_SIGMA, TurningRadar, ctrv_noise, ctrv_step, cv_matrices, wrap
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, scan
 
 from trackbench.models.motion import ConstantTurnRateVelocity
@@ -55,6 +55,10 @@ def velocity(dt: float) -> Array:
 def velocity_noise(dt: float) -> Array:
     """Q of STATE."""
     return ACCELERATION_SIGMA**2 * np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt]))
+
+
+def fails(dt: float) -> Array:
+    raise RuntimeError("no")
 
 
 def kf() -> KalmanFilter:
@@ -220,6 +224,7 @@ radar_model = CartesianToBearingRangeRate2D(4, (0, 2), np.eye(3), velocity_mappi
 space_model = CartesianToElevationBearingRangeRate(
     6, (0, 2, 4), np.diag([1e-4, RADAR_NOISE[1, 1], RADAR_NOISE[0, 0], RADAR_NOISE[2, 2]])
 )
+unknown_model = TurningRadar(noise_covar=np.eye(3), ndim_state=4)
 space_lidar_model = LinearGaussian(6, (0, 2), LIDAR_NOISE)
 
 

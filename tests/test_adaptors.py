@@ -120,6 +120,7 @@ def estimates(of: Tracker, scans: list[Scan]) -> list[Estimate | None]:
 
 @pytest.mark.parametrize("initial", ["first_reading", "two_readings"])
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_estimates_are_those_of_the_built_in_filter(case: str, initial: str) -> None:
     make, options, keys = CASES[case]
     scans = list(readings())
@@ -165,6 +166,7 @@ def in_motion(of: Tracker, scans: list[Scan]) -> Iterator[tuple[Any, Estimate, S
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_models_that_are_shown_have_the_slopes_that_are_shown(case: str) -> None:
     make, options, _ = CASES[case]
     of = make(**options, initial="two_readings")

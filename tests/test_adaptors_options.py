@@ -178,7 +178,11 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("filterpy", {"dt_s": 0.05}, "dt_s: not used beside transition and process_noise; remove it"),
         ("filterpy", {"dt_s": -1}, "dt_s: Input should be greater than 0"),
         ("filterpy", {"transition": "tests.adapted:radar"}, "has to take (dt) or (x, dt), not 3 arguments"),
-        ("filterpy", {"transition": "tests.adapted:turn_slope"}, "raises ValueError: not enough values to unpack"),
+        (
+            "filterpy",
+            {"transition": "tests.adapted:fails"},
+            "transition: 'tests.adapted:fails' raises RuntimeError: no",
+        ),
         ("filterpy", {"transition": "tests.adapted:STATE"}, "transition: 'tests.adapted:STATE' is not a function"),
         ("filterpy", {"process_noise": "math:sqrt"}, "gives the shape (), not (4, 4)"),
         ("filterpy", {"transition": None, "fx": "tests.adapted:turn"}, "transition: missing: beside fx"),
@@ -216,6 +220,21 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("stonesoup", {"pair": "tests.adapted:pair_fixed"}, "dt_s: missing: the transition model is time-invariant"),
         ("stonesoup", {"sensors": {"radar": {"R": "own"}}}, "sensors.radar.R: not used without measurement_model"),
         ("stonesoup", {"sensors": {"radar": {"measurement_model": "own"}}}, "the updater has none of its own"),
+        (
+            "stonesoup",
+            {"sensors": {"radar": {"measurement_model": "tests.adapted:radar_model", "reading": ["range", "azimuth"]}}},
+            "sensors.radar.reading: a CartesianToBearingRangeRate2D measures azimuth, range, range_rate, in this order",
+        ),
+        (
+            "stonesoup",
+            {"sensors": {"radar": {"measurement_model": "tests.adapted:unknown_model"}}},
+            "sensors.radar.reading: missing: what a TurningRadar measures, in its order, is not known",
+        ),
+        (
+            "stonesoup",
+            {"sensors": {"lidar": {"measurement_model": "tests.adapted:lidar_model", "reading": ["x", "y"]}}},
+            "sensors.lidar.pose: 'tests.adapted:lidar_model' cannot be put where the sensor is: use pose: own",
+        ),
         (
             "stonesoup",
             {"sensors": {"lidar": {"measurement_model": "tests.adapted:space_lidar_model"}}},

@@ -79,19 +79,16 @@ class FilterPyTracker(AdaptedTracker):
         return vector.reshape(-1, 1) if np.ndim(self._filter.x) == 2 else vector.copy()
 
     def _matrix(self, option: str, reference: str | None) -> Callable[[Array, float], Array] | None:
-        """The user's function of dt or of x and dt that gives a square matrix, tried once."""
+        """The user's function of dt or of x and dt that gives a square matrix; one of dt is tried once."""
         if reference is None:
             return None
         call = function(option, reference)
-        both = takes_state(option, reference, call)
-
-        def matrix(x: Array, dt: float) -> Array:
-            return np.asarray(call(x, dt) if both else call(dt), dtype=float)
-
+        if takes_state(option, reference, call):
+            return lambda x, dt: np.asarray(call(x, dt), dtype=float)
         try:
-            shape = np.shape(matrix(self._filter.x, self._dt or TRIAL_DT))
+            shape = np.shape(call(self._dt or TRIAL_DT))
         except Exception as error:
             raise InputError(f"{option}: {reference!r} raises {type(error).__name__}: {error}") from error
         if shape != np.shape(self._filter.P):
             raise InputError(f"{option}: {reference!r} gives the shape {shape}, not {np.shape(self._filter.P)}")
-        return matrix
+        return lambda _, dt: np.asarray(call(dt), dtype=float)

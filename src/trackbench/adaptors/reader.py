@@ -46,6 +46,8 @@ class Reader(NamedTuple):
         """The measurement ``(m,)`` and the covariance ``(m, m)`` that the sensor states of it."""
         if isinstance(self.take, str):
             return SENSOR_MODELS[scan.kind].position(scan)
+        if self.take is None:
+            return Gaussian(scan.reading, scan.noise)
         rows = self._rows(scan)
         # The row at the end is the elevation.
         reading, noise = np.append(scan.reading, 0.0), np.pad(scan.noise, (0, 1))
@@ -61,6 +63,8 @@ class Reader(NamedTuple):
         if isinstance(self.take, str):
             return target[:2]
         ideal = SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
+        if self.take is None:
+            return ideal
         return np.concatenate([ideal, np.zeros_like(ideal[:1])])[self._rows(scan)]
 
     def slope(self, x: Array, scan: Scan) -> Array:
@@ -70,7 +74,9 @@ class Reader(NamedTuple):
             return to_cartesian[:2]
         target = self.layout.to_cartesian(x)
         slope = SENSOR_MODELS[scan.kind].jacobian(target, scan.sensor_pose, scan.sensor_velocity)
-        return np.asarray(np.pad(slope, ((0, 1), (0, 0)))[self._rows(scan)] @ to_cartesian)
+        if self.take is not None:
+            slope = np.pad(slope, ((0, 1), (0, 0)))[self._rows(scan)]
+        return np.asarray(slope @ to_cartesian)
 
     def residual(self, a: Array, b: Array, scan: Scan) -> Array:
         """``(m, ...)`` the measurement ``a`` less ``b``, its angles wrapped."""

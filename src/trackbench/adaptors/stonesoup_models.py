@@ -30,6 +30,8 @@ MEASURED: dict[str, str | tuple[str, ...]] = {
     "CartesianToBearingRangeRate2D": ("azimuth", "range", "range_rate"),
     "CartesianToElevationBearingRangeRate": (ELEVATION, "azimuth", "range", "range_rate"),
 }
+#: Models of whatever the user takes them for; the position is usual.
+ANY_ORDER = ("LinearGaussian",)
 
 
 class SensorMeasurement(NonLinearGaussianMeasurement):  # type: ignore[misc]
@@ -72,16 +74,21 @@ def state(x: Array) -> Any:
     return State(StateVector(x))
 
 
-def measured(model: Any) -> str | tuple[str, ...]:
-    """What a model measures, in its order.
+def measured(model: Any, reading: str | Sequence[str] | None) -> str | Sequence[str]:
+    """What a model measures, in its order; the user says it of a model that is not known.
 
     Raises:
-        TrackbenchError: it is not known.
+        TrackbenchError: it is not known, or the user says something else.
     """
-    for base in type(model).__mro__:
-        if base.__name__ in MEASURED:
-            return MEASURED[base.__name__]
-    raise TrackbenchError(f"what a {type(model).__name__} measures is not known: name it with reading, in its order")
+    base = next((base.__name__ for base in type(model).__mro__ if base.__name__ in MEASURED), None)
+    if base is None and reading is None:
+        raise TrackbenchError(f"reading: missing: what a {type(model).__name__} measures, in its order, is not known")
+    if base is None or base in ANY_ORDER:
+        return reading or MEASURED[ANY_ORDER[0]]
+    known = MEASURED[base]
+    if reading is not None and list(reading) != list(known):
+        raise TrackbenchError(f"reading: a {base} measures {', '.join(known)}, in this order; remove it")
+    return known
 
 
 def placed(model: Any, scan: Scan) -> Any:

@@ -17,11 +17,11 @@ from stonesoup.types.prediction import Prediction
 from stonesoup.types.state import GaussianState, SqrtGaussianState
 
 from trackbench.adaptors.options import OWN, made, named, of_sensor
-from trackbench.adaptors.reader import Reader
+from trackbench.adaptors.reader import POSITION, Reader
 from trackbench.adaptors.stonesoup_models import SensorMeasurement, measured, placed, state, typed, vector, with_noise
 from trackbench.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor, require_model, require_pair
 from trackbench.adaptors.tracker import AdaptedTracker, Updated
-from trackbench.errors import InputError
+from trackbench.errors import InputError, TrackbenchError
 from trackbench.types import Array, Gaussian, Scan
 
 #: Stone Soup's times are dates; this one is 0 s.
@@ -117,10 +117,17 @@ class StoneSoupTracker(AdaptedTracker):
         reference, option = sensor.measurement_model, f"sensors.{name}.measurement_model"
         if reference is None:
             return Model(None, sensor)
-        if reference == OWN:
-            return Model(self._updater.measurement_model, sensor)
-        found = require_model(named(option, reference), option, reference, len(self.layout.names))
-        if not isinstance(found, MeasurementModel) and sensor.pose is not None:
+        given = self._updater.measurement_model if reference == OWN else named(option, reference)
+        found = require_model(given, option, reference, len(self.layout.names))
+        if isinstance(found, MeasurementModel):
+            try:
+                taken = measured(found, sensor.reading)
+            except TrackbenchError as error:
+                raise InputError(f"sensors.{name}.{error}") from None
+            if taken != POSITION and sensor.pose != OWN and not hasattr(found, "translation_offset"):
+                what = f"{reference!r} cannot be put where the sensor is"
+                raise InputError(f"sensors.{name}.pose: {what}: use pose: own, or a function that is given the scan")
+        elif sensor.pose is not None:
             raise InputError(f"sensors.{name}.pose: not used: {reference!r} is given the scan, and its pose; remove it")
         return Model(found, sensor)
 
@@ -135,7 +142,7 @@ class StoneSoupTracker(AdaptedTracker):
             model = given if options.pose == OWN else placed(given, scan)
         else:
             model = given(scan)
-        reader = Reader(self.layout, options.reading or measured(model))
+        reader = Reader(self.layout, measured(model, options.reading))
         return with_noise(model, reader.measurement(scan).covariance) if options.states_noise else model, reader
 
 
