@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -36,13 +37,12 @@ def tracker(given: Mapping[str, Any]) -> FilterPyTracker:
     return TRACKERS[kind](options, kind, copy.deepcopy(found))
 
 
-class LinearTracker(FilterPyTracker):
-    """Runs a ``KalmanFilter``: its own H, or that of a position where it has none."""
+class MatrixTracker(FilterPyTracker):
+    """Runs a filter that predicts with the matrix F."""
 
     def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
         super().__init__(options, kind, found)
         self._f = self._matrix("transition", options.transition)
-        self._require_fitting(options)
 
     def transition(self, x: Array, dt: float) -> Array:
         """``(n,)`` the state after ``dt``."""
@@ -62,6 +62,10 @@ class LinearTracker(FilterPyTracker):
         """``(m, n)`` what the filter takes for the derivative of the measurement."""
         return self._h(self._of(scan), scan)(self._shaped(x))
 
+    @abstractmethod
+    def _h(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+        """The matrix H at a state."""
+
     def _transition_matrix(self, x: Array, dt: float) -> Array:
         return np.asarray(self._filter.F, dtype=float) if self._f is None else self._f(x, dt)
 
@@ -73,9 +77,24 @@ class LinearTracker(FilterPyTracker):
             running.F = self._f(running.x, dt)
         running.predict()
 
+
+class LinearTracker(MatrixTracker):
+    """Runs a ``KalmanFilter``: its own H, or that of a position where it has none."""
+
+    def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
+        super().__init__(options, kind, found)
+        self._own_h = np.array(found.H, dtype=float) if np.any(found.H) else None
+        for how in self._sensing.values() if isinstance(self._sensing, dict) else [self._sensing]:
+            names = ("px", "py") if how.reader.take == POSITION else tuple(how.reader.take or ())
+            if self._own_h is None and how.reader.take != POSITION:
+                raise InputError(f"filter: its H is not set; the one that gives {', '.join(names)} is needed")
+            if self._own_h is not None and self._own_h.shape != (len(names), len(options.state)):
+                fits = f"not {(len(names), len(options.state))}, which maps the state to {', '.join(names)}"
+                raise InputError(f"filter: its H has the shape {self._own_h.shape}, {fits}")
+
     def _h(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
-        own = np.asarray(self._filter.H, dtype=float)
-        return lambda x: own if np.any(own) else how.reader.slope(x.reshape(-1), scan)
+        own = self._own_h
+        return lambda x: how.reader.slope(x.reshape(-1), scan) if own is None else own
 
     def _hx(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
         return lambda x: self._h(how, scan)(x) @ x
@@ -83,27 +102,13 @@ class LinearTracker(FilterPyTracker):
     def _take(self, running: Any, how: Sensing, scan: Scan, z: Array, r: Array | None) -> None:
         running.update(z, R=r, H=self._h(how, scan)(running.x))
 
-    def _require_fitting(self, options: FilterPyOptions) -> None:
-        ways = self._sensing.values() if isinstance(self._sensing, dict) else [self._sensing]
-        shape, set_ = np.shape(self._filter.H), np.any(self._filter.H)
-        for how in ways:
-            names = ("px", "py") if how.reader.take == POSITION else tuple(how.reader.take or ())
-            if set_ and shape != (len(names), len(options.state)):
-                fits = f"not {(len(names), len(options.state))}, which maps the state to {', '.join(names)}"
-                raise InputError(f"filter: its H has the shape {shape}, {fits}")
-            if not set_ and how.reader.take != POSITION:
-                raise InputError(f"filter: its H is not set; the one that gives {', '.join(names)} is needed")
 
-
-class ExtendedTracker(LinearTracker):
+class ExtendedTracker(MatrixTracker):
     """Runs an ``ExtendedKalmanFilter``."""
 
     def __init__(self, options: FilterPyOptions, kind: type, found: Any) -> None:
         super().__init__(options, kind, found)
         self._fx = None if options.fx is None else function("fx", options.fx)
-
-    def _require_fitting(self, options: FilterPyOptions) -> None:
-        """It has no H of its own."""
 
     def _moved(self, x: Array, dt: float) -> Array:
         return super()._moved(x, dt) if self._fx is None else np.asarray(self._fx(x, dt), dtype=float)

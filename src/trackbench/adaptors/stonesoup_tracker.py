@@ -53,9 +53,7 @@ class StoneSoupTracker(AdaptedTracker):
     def __init__(self, options: StoneSoupOptions, predictor: Any, updater: Any, first: Any) -> None:
         super().__init__(options)
         self._predictor, self._updater, self._first = predictor, updater, first
-        usual = {"": StoneSoupSensor()}
-        self._models = {name: self._found(name, sensor) for name, sensor in (options.sensors or usual).items()}
-        self._same = options.sensors is None
+        self._models = {name: self._found(name, sensor) for name, sensor in (options.sensors or {}).items()}
 
     def transition(self, x: Array, dt: float) -> Array:
         """``(n,)`` the state after ``dt``."""
@@ -133,7 +131,7 @@ class StoneSoupTracker(AdaptedTracker):
 
     def _model(self, scan: Scan) -> tuple[Any, Reader]:
         """The measurement model at a scan, and the part of the reading that it is of."""
-        given, options = self._models[""] if self._same else of_sensor(self._models, scan)
+        given, options = of_sensor(self._models, scan) if self._models else Model(None, StoneSoupSensor())
         if given is None:
             reader = Reader(self.layout, options.reading)
             noise = reader.measurement(scan).covariance
