@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
 
+from doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
 from trackbench.doctor.examine import Doctor, Examination
 from trackbench.doctor.subject import SENSORS
+from trackbench.words import counted
 
 PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"
 #: Examinations of correct trackers.
@@ -111,15 +112,16 @@ def page(seen: Sequence[Seen], seeds: int) -> str:
     lines = [
         "# How often the doctor is right",
         "",
-        "Made by `make doctor-rates`. Every fault is injected into correct trackers: trackbench's own EKF (constant",
-        "velocity), UKF (constant turn rate and velocity) and KF, plain NumPy ones that use nothing of trackbench, and ones",
-        "made with FilterPy. An injected fault counts where its name is the first finding; of a wrong measurement noise",
-        "also the sensor and the factor, within a factor of two. A row is a fault, a column the tracker it is in.",
+        "Made by `make doctor-rates`. Every fault is injected into correct trackers: trackbench's own EKF",
+        "(constant velocity), UKF (constant turn rate and velocity) and KF, plain NumPy ones that use nothing of",
+        "trackbench, and ones made with FilterPy. An injected fault counts where its name is the first finding; of a",
+        "wrong measurement noise also the sensor and the factor, within a factor of two. A row is a fault, a column the",
+        "tracker it is in.",
         "",
         *table(seen),
         "",
-        f"{hits} of {len(injected)} injected faults ({hits / len(injected):.1%}) have the right name first, over {seeds} "
-        "seeds of noise and stations.",
+        f"{hits} of {len(injected)} injected faults ({hits / len(injected):.1%}) have the right name first "
+        f"({counted(seeds, 'seed')} of noise and stations).",
         "",
         f"{silent} of {len(correct)} examinations of {len({one.task.what for one in correct})} correct trackers found "
         "nothing: all built-in filters with every motion model, calm to lively tunings, several starts, one sensor or "

@@ -24,6 +24,8 @@ class Answer(NamedTuple):
     """``(m,)``, from a tracker that gives it."""
     innovation_covariance: Array | None = None
     """``(m, m)``, likewise."""
+    state: Array | None = None
+    """``(n,)`` the tracker's own state, likewise."""
 
     @property
     def finite(self) -> bool:
@@ -81,7 +83,8 @@ class Session:
             raise Broken(error, scan) from error
         if estimate is None:
             return None, after
-        spoken = Answer(estimate.mean, estimate.covariance, estimate.innovation, estimate.innovation_covariance)
+        innovation = (estimate.innovation, estimate.innovation_covariance)
+        spoken = Answer(estimate.mean, estimate.covariance, *innovation, estimate.state)
         if self._batched:
             # A batched tracker has NaN for a target of which it knows nothing yet.
             if not self._known and np.isnan(spoken.mean).all():

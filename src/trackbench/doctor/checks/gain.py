@@ -111,8 +111,9 @@ def _jacobian(sensor: str, rows: Sequence[Row]) -> list[Finding]:
             continue
         direction = np.array([row.direction[i] for row in of])
         size = np.array([row.size[i] for row in of])
-        # A smaller variance leaves more of a gain to what sigma points add in second order.
-        keen = max(1.0, float(np.nanmedian([row.noise[i] for row in of])) ** -0.5)
+        # What sigma points add in second order weighs more where the variance is small, or the information is.
+        noise = float(np.nanmedian([row.noise[i] for row in of]))
+        keen = max(noise, 1.0 / noise) ** 0.5 if noise > 0.0 else 1.0
         turned = direction > DIRECTION * keen
         scaled = (size > SIZE * keen) | (size < 1 / (SIZE * keen))
         if np.mean(turned) < 0.12 and np.mean(scaled) < 0.4:

@@ -13,9 +13,13 @@ from trackbench.doctor.stations import Station
 from trackbench.types import Array
 
 #: Steps of time by which a tracker is asked to predict, s.
-STEPS = (0.02, 0.05, 0.1, 0.2, 0.4, 1.0)
+STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 #: Error of a step of time, relative to it.
 TOLERANCE = 0.1
+#: Steps that are short enough to tell a unit even if they are taken for a thousand times as long, s.
+SHORT = 0.01
+#: How near a factor has to be to that between two units, as the difference of logarithms.
+NEAR_UNIT = 0.3
 #: Units of time that are taken for one another, and the factor between them.
 UNITS = {1e3: "milliseconds", 1e-3: "milliseconds", 1e6: "microseconds", 1e-6: "microseconds", 1e9: "nanoseconds"}
 #: Growth of the position's variance by that of the velocity: what it may be relative to constant velocity. Of right
@@ -61,27 +65,32 @@ def prediction(bench: Bench) -> Outcome:
     outcome.checks.append(Check("prediction", question, passed, text))
     if passed:
         return outcome
-    ratio = float(np.median(moved / asked))
+    ratio = float(np.median(ratios))
+    # Over a step that is far too long a turning model goes round.
+    unit = _unit(float(np.median(ratios[asked <= SHORT])))
+    factor: float | None = None
     if np.allclose(moved, before, rtol=TOLERANCE, atol=2e-3):
         said = "it moves by the step before: after steps of " + " and ".join(f"{b:g}" for b in np.unique(before)) + " s"
         said += f", a prediction over {asked[-1]:g} s goes {moved[-1]:.3g} s far"
-        finding = Finding("wrong_dt", 0.97, said, station=bench.stations.open[0].name)
     elif np.ptp(moved) < TOLERANCE * float(np.abs(moved).max()) + 1e-6:
         said = f"it moves by the same {np.median(moved):.3g} s whether {asked.min():g} or {asked.max():g} s have passed"
-        finding = Finding("wrong_dt", 0.97, said, station=bench.stations.open[0].name)
-    else:
-        unit = (
-            next((name for size, name in UNITS.items() if abs(np.log(abs(ratio) / size)) < 0.2), None)
-            if ratio
-            else None
-        )
+    elif unit is not None:
+        factor, name = unit
+        said = f"a prediction over {asked[0]:g} s moves the estimate as far as {moved[0]:.3g} s would: time in {name} "
+        said += f"is taken for seconds, or seconds for {name}"
+    elif float(np.std(ratios)) < TOLERANCE * abs(ratio):
+        factor = ratio
         said = f"a prediction over {asked[-1]:g} s moves the estimate as far as {moved[-1]:.3g} s would"
-        said += f": time in {unit} is taken for seconds, or seconds for {unit}" if unit else ""
-        if float(np.std(moved / asked)) > TOLERANCE * abs(ratio):
-            return outcome
-        finding = Finding("wrong_dt", 0.97 if unit else 0.9, said, factor=ratio, station=bench.stations.open[0].name)
-    outcome.findings.append(finding)
+    else:
+        return outcome
+    outcome.findings.append(Finding("wrong_dt", 0.97, said, factor=factor, station=bench.stations.open[0].name))
     return outcome
+
+
+def _unit(ratio: float) -> tuple[float, str] | None:
+    """The factor between two units of time that a ratio is near, and the unit's name."""
+    near = ((size, name) for size, name in UNITS.items() if ratio > 0.0 and abs(np.log(ratio / size)) < NEAR_UNIT)
+    return next(near, None)
 
 
 def _stretches(bench: Bench, station: Station, by: tuple[str, ...]) -> list[Stretch]:

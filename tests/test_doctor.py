@@ -1,0 +1,227 @@
+"""The examination of a tracker: silent on correct ones, and with the right name for injected faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
+
+from trackbench.doctor.bench import Bench
+from trackbench.doctor.checks.gain import gain
+from trackbench.doctor.checks.models import models
+from trackbench.doctor.drives import battery
+from trackbench.doctor.examine import Doctor, Examination
+from trackbench.doctor.findings import Finding, advice
+from trackbench.doctor.session import Session, blind
+from trackbench.doctor.stations import OPEN, Stations, varied
+from trackbench.doctor.subject import SENSORS, subject
+from trackbench.doctor.weighing import EXPLAINS, weigh
+from trackbench.errors import InputError
+from trackbench.trackers.builtin import ekf
+from trackbench.types import Estimate
+
+REPOSITORY = Path(__file__).parents[1]
+NAMES = [
+    "azimuth_not_wrapped",
+    "arctan_quadrant",
+    "jacobian_wrong",
+    "doppler_sign",
+    "speed_for_range_rate",
+    "degrees_for_radians",
+    "wrong_dt",
+    "q_too_small",
+    "q_too_large",
+    "r_too_small",
+    "r_too_large",
+    "overconfident_start",
+    "polar_start",
+    "covariance_asymmetric",
+    "covariance_not_psd",
+    "sensor_bias",
+    "axis_swapped",
+    "axis_mirrored",
+    "ego_motion_ignored",
+    "measurement_ignored",
+    "nonfinite",
+    "not_deterministic",
+]
+
+
+@pytest.fixture(scope="module")
+def doctor() -> Doctor:
+    return Doctor(SENSORS)
+
+
+def _first(fault: str, kind: str):
+    return next(mutant for mutant in MUTANTS if mutant.fault == fault and mutant.subject == kind)
+
+
+@pytest.mark.parametrize("fault", NAMES)
+def test_an_injected_fault_has_the_right_name_first(doctor: Doctor, fault: str) -> None:
+    mutant = _first(fault, "plain_ekf")
+    found = doctor.examine(mutant.name, mutant.make)
+    assert found.findings
+    first = found.findings[0]
+    assert first.fault == fault
+    assert first.consequence_of is None
+    assert any(character.isdigit() for character in first.evidence)
+    if mutant.factor is not None:
+        assert first.sensor == mutant.sensor
+        assert 0.5 < first.factor / mutant.factor < 2.0
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "PlainEkf first_reading",
+        "FilterPyUkf two_readings",
+        "kf ca calm, two_readings",
+        "ukf ctrv lively, first_reading",
+        "ekf ctra usual, two_readings",
+        "raw",
+        "alpha_beta",
+    ],
+)
+def test_a_correct_tracker_has_nothing(name: str) -> None:
+    found = Doctor(SENSORS, seed=5).examine(name, CORRECT[name])
+    assert found.findings == []
+    assert found.healthy, [check for check in found.checks if check.passed is False]
+
+
+def test_a_tracker_of_one_sensor_has_nothing() -> None:
+    name, (kind, make) = next(iter(ONE_SENSOR.items()))
+    assert Doctor({kind: SENSORS[kind]}).examine(name, make).findings == []
+
+
+def test_every_fault_has_advice_and_a_place_in_the_order() -> None:
+    assert sorted(advice()) == sorted(NAMES)
+    explained = {fault for faults in EXPLAINS.values() for fault in faults}
+    assert explained | set(EXPLAINS) <= set(NAMES)
+    shown = [fault for drive in battery().values() for fault in drive.shows]
+    assert sorted(shown) == sorted(NAMES)
+
+
+def test_what_follows_from_a_root_comes_after_it() -> None:
+    found = weigh(
+        [
+            Finding("r_too_large", 0.98, "", sensor="radar"),
+            Finding("jacobian_wrong", 0.9, "", sensor="radar"),
+            Finding("doppler_sign", 0.9, "", sensor="radar"),
+            Finding("q_too_small", 0.8, ""),
+        ]
+    )
+    assert found[0].fault == "doppler_sign"
+    assert all(one.consequence_of == "doppler_sign" for one in found[1:])
+
+
+def test_an_unsure_finding_explains_nothing() -> None:
+    found = weigh([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
+    assert [(one.fault, one.consequence_of) for one in found] == [
+        ("r_too_large", None),
+        ("covariance_not_psd", "r_too_large"),
+    ]
+
+
+def test_gains_give_jacobian_and_noise_of_a_linear_filter_away() -> None:
+    """With half the stated variance the factor is a half, of every component."""
+
+    class Halved:
+        batched = True
+        tracker = ekf(motion="cv", acceleration_sigma_mps2=3.0)
+
+        def step(self, state, scan):
+            return self.tracker.step(state, scan._replace(noise=scan.noise * 0.4))
+
+    bench = Bench(Halved, SENSORS, [], Stations(), 0)
+    found = gain(bench).findings
+    assert {(one.fault, one.sensor) for one in found} == {("r_too_small", "lidar"), ("r_too_small", "radar")}
+    for one in found:
+        assert one.factor == pytest.approx(0.4, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["PlainEkf first_reading", "FilterPyEkf first_reading", "ekf cv calm, first_reading"])
+def test_asking_changes_nothing(name: str) -> None:
+    """Also of a tracker that keeps its state in itself."""
+    make, station, sensor = CORRECT[name], OPEN[0], SENSORS["lidar"]
+    asked, left = Session(make), Session(make)
+    for k in range(6):
+        scan = station.scan("lidar", sensor, 0.1 * k)
+        if k:
+            asked.peek(blind(scan))
+            asked.peek(scan._replace(reading=scan.reading + 3.0))
+        one, other = asked.step(scan), left.step(scan)
+        assert one is not None
+        assert other is not None
+        np.testing.assert_array_equal(one.mean, other.mean)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+
+
+def test_a_jacobian_that_is_shown_is_held_against_its_model() -> None:
+    class Shown:
+        def __init__(self, slip: float) -> None:
+            self.slip = slip
+
+        def step(self, state, scan):
+            x = np.array([scan.reading[0], 2.0, 3.0, 4.0])
+            return 1, Estimate(x, np.eye(4), state=x)
+
+        def transition(self, x, dt):
+            return np.array([x[0] + dt * x[2] ** 2, x[1], x[2], x[3]])
+
+        def transition_jacobian(self, x, dt):
+            matrix = np.eye(4)
+            matrix[0, 2] = 2 * dt * x[2] + self.slip
+            return matrix
+
+    bench = Bench(lambda: Shown(0.0), {"lidar": SENSORS["lidar"]}, [], Stations(), 0)
+    assert models(bench).findings == []
+    bench = Bench(lambda: Shown(0.1), {"lidar": SENSORS["lidar"]}, [], Stations(), 0)
+    (finding,) = models(bench).findings
+    assert finding.fault == "jacobian_wrong"
+    assert "transition[0] / d x[2] = 0.7, where 0.6 is right" in finding.evidence
+
+
+def test_other_seeds_give_other_stations() -> None:
+    one, other = (varied(np.random.default_rng(seed)) for seed in (1, 2))
+    assert one.open[0].target != other.open[0].target
+    assert varied(np.random.default_rng(1)) == one
+
+
+def test_the_same_seed_gives_the_same_examination() -> None:
+    first, second = (Doctor(SENSORS, seed=3).examine("raw", CORRECT["raw"]).json() for _ in range(2))
+    assert first == second
+
+
+def test_an_examination_as_data() -> None:
+    found = Examination("mine", [Finding("r_too_small", 0.9, "said", sensor="radar", factor=0.2512)], [])
+    data = found.json()
+    assert data["tracker"] == "mine"
+    assert data["healthy"] is False
+    (one,) = data["findings"]
+    assert {"fault", "confidence", "sensor", "factor", "evidence", "advice"} <= set(one)
+    assert one["factor"] == 0.251
+
+
+def test_the_tracker_of_a_scenario_is_examined_with_the_sensors_that_it_hears() -> None:
+    found = subject(f"{REPOSITORY}/scenarios/scripted/own_model.yaml#kf_lidar", {})
+    assert list(found.sensors) == ["lidar"]
+    assert found.notes
+
+
+@pytest.mark.parametrize(
+    ("target", "options", "words"),
+    [
+        ("scenarios/highway.yaml", {}, "say which of its trackers"),
+        ("scenarios/highway.yaml#ekf_cw", {}, "did you mean 'ekf_cv'"),
+        ("scenarios/highway.yaml#ekf_cv", {"a": 1}, "--option"),
+        ("scenarios/higway.yaml#ekf_cv", {}, "did you mean 'highway.yaml'"),
+        ("ekff", {}, "did you mean 'ekf'"),
+        ("ekf", {"motion": "cv", "acceleration_sigma": 3.0}, "acceleration_sigma"),
+    ],
+)
+def test_a_name_that_means_nothing_is_refused(monkeypatch, target, options, words) -> None:
+    monkeypatch.chdir(REPOSITORY)
+    with pytest.raises(InputError, match=words):
+        subject(target, options)
