@@ -164,7 +164,7 @@ def test_a_jacobian_that_is_shown_is_held_against_its_model() -> None:
             self.slip = slip
 
         def step(self, state, scan):
-            x = np.array([scan.reading[0], 2.0, 3.0, 4.0])
+            x = np.array([1.0, 2.0, 3.0, 4.0])
             return 1, Estimate(x, np.eye(4), state=x)
 
         def transition(self, x, dt):
