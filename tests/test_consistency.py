@@ -92,7 +92,10 @@ def test_filters_of_radar_and_lidar_are_consistent_and_efficient():
             assert near(found[f"{what}_efficiency"]["ci95"], 1.0)
 
 
-@pytest.mark.parametrize(("told", "verdict"), [(0.5, "optimistic"), (1.0, "consistent"), (2.0, "pessimistic")])
+@pytest.mark.parametrize(
+    ("told", "verdict"),
+    [(0.5, "optimistic"), (2**-0.5, "optimistic"), (1.0, "consistent"), (2**0.5, "pessimistic"), (2.0, "pessimistic")],
+)
 def test_a_filter_told_the_wrong_sensor_noise_is_found_out(told, verdict):
     of = random_walk(RUNS, STEPS, 0.1, SIGMA, 2, START)
     whole = work(of, {"lidar": LIDAR}, {"kf": config("kf")}, RUNS)

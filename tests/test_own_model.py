@@ -71,6 +71,23 @@ def test_the_wrong_noise_is_told_from_the_right_one(sigma: float, verdict: str) 
     assert all(metrics["position_efficiency"]["ci95"][0] > 1.0 for metrics in found.values())
 
 
+def test_few_runs_are_not_taken_for_consistency() -> None:
+    """One run, and ten short ones, of a filter whose noise is right: nothing is shown either way."""
+    metrics = by_name(result("own_model", "monte_carlo.runs=1"))["ekf"]
+    assert metrics["nees"]["ci95"] is None
+    verdicts = {metrics["nees"]["verdict"], *(nis["verdict"] for nis in metrics["nis"].values())}
+    assert verdicts == {"undecided"}
+    short = by_name(result("own_model", "monte_carlo.runs=10", "truth.duration_s=2"))["ekf"]
+    assert short["nees"]["verdict"] == "undecided"
+
+
+def test_a_doubled_process_noise_variance_is_told_from_the_right_one() -> None:
+    """That of the process: a factor of 1.4 in its standard deviation."""
+    twice = [f"trackers.{name}.acceleration_sigma_mps2={2 * 2**0.5}" for name in ("kf_lidar", "ekf", "ukf")]
+    found = by_name(result("own_model", "monte_carlo.runs=100", *twice))
+    assert {metrics["nees"]["verdict"] for metrics in found.values()} == {"pessimistic"}
+
+
 def test_the_shown_run_is_shown_as_it_moved() -> None:
     """Run 3 of the tables is run 3 of the truth, and its estimates are near it."""
     settings = ("monte_carlo.runs=5", "recording.run=3")

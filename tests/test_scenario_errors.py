@@ -296,7 +296,9 @@ BAD = [
     (
         "metric: position_rmse, below: 0.5",
         "metric: nees.verdict, below: 5",
-        ["27: expect.0.below: nees.verdict is a word, not a number; use is: consistent | optimistic | pessimistic"],
+        [
+            "27: expect.0.below: nees.verdict is a word, not a number; use is: consistent | optimistic | pessimistic | undecided"
+        ],
     ),
     (
         "metric: position_rmse, below: 0.5",

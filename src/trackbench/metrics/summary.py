@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.metrics.consistency import mean_bounds, verdict
+from trackbench.metrics.consistency import mean_bounds, verdict, whiteness_verdict
 from trackbench.metrics.intervals import Interval, ratio, root, scaled
 from trackbench.metrics.scores import ERROR_FIELDS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, NisScores, Scores
 from trackbench.types import Array
@@ -170,7 +170,7 @@ def _chi_square(mean: Interval, dof: int, runs: int, steps_inside: float) -> Jso
         "bounds95": [low, high],
         "ci95": None if mean.ci95 is None else list(mean.ci95),
         "steps_inside_bounds": steps_inside,
-        "verdict": verdict(mean.value, low, high),
+        "verdict": verdict(mean.ci95, dof),
     }
 
 
@@ -187,7 +187,7 @@ def _whiteness(nis: NisScores) -> Json:
     return {
         **with_interval(correlation, "1"),
         "bounds95": [-bound, bound],
-        "verdict": "white" if abs(correlation.value) <= bound else "coloured",
+        "verdict": whiteness_verdict(correlation.ci95),
     }
 
 

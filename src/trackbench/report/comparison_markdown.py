@@ -45,7 +45,8 @@ def to_markdown(scenarios: Sequence[ScenarioScores], standings: Sequence[Standin
         "",
         "## Does each tracker know its own error?",
         "",
-        "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker claims; pessimistic: smaller.",
+        "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker claims; pessimistic: smaller; "
+        "undecided: too few runs to say.",
         "",
         *_matrix(scenarios, names, _nees),
         "",

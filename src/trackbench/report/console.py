@@ -16,7 +16,7 @@ from trackbench.report.wording import Tracker, expectations_met, failure, scored
 from trackbench.results import RunResult
 from trackbench.words import counted
 
-_STYLE = {"good": "green", "warn": "yellow", "bad": "bold red"}
+_STYLE = {"good": "green", "warn": "yellow", "bad": "bold red", "": "dim"}
 
 
 def print_summary(result: RunResult, console: Console) -> None:

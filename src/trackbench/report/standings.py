@@ -122,7 +122,7 @@ def standings(results: Sequence[RunResult], scenarios: Sequence[ScenarioScores])
     found = []
     for i, name in enumerate(names):
         scores = [scenario.scores[name] for scenario in scenarios if name in scenario.scores]
-        verdicts = [score.nees_verdict for score in scores if score.nees_verdict]
+        verdicts = [score.nees_verdict for score in scores if score.nees_verdict not in (None, "undecided")]
         interval = None if draws is None else np.nanquantile(draws[:, i], [0.025, 0.975])
         won, lost, undecided = pairings[name]
         found.append(

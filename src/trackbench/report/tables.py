@@ -14,7 +14,14 @@ from trackbench.report.wording import scored
 Summary = Mapping[str, Any]
 
 #: A verdict's colour in a report.
-TONE = {"consistent": "good", "white": "good", "optimistic": "bad", "pessimistic": "warn", "coloured": "warn"}
+TONE = {
+    "consistent": "good",
+    "white": "good",
+    "optimistic": "bad",
+    "pessimistic": "warn",
+    "coloured": "warn",
+    "undecided": "",
+}
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,7 @@ def ranked(summary: Summary) -> Table:
         (("position RMSE, m", "with its 95 % interval"), _values(every, "position_rmse")),
         (("velocity RMSE, m/s", "with its 95 % interval"), _values(every, "velocity_rmse")),
         (("course RMSE, deg", "with its 95 % interval"), _values(every, "course_rmse")),
-        (("NEES", "mean, what it should lie within (95 %), and the verdict"), [_consistency(m["nees"]) for m in every]),
+        (("NEES", "mean (4 is right), verdict, and its 95 % interval"), [_consistency(m["nees"]) for m in every]),
         *(
             (
                 (f"NIS {name}", "mean, verdict, and the share of innovations under the 95 % point"),
@@ -109,7 +116,7 @@ def innovations(summary: Summary) -> Table:
         nis = [_entry(t, "nis", sensor) for t in trackers]
         white = [_entry(t, "whiteness", sensor) for t in trackers]
         columns += [
-            ((f"NIS {sensor}", "mean, verdict, and what it should lie within (95 %)"), [_consistency(n) for n in nis]),
+            ((f"NIS {sensor}", "mean, verdict, and its 95 % interval"), [_consistency(n) for n in nis]),
             (("under the 95 % point", "should be 95 %"), [_share(n) for n in nis]),
             (("lag-one correlation", "of successive normalised innovations; should be 0"), [_white(w) for w in white]),
         ]
@@ -222,7 +229,7 @@ def _count(number: int) -> Cell:
 def _consistency(metric: Metric) -> Cell:
     if metric.get("mean") is None:
         return Cell(NOT_AVAILABLE, reason=_reason(metric))
-    details = (metric["verdict"], interval(metric["bounds95"], 2))
+    details = (metric["verdict"], *_line(interval(metric["ci95"], 2)))
     return Cell(fixed(metric["mean"], 2), details, TONE[metric["verdict"]])
 
 

@@ -18,6 +18,7 @@ MEANING = {
     "consistent": "errors are as large as claimed",
     "optimistic": "errors are larger than claimed",
     "pessimistic": "errors are smaller than claimed",
+    "undecided": "too few runs to say whether errors are as large as claimed",
 }
 
 

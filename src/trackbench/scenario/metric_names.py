@@ -21,8 +21,8 @@ class Metric:
     """Whether two trackers are compared by it, run by run (``better_than``)."""
 
 
-CONSISTENCY = ("consistent", "optimistic", "pessimistic")
-WHITENESS = ("white", "coloured")
+CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
+WHITENESS = ("white", "coloured", "undecided")
 
 METRICS = (
     Metric("position_rmse", "m", "root mean square error of the position", paired=True),
