@@ -297,7 +297,8 @@ BAD = [
         "metric: position_rmse, below: 0.5",
         "metric: nees.verdict, below: 5",
         [
-            "27: expect.0.below: nees.verdict is a word, not a number; use is: consistent | optimistic | pessimistic | undecided"
+            "27: expect.0.below: nees.verdict is a word, not a number; "
+            "use is: consistent | optimistic | pessimistic | undecided"
         ],
     ),
     (

@@ -17,6 +17,7 @@ TOLERANCE = 0.1
 #: quarter of a percent, of its variance.
 WHITENESS_TOLERANCE = 0.05
 
+
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
     """``e^T P^-1 e``, the whitened error ``L^-1 e``, and where the covariance is positive definite.
 

@@ -10,6 +10,9 @@ from scipy import stats
 
 from trackbench.types import Array
 
+#: Relative difference of two values below which it is one of arithmetic, not of what was measured.
+ROUNDING = 1e-9
+
 
 class Interval(NamedTuple):
     """A value and its 95 % interval (None with fewer than two runs)."""
@@ -48,7 +51,7 @@ def scaled(interval: Interval, factor: float) -> Interval:
 
 
 class Difference(NamedTuple):
-    """A paired difference of two values over the same runs."""
+    """A difference of two values."""
 
     value: float
     ci95: tuple[float, float] | None
@@ -58,15 +61,36 @@ class Difference(NamedTuple):
 
 def paired(a: Interval, b: Interval) -> Difference:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
-    value = a.value - b.value
     influence = a.influence - b.influence
-    interval = _interval(value, influence)
-    error = _standard_error(influence)
+    return _tested(a, b, _standard_error(influence), len(influence) - 1)
+
+
+def unpaired(a: Interval, b: Interval) -> Difference:
+    """``a - b`` where the runs of one have nothing to do with those of the other, by Welch's t test on the influences.
+
+    Source: Welch (1947), "The generalization of Student's problem when several different population variances are
+    involved". Where the runs have something in common after all, the interval is too wide rather than too narrow.
+    """
+    errors = [_standard_error(item.influence) for item in (a, b)]
+    if errors[0] is None or errors[1] is None:
+        return _tested(a, b, None, 0)
+    squares = [error**2 for error in errors if error is not None]
+    total = sum(squares)
+    parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
+    freedom = total**2 / sum(parts) if total > 0 else 1.0
+    return _tested(a, b, float(np.sqrt(total)), freedom)
+
+
+def _tested(a: Interval, b: Interval, error: float | None, freedom: float) -> Difference:
+    """The difference with its interval and p-value, from its standard error."""
+    value = a.value - b.value
     if error is None:
         return Difference(value, None, 1.0)
-    if error == 0.0:
-        return Difference(value, interval.ci95, 1.0 if value == 0.0 else 0.0)
-    return Difference(value, interval.ci95, float(2 * stats.t.sf(abs(value) / error, len(influence) - 1)))
+    reach = float(stats.t.ppf(0.975, freedom)) * error
+    ci95 = (value - reach, value + reach)
+    if abs(value) <= ROUNDING * max(abs(a.value), abs(b.value)):
+        return Difference(value, ci95, 1.0)
+    return Difference(value, ci95, float(2 * stats.t.sf(abs(value) / error, freedom)) if error > 0 else 0.0)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -59,6 +59,7 @@ def runs_table(scores: Mapping[str, Scores]) -> pa.Table:
                 "tracker": [name] * rows,
                 "run": np.arange(rows, dtype=float),
                 "count": count,
+                "course_count": item.per_run[ERROR["course_count"]],
                 **_errors(item.per_run),
                 "nees_mean": _mean(item.per_run[ERROR["nees"]], count),
                 "nis_mean": _mean(*_all_nis(item)),

@@ -54,7 +54,11 @@ def load_scenario(path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
         InputError: the file cannot be read or is not YAML.
         InputErrors: everything that is wrong in it, in the order of its lines.
     """
-    text = _read(path)
+    return scenario_of(_read(path), path, overrides)
+
+
+def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
+    """As ``load_scenario``, of a text that is at hand already; ``path`` is named in errors."""
     document = parse(text, str(path))
     if not isinstance(document.value, dict):
         found = "is empty" if document.value is None else "is not a mapping of keys to values"
