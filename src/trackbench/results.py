@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,6 +88,25 @@ def require_writable(out: Path) -> None:
         raise InputError(f"cannot write to {out}: {error.strerror or error}", key="--out") from error
 
 
+def require_file(path: Path, key: str) -> None:
+    """Make sure, before any work, that a file can be written.
+
+    Args:
+        path: the file.
+        key: the option that names it.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; name a file", key=key)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror or error}", key=key) from error
+
+
 def require_replaceable(folder: Path) -> None:
     """Make sure that a run's folder can take this name: it is free, empty, or that of an earlier run.
 
@@ -117,23 +136,30 @@ def write_text(path: Path, text: str) -> None:
             temporary.unlink()
 
 
-def load(folder: Path) -> RunResult:
+def load(folder: Path, tables: Sequence[str] | None = None) -> RunResult:
     """The result in a run's folder.
+
+    Args:
+        folder: the run's.
+        tables: names of those to read, where they are there; all unless given.
 
     Raises:
         InputError: there is none, or it cannot be read.
     """
     file = folder / SUMMARY
+    found = {}
     try:
         summary = json.loads(file.read_text(encoding="utf-8"))
-        tables = {path.stem: pq.read_table(path) for path in sorted(folder.glob("*.parquet"))}
+        if not isinstance(summary, dict) or summary.get("schema_version") != SCHEMA_VERSION:
+            raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
+        for file in sorted(folder.glob("*.parquet")):
+            if tables is None or file.stem in tables:
+                found[file.stem] = pq.read_table(file)
     except FileNotFoundError as error:
         raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=folder) from error
-    except (OSError, ValueError, pa.ArrowException) as error:
+    except (OSError, ValueError, RecursionError, pa.ArrowException) as error:
         raise InputError(f"not a readable result: {error}", file=file) from error
-    if not isinstance(summary, dict) or summary.get("schema_version") != SCHEMA_VERSION:
-        raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
-    return RunResult(summary, tables)
+    return RunResult(summary, found)
 
 
 def _put(temporary: Path, folder: Path) -> None:

@@ -9,6 +9,7 @@ import sys
 import click
 
 from trackbench import __version__
+from trackbench.cli.compare import compare_command
 from trackbench.cli.listing import list_command
 from trackbench.cli.run import run_command
 from trackbench.cli.serve import INTERRUPTED, serve_command
@@ -31,7 +32,7 @@ def cli() -> None:
     """
 
 
-for _command in (run_command, list_command, check_command, schema_command, serve_command):
+for _command in (run_command, compare_command, list_command, check_command, schema_command, serve_command):
     cli.add_command(_command)
 
 

@@ -1,0 +1,131 @@
+"""Whether the errors of two runs can be held against each other, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from trackbench.compare.stored import StoredRun
+from trackbench.errors import InputError
+from trackbench.scenario.config import Scenario
+from trackbench.truth.config import ScriptedTruth
+from trackbench.words import counted
+
+#: What of the truth's table makes the motion of the targets.
+MOTION = ("object", "time_s", "px_m", "py_m", "vx_mps", "vy_mps")
+
+
+@dataclass(frozen=True)
+class Grounds:
+    """How two runs are compared."""
+
+    paired: bool
+    """Run by run; else as two independent samples."""
+    reason: str
+    """Why."""
+
+
+def grounds(baseline: StoredRun, later: StoredRun) -> Grounds:
+    """How two runs are compared.
+
+    The trackers, the number of runs, the seed and the scenario's name may differ; what is tracked, what it is seen with
+    and which errors count may not. Equal fingerprints show that every reading of every run was the same.
+
+    Raises:
+        InputError: they are not comparable; with the reason.
+    """
+    for reason in _obstacles(baseline, later):
+        raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
+    if baseline.summary.fingerprint == later.summary.fingerprint:
+        return Grounds(True, "the fingerprints of all readings are equal")
+    return Grounds(False, _noise(baseline, later))
+
+
+def _obstacles(baseline: StoredRun, later: StoredRun) -> Iterator[str]:
+    for key, ours, theirs in _differing(_stated(baseline.scenario), _stated(later.scenario)):
+        yield f"another scenario: {key} is {_shown(theirs)} here and {_shown(ours)} there"
+    ours, theirs = baseline.summary.truth.objects, later.summary.truth.objects
+    if ours != theirs:
+        yield f"other objects: {_few(theirs)} here and {_few(ours)} there"
+    if _same_motion_is_due(baseline, later) and not _same(_motion(baseline.truth), _motion(later.truth)):
+        versions = _changed(baseline.summary.versions, later.summary.versions)
+        yield "the same scenario moved differently" + (f" ({versions})" if versions else "")
+
+
+def _stated(scenario: Scenario) -> dict[str, Any]:
+    """What must be the same: the truth, the sensors, and which errors count."""
+    found = scenario.model_dump(mode="json", include={"truth", "sensors"})
+    return {**found, "score": {"settle_s": scenario.score.settle_s}}
+
+
+def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """The keys whose values differ, each with both values."""
+    if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
+        for key in {**ours, **theirs}:
+            yield from _differing(ours.get(key), theirs.get(key), f"{at}.{key}" if at else str(key))
+    elif ours != theirs:
+        yield at, ours, theirs
+
+
+def _same_motion_is_due(baseline: StoredRun, later: StoredRun) -> bool:
+    """Whether the targets must have moved in the same way in the runs that are shown."""
+    a, b = baseline.summary, later.summary
+    truth = baseline.scenario.truth
+    if isinstance(truth, ScriptedTruth) and truth.random:
+        return (a.seed, a.scenario.name, a.shown_run) == (b.seed, b.scenario.name, b.shown_run)
+    return True
+
+
+def _motion(table: pa.Table) -> pa.Table | None:
+    if not {"role", *MOTION} <= set(table.column_names):
+        return None
+    return table.filter(pc.equal(table["role"], "target")).select(list(MOTION))
+
+
+def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
+    """Whether two motions are the same but for rounding: positions to a micrometre."""
+    if ours is None or theirs is None or len(ours) != len(theirs):
+        return False
+    if ours["object"].to_pylist() != theirs["object"].to_pylist():
+        return False
+    pairs = ([np.asarray(table[name], dtype=float) for table in (ours, theirs)] for name in MOTION[1:])
+    return all(np.allclose(a, b, rtol=0.0, atol=1e-6, equal_nan=True) for a, b in pairs)
+
+
+def _noise(baseline: StoredRun, later: StoredRun) -> str:
+    """Why the readings of comparable runs are not the same."""
+    a, b = baseline.summary, later.summary
+    found = [
+        f"{what} {theirs} here and {ours} there"
+        for what, ours, theirs in (
+            ("seed", a.seed, b.seed),
+            ("runs", a.runs, b.runs),
+            ("name", a.scenario.name, b.scenario.name),
+        )
+        if ours != theirs
+    ]
+    return (
+        "; ".join(found)
+        or _changed(a.versions, b.versions)
+        or "the readings differ for no reason that the results state"
+    )
+
+
+def _changed(ours: Mapping[str, str], theirs: Mapping[str, str]) -> str:
+    names = [name for name in ours if name in theirs and ours[name] != theirs[name]]
+    return ", ".join(f"{name} {theirs[name]} here and {ours[name]} there" for name in names)
+
+
+def _shown(value: Any) -> str:
+    text = "not given" if value is None else str(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _few(names: list[str]) -> str:
+    shown = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+    return f"{counted(len(names), 'object')} ({shown})"

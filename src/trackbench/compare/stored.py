@@ -1,0 +1,170 @@
+"""A finished run as a comparison needs it, checked to be one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pydantic import BaseModel, Field, ValidationError
+
+from trackbench import results
+from trackbench.errors import InputError
+from trackbench.metrics.intervals import Interval, ratio, root
+from trackbench.metrics.summary import ROOT_MEAN_SQUARES
+from trackbench.scenario.config import Scenario
+from trackbench.scenario.load import scenario_of
+from trackbench.types import Array
+
+#: Where the errors that can be compared stand in ``runs.parquet``, by metric: each run's value and its number of terms.
+COLUMNS = {
+    "position_rmse": ("position_rmse_m", "count"),
+    "velocity_rmse": ("velocity_rmse_mps", "count"),
+    "course_rmse": ("course_rmse_deg", "course_count"),
+    "rmse.px": ("px_rmse_m", "count"),
+    "rmse.py": ("py_rmse_m", "count"),
+    "rmse.vx": ("vx_rmse_mps", "count"),
+    "rmse.vy": ("vy_rmse_mps", "count"),
+}
+UNITS = {metric: ROOT_MEAN_SQUARES[metric][2] for metric in COLUMNS}
+#: Relative difference up to which the tables and the summary of one run agree.
+AGREEMENT = 1e-6
+
+
+class _ScenarioPart(BaseModel):
+    name: str
+    text: str
+    overrides: list[str] = []
+
+
+class _TruthPart(BaseModel):
+    objects: list[str]
+
+
+class _TrackerPart(BaseModel):
+    name: str
+    failed: dict[str, Any] | None
+    metrics: dict[str, Any]
+
+
+class Summary(BaseModel):
+    """What a comparison reads of ``result.json``."""
+
+    scenario: _ScenarioPart
+    seed: int
+    runs: int = Field(ge=1)
+    versions: dict[str, str]
+    fingerprint: str
+    truth: _TruthPart
+    shown_run: int
+    trackers: list[_TrackerPart]
+    ranking: list[str]
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A finished run."""
+
+    label: str
+    """As the user named it."""
+    summary: Summary
+    scenario: Scenario
+    runs: pa.Table
+    truth: pa.Table
+
+    @property
+    def trackers(self) -> list[str]:
+        """Best first."""
+        return self.summary.ranking
+
+    def failure(self, tracker: str) -> str | None:
+        """Why a tracker could not go on, if it could not."""
+        failed = self._entry(tracker).failed
+        return None if failed is None else str(failed.get("cause", "it failed"))
+
+    def coverage(self, tracker: str) -> float | None:
+        """Share of the steps at which the tracker gave an estimate."""
+        found = self._entry(tracker).metrics.get("coverage")
+        value = found.get("value") if isinstance(found, dict) else None
+        return None if value is None else float(value)
+
+    def interval(self, tracker: str, metric: str) -> Interval | None:
+        """An error of a tracker with what each run adds to it; None where there is nothing to compare.
+
+        Raises:
+            InputError: the table does not hold the metric, or is not that of this run.
+        """
+        column, count_column = COLUMNS[metric]
+        if self.failure(tracker) is not None:
+            return None
+        if "tracker" not in self.runs.column_names:
+            raise InputError("runs.parquet has no column tracker: not the table of a run", file=self.label)
+        rows = self.runs.filter(pc.equal(self.runs["tracker"], tracker))
+        if not np.array_equal(self._column(rows, "run"), np.arange(self.summary.runs)):
+            message = f"runs.parquet does not hold the {self.summary.runs} runs of {tracker}, each once and in order"
+            raise InputError(message, file=self.label)
+        value, count = self._column(rows, column), self._column(rows, count_column)
+        if count.sum() == 0:
+            return None
+        found = root(ratio(np.where(count > 0, np.nan_to_num(value) ** 2 * count, 0.0), count))
+        self._require_agreement(tracker, metric, found.value)
+        return found
+
+    def _entry(self, tracker: str) -> _TrackerPart:
+        return next(entry for entry in self.summary.trackers if entry.name == tracker)
+
+    def _column(self, rows: pa.Table, name: str) -> Array:
+        if name not in rows.column_names:
+            raise InputError(
+                f"runs.parquet has no column {name}: made by another version; run it again", file=self.label
+            )
+        try:
+            values: Array = rows[name].to_numpy().astype(np.float64)
+        except (ValueError, TypeError) as error:
+            raise InputError(f"runs.parquet: {name} is no column of numbers", file=self.label) from error
+        return values
+
+    def _require_agreement(self, tracker: str, metric: str, value: float) -> None:
+        node: Any = self._entry(tracker).metrics
+        for part in metric.split("."):
+            node = node.get(part) if isinstance(node, dict) else None
+        stated = node.get("value") if isinstance(node, dict) else None
+        if not isinstance(stated, float | int) or abs(stated - value) > AGREEMENT * max(abs(value), AGREEMENT):
+            message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {stated}"
+            raise InputError(f"{message}: they are not of the same run", file=self.label)
+
+
+def load(path: Path) -> StoredRun:
+    """A run from its folder, or from the ``result.json`` in it.
+
+    Raises:
+        InputError: it is not one.
+    """
+    folder = path.parent if path.name == results.SUMMARY and not path.is_dir() else path
+    if not folder.is_dir():
+        known = (
+            "there is no such folder" if not folder.exists() else f"not the folder of a run, nor its {results.SUMMARY}"
+        )
+        raise InputError(known, file=path)
+    found = results.load(folder, tables=("runs", "truth"))
+    try:
+        summary = Summary.model_validate(found.summary)
+    except ValidationError as invalid:
+        error = invalid.errors()[0]
+        where = ".".join(str(part) for part in error["loc"])
+        raise InputError(f"not the result of a run: {where}: {error['msg']}", file=folder / results.SUMMARY) from None
+    for name in ("runs", "truth"):
+        if name not in found.tables:
+            raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=folder)
+    names = [entry.name for entry in summary.trackers]
+    if sorted(names) != sorted(summary.ranking):
+        raise InputError("not the result of a run: ranking does not name its trackers", file=folder / results.SUMMARY)
+    try:
+        loaded = scenario_of(summary.scenario.text, Path(summary.scenario.name), summary.scenario.overrides)
+    except InputError as error:
+        message = f"its scenario is not one that this version reads: {error.message}"
+        raise InputError(message, file=folder / results.SUMMARY, key=error.key) from None
+    return StoredRun(str(path), summary, loaded.config, found.tables["runs"], found.tables["truth"])
