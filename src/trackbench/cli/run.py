@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,6 +27,8 @@ from trackbench.truth import LoadedTruth
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
+#: Where a run that goes on until its precision is reached stops even so.
+MAX_RUNS = 10_000
 
 
 @dataclass(frozen=True)
@@ -34,12 +37,21 @@ class Prepared:
 
     loaded: LoadedScenario
     truth: LoadedTruth
-    command: str
+    command: Callable[[LoadedScenario], str]
+    """What reproduces the result of the scenario with as many runs as were made in the end."""
 
 
 @click.command("run")
 @click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SCENARIO.yaml...")
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
+@click.option(
+    "--runs-until",
+    type=click.FloatRange(0, 1, min_open=True),
+    metavar="SHARE",
+    help="As many runs as it takes until the 95 % interval of the difference between the best two trackers in position "
+    "is this narrow to each side, as a share of the best one's RMSE.",
+)
+@click.option("--max-runs", type=click.IntRange(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
 @click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
@@ -53,16 +65,20 @@ class Prepared:
 )
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
+@click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 def run_command(
     scenarios: tuple[Path, ...],
     runs: int | None,
+    runs_until: float | None,
+    max_runs: int | None,
     seed: int | None,
     trackers: str | None,
     settings: tuple[str, ...],
     out: Path,
     workers: int,
     no_recording: bool,
+    junit: Path | None,
     as_json: bool,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
@@ -74,11 +90,17 @@ def run_command(
       trackbench run scenarios/
       trackbench run scenarios/highway.yaml --runs 1000 --workers 2
       trackbench run scenarios/highway.yaml --set score.settle_s=2
+      trackbench run scenarios/highway.yaml --runs-until 0.005
 
     \b
     Exit status:
       0 all expectations met   1 one failed   2 bad input   3 a tracker failed
     """
+    if runs_until is not None and (runs is not None or not math.isfinite(runs_until)):
+        raise InputError("give a share between 0 and 1, and no --runs beside it", key="--runs-until")
+    if max_runs is not None and runs_until is None:
+        raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
+    precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
     overrides = [
         *settings,
         *([] if runs is None else [f"monte_carlo.runs={runs}"]),
@@ -87,14 +109,18 @@ def run_command(
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
     files = list(scenario_files(scenarios))
     results.require_writable(out)
-    prepared = [prepare(file, overrides, chosen) for file in files]
+    if junit is not None:
+        results.require_file(junit, "--junit")
+    prepared = [prepare(file, overrides, chosen, precision) for file in files]
     _require_distinct(prepared)
     for item in prepared:
         results.require_replaceable(out / item.loaded.config.name)
     console = Console(stderr=as_json, width=None)
-    found = [_run(item, out, workers, no_recording, console, as_json) for item in prepared]
+    found = [_run(item, precision, out, workers, no_recording, console, as_json) for item in prepared]
     if len(found) > 1:
         _compare(found, out, console, as_json)
+    if junit is not None:
+        _write_junit(found, junit)
     if as_json:
         summaries: Any = [result.summary for result in found]
         click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
@@ -113,17 +139,36 @@ def scenario_files(paths: Sequence[Path]) -> Iterator[Path]:
         yield from inside
 
 
-def prepare(file: Path, overrides: Sequence[str], chosen: Sequence[str] | None) -> Prepared:
-    """Read, check and simulate what a scenario needs before any tracker runs."""
+def prepare(
+    file: Path, overrides: Sequence[str], chosen: Sequence[str] | None, precision: tuple[float, int] | None = None
+) -> Prepared:
+    """Read, check and simulate what a scenario needs before any tracker runs.
+
+    Args:
+        file: the scenario.
+        overrides: ``key.path=value`` each.
+        chosen: names of the trackers to run; all unless given.
+        precision: the share and the largest number of runs, where the precision decides on their number.
+    """
     loaded = load_scenario(file, overrides)
+    if precision is not None:
+        from trackbench.runner.until import first_look
+
+        loaded = first_look(loaded, precision[1])
     if chosen is not None:
         loaded = _only(loaded, chosen)
+    if precision is not None and len(loaded.config.trackers) < 2:
+        raise InputError("needs two trackers, whose difference it is about", file=file, key="--runs-until")
     check_plugins(loaded)
     truth = truth_of(loaded)
     for note in truth.notes:
         click.echo(note, err=True)
     only = [] if chosen is None else ["--trackers", ",".join(chosen)]
-    command = shlex.join(["trackbench", "run", str(file), *(x for item in overrides for x in ("--set", item)), *only])
+
+    def command(made: LoadedScenario) -> str:
+        settings = (x for item in made.overrides for x in ("--set", item))
+        return shlex.join(["trackbench", "run", str(file), *settings, *only])
+
     return Prepared(loaded, truth, command)
 
 
@@ -161,16 +206,30 @@ def _require_distinct(prepared: Sequence[Prepared]) -> None:
         by_name[name] = path
 
 
-def _run(item: Prepared, out: Path, workers: int, no_recording: bool, console: Console, quiet: bool) -> RunResult:
+def _run(
+    item: Prepared,
+    precision: tuple[float, int] | None,
+    out: Path,
+    workers: int,
+    no_recording: bool,
+    console: Console,
+    quiet: bool,
+) -> RunResult:
     from trackbench import recording
     from trackbench.report import html
     from trackbench.report.console import print_summary
     from trackbench.runner.run import run
+    from trackbench.runner.until import run_until
 
     name = item.loaded.config.name
     # What a tracker prints is no part of the result.
     with redirect_stdout(sys.stderr), _bar(name) as progress:
-        result = run(item.loaded, item.truth, workers=workers, command=item.command, progress=progress)
+        if precision is None:
+            result = run(item.loaded, item.truth, workers=workers, command=item.command(item.loaded), progress=progress)
+        else:
+            result = run_until(
+                item.loaded, item.truth, *precision, workers=workers, command=item.command, progress=progress
+            )
     folder = out / name
     artifacts = {"report.html": partial(_write_report, html.render, result)}
     if not no_recording:
@@ -182,6 +241,12 @@ def _run(item: Prepared, out: Path, workers: int, no_recording: bool, console: C
         shown = ", ".join([results.SUMMARY, *artifacts])
         console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
     return result
+
+
+def _write_junit(found: Sequence[RunResult], path: Path) -> None:
+    from trackbench.report.junit import suite_of_run, to_xml
+
+    results.write_text(path, to_xml([suite_of_run(result.summary) for result in found]))
 
 
 def _write_report(render: Any, result: RunResult, path: Path) -> None:

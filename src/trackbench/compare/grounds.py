@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from trackbench.compare.stored import StoredRun
 from trackbench.errors import InputError
 from trackbench.scenario.config import Scenario
-from trackbench.truth.config import ScriptedTruth
+from trackbench.truth import varies
 from trackbench.words import counted
 
 #: What of the truth's table makes the motion of the targets.
@@ -75,8 +75,7 @@ def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any,
 def _same_motion_is_due(baseline: StoredRun, later: StoredRun) -> bool:
     """Whether the targets must have moved in the same way in the runs that are shown."""
     a, b = baseline.summary, later.summary
-    truth = baseline.scenario.truth
-    if isinstance(truth, ScriptedTruth) and truth.random:
+    if varies(baseline.scenario.truth):
         return (a.seed, a.scenario.name, a.shown_run) == (b.seed, b.scenario.name, b.shown_run)
     return True
 

@@ -12,7 +12,7 @@ from rich.text import Text
 from trackbench.report.numbers import NOT_AVAILABLE, Metric, decimals, fixed, half_width
 from trackbench.report.significance import Differences, letters
 from trackbench.report.tables import TONE
-from trackbench.report.wording import Tracker, expectations_met, failure, scored, unscored
+from trackbench.report.wording import Tracker, expectations_met, failure, precision_reached, scored, unscored
 from trackbench.results import RunResult
 from trackbench.words import counted
 
@@ -104,6 +104,8 @@ def _notes(summary: Mapping[str, Any], trackers: Sequence[Tracker]) -> list[str]
         notes.append("alike: no difference in position was shown between those that share a letter")
     if summary["runs"] == 1:
         notes.append("one run gives no interval and shows no difference")
+    if "precision" in summary:
+        notes.append(precision_reached(summary["precision"], summary["runs"]))
     repaired = [(t["name"], t["health"]["repaired_covariances"]) for t in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for metric in ("velocity_rmse", "position_efficiency", "nees"):

@@ -116,6 +116,16 @@ def headline(summary: Mapping[str, Any]) -> str:
     return f"{text}. The next, {names[1]}, is {fixed(-second.value, gap)} m worse{bounds}, a real difference."
 
 
+def precision_reached(precision: Mapping[str, Any], runs: int) -> str:
+    """Whether the precision that was asked for was reached, and after how many runs."""
+    wanted = f"{percent(precision['target'], 2)} wanted"
+    if precision["half_width"] is None:
+        return f"precision: no two trackers to compare after {counted(runs, 'run')}; {wanted}"
+    pair = f"{precision['best']} against {precision['second']}"
+    found = f"{pair} ±{percent(precision['half_width'], 2)} after {counted(runs, 'run')}"
+    return f"precision: {found}; {wanted}" + ("" if precision["reached"] else ", not reached")
+
+
 def expectations_met(expectations: Sequence[Mapping[str, Any]]) -> str:
     """ "All 3 expectations met", "1 of 3 expectations failed", "No expectations stated"."""
     total, failed = len(expectations), sum(not e["passed"] for e in expectations)

@@ -17,13 +17,18 @@ from trackbench.runner.block import Block, Work, run_block
 DIED = "a worker process died; --workers 1 may show what it died of"
 
 
-def run_blocks(work: Work, workers: int) -> Iterator[Block]:
+def run_blocks(work: Work, workers: int, done: int = 0) -> Iterator[Block]:
     """The blocks in their order, however many processes make them.
+
+    Args:
+        work: what is the same for all of them.
+        workers: number of processes.
+        done: how many of the first ones are at hand already.
 
     Raises:
         TrackbenchError: a process died.
     """
-    pieces = work.blocks()
+    pieces = work.blocks()[done:]
     if workers == 1 or len(pieces) == 1:
         yield from (run_block(work, runs) for runs in pieces)
         return

@@ -63,8 +63,19 @@ def run(
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
     """
+    work = work_of(loaded, truth)
+    blocks = []
+    for block in run_blocks(work, workers):
+        blocks.append(block)
+        if progress is not None:
+            progress(block.runs.stop, work.runs)
+    return assemble(loaded, truth, work, blocks, command)
+
+
+def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
+    """What every block of a run of the scenario needs."""
     scenario = loaded.config
-    work = Work(
+    return Work(
         scenario=scenario.name,
         seed=scenario.monte_carlo.seed,
         runs=scenario.monte_carlo.runs,
@@ -76,11 +87,10 @@ def run(
         divergence=scenario.score.divergence_m,
         shown_run=scenario.recording.run,
     )
-    blocks = []
-    for block in run_blocks(work, workers):
-        blocks.append(block)
-        if progress is not None:
-            progress(block.runs.stop, work.runs)
+
+
+def assemble(loaded: LoadedScenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> RunResult:
+    """The result of all blocks of a run."""
     return _Assembly(loaded, truth, work, blocks).result(command)
 
 

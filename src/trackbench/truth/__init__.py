@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from trackbench.truth import cache as store
+from trackbench.truth import scripted
 from trackbench.truth.config import AnyTruth, HighwayTruth, RecordingTruth, ScriptedTruth
-from trackbench.truth.scripted import script
 from trackbench.types import RecordedReadings, Truth
 
-__all__ = ["Draw", "LoadedTruth", "list_envs", "load_truth", "validate"]
+__all__ = ["Draw", "LoadedTruth", "list_envs", "load_truth", "most_runs", "validate", "varies"]
 
 OWN_CLASSES = "highway_env."
 
@@ -59,7 +59,7 @@ def load_truth(
         case HighwayTruth():
             return _simulated(config, cache)
         case ScriptedTruth():
-            return LoadedTruth(script(config, *draw), cached=False)
+            return LoadedTruth(scripted.script(config, *draw), cached=False)
         case RecordingTruth():
             from trackbench.truth import recorded
 
@@ -87,6 +87,16 @@ def validate(config: AnyTruth, *, folder: Path | None = None, sensors: Mapping[s
         from trackbench.truth import recorded
 
         recorded.load(config, sensors or {}, folder or Path())
+
+
+def varies(config: AnyTruth) -> bool:
+    """Whether the motion differs from run to run."""
+    return isinstance(config, ScriptedTruth) and config.random
+
+
+def most_runs(config: AnyTruth) -> int | None:
+    """The number of runs whose motion fits the memory; None where it does not depend on them."""
+    return scripted.most_runs(config) if isinstance(config, ScriptedTruth) and config.random else None
 
 
 def list_envs() -> list[str]:

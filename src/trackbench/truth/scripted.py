@@ -38,8 +38,7 @@ def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
     Raises:
         InputError: an object is to pass through waypoints, but stands still; random motion in more runs than fit.
     """
-    steps = int(config.duration_s * config.rate_hz + 1e-6)
-    most = LARGEST // ((steps + 1) * len(config.objects))
+    steps, most = _steps(config), most_runs(config)
     if config.random and runs > most:
         raise InputError(f"random motion is kept for all runs at once; at most {most} fit", key="monte_carlo.runs")
     time = np.arange(steps + 1) / config.rate_hz
@@ -73,6 +72,15 @@ def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
         source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
         audit=nothing_to_find(),
     )
+
+
+def most_runs(config: ScriptedTruth) -> int:
+    """The number of runs whose motion, if it is random, fits the memory."""
+    return LARGEST // ((_steps(config) + 1) * len(config.objects))
+
+
+def _steps(config: ScriptedTruth) -> int:
+    return int(config.duration_s * config.rate_hz + 1e-6)
 
 
 def _path(body: ScriptedObject, steps: int, rate: int, random: Generators) -> Kinematics:

@@ -1,0 +1,137 @@
+"""As many runs as it takes to know the leading difference to a wanted precision."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+
+from trackbench.errors import InputError
+from trackbench.metrics.intervals import paired
+from trackbench.metrics.scores import Scores, merge
+from trackbench.metrics.summary import error_intervals
+from trackbench.results import RunResult
+from trackbench.runner.block import Block
+from trackbench.runner.pool import run_blocks
+from trackbench.runner.run import Progress, assemble, work_of
+from trackbench.scenario import LoadedScenario
+from trackbench.scenario.load import scenario_of
+from trackbench.scenario.truth import truth_of
+from trackbench.truth import LoadedTruth, most_runs, varies
+
+#: Fewer runs do not show their own spread well enough to stop by it.
+FIRST_RUNS = 50
+#: The next look is at the number that the spread so far asks for and a little more, but not at once at many times more.
+MARGIN = 1.05
+LARGEST_STEP = 4
+RUNS = "monte_carlo.runs"
+
+
+@dataclass(frozen=True)
+class Precision:
+    """How well the leading difference is known: that of the position RMSE of the best tracker and the second."""
+
+    target: float
+    """Half-width of its 95 % interval that was asked for, as a share of the best tracker's RMSE."""
+    half_width: float | None
+    """The same, as found; None where fewer than two trackers have a score."""
+    reached: bool
+    max_runs: int
+    best: str | None
+    second: str | None
+
+
+def run_until(
+    loaded: LoadedScenario,
+    truth: LoadedTruth,
+    target: float,
+    max_runs: int,
+    *,
+    workers: int = 1,
+    command: Callable[[LoadedScenario], str],
+    progress: Progress | None = None,
+) -> RunResult:
+    """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
+
+    Looking at the width of the interval, and not at whether it excludes zero, does not favour either tracker; the
+    interval that is stopped at is asymptotically a 95 % one (Chow and Robbins 1965, "On the asymptotic theory of
+    fixed-width sequential confidence intervals for the mean").
+
+    Args:
+        loaded: the scenario, with the number of runs of the first look.
+        truth: its truth.
+        target: half-width of the 95 % interval of the leading difference, as a share of the best tracker's RMSE.
+        max_runs: where to stop whatever the precision.
+        workers: number of processes.
+        command: what reproduces the result of a scenario.
+        progress: called with the number of runs done and of those until the next look.
+    """
+    blocks: list[Block] = []
+    while True:
+        work = work_of(loaded, truth)
+        pieces = work.blocks()
+        # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
+        blocks = [block for block, piece in zip(blocks, pieces, strict=False) if block.runs == piece]
+        for block in run_blocks(work, workers, done=len(blocks)):
+            blocks.append(block)
+            if progress is not None:
+                progress(block.runs.stop, work.runs)
+        found = _precision(list(work.trackers), blocks, target, max_runs)
+        if found.reached or found.half_width is None or work.runs >= max_runs:
+            break
+        loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
+        truth = truth_of(loaded) if varies(loaded.config.truth) else truth
+    result = assemble(loaded, truth, work, blocks, command(loaded))
+    result.summary["precision"] = asdict(found)
+    return result
+
+
+def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
+    """The scenario with the number of runs after which the precision is looked at first.
+
+    Raises:
+        InputError: it cannot have so many runs, or so many runs of random motion as there may be do not fit the memory.
+    """
+    most = most_runs(loaded.config.truth)
+    if most is not None and max_runs > most:
+        message = f"random motion is kept for all runs at once; at most {most} fit"
+        raise InputError(message, file=loaded.path, key="--max-runs")
+    runs = min(max_runs, max(FIRST_RUNS, loaded.config.recording.run + 1))
+    return scenario_of(loaded.text, loaded.path, _overrides(loaded, runs))
+
+
+def _with_runs(loaded: LoadedScenario, runs: int) -> LoadedScenario:
+    """The same scenario with more runs."""
+    monte_carlo = loaded.config.monte_carlo.model_copy(update={"runs": runs})
+    config = loaded.config.model_copy(update={"monte_carlo": monte_carlo})
+    return replace(loaded, config=config, overrides=_overrides(loaded, runs))
+
+
+def _overrides(loaded: LoadedScenario, runs: int) -> tuple[str, ...]:
+    kept = [item for item in loaded.overrides if item.partition("=")[0].strip() != RUNS]
+    return (*kept, f"{RUNS}={runs}")
+
+
+def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> Precision:
+    """How well the leading difference is known after these blocks."""
+    known = {}
+    for name in trackers:
+        outcomes = [block.scores[name] for block in blocks]
+        scores = [outcome for outcome in outcomes if isinstance(outcome, Scores)]
+        interval = error_intervals(merge(scores)).get("position_rmse") if len(scores) == len(outcomes) else None
+        if interval is not None:
+            known[name] = interval
+    if len(known) < 2:
+        return Precision(target, None, False, max_runs, None, None)
+    best, second = sorted(known, key=lambda name: known[name].value)[:2]
+    ci95 = paired(known[best], known[second]).ci95
+    if ci95 is None or known[best].value == 0.0:
+        return Precision(target, None, False, max_runs, best, second)
+    half_width = (ci95[1] - ci95[0]) / 2 / known[best].value
+    return Precision(target, half_width, half_width <= target, max_runs, best, second)
+
+
+def _next(runs: int, half_width: float, target: float, max_runs: int) -> int:
+    """The number of runs at the next look: the half-width falls with their square root."""
+    wanted = math.ceil(MARGIN * runs * (half_width / target) ** 2)
+    return min(max_runs, LARGEST_STEP * runs, wanted)
