@@ -1,4 +1,4 @@
-"""The page on trackers of one's own does what it says."""
+"""The pages with commands, above all that on trackers of one's own, do what they say."""
 
 from __future__ import annotations
 
@@ -37,6 +37,11 @@ def folder(tmp_path: Path) -> Path:
 def test_the_page_runs_as_printed(folder: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(PAGE, folder) >= 3
     assert (folder / "results" / "alpha_beta" / "report.html").exists()
+
+
+def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
+    assert run_page(DOCS / "compare.md", tmp_path) >= 7
 
 
 def test_the_page_shows_the_files(fenced: Fenced) -> None:

@@ -23,7 +23,7 @@ _OUTCOME_STYLE = {FAILED: "bold red", ERROR: "bold red", UNDECIDED: "yellow"}
 def print_comparison(outcome: Outcome, judgements: Sequence[Judgement], console: Console) -> None:
     """The runs, a table of differences for each metric, and what became of the limits."""
     for line in _headings(outcome):
-        console.print(Text(line), highlight=False)
+        console.print(Text(line), highlight=False, soft_wrap=True)
     for metric, items in _by_metric(outcome):
         console.print()
         console.print(Text(f"{metric}, {items[0].unit}"), style="bold", highlight=False)
@@ -32,11 +32,11 @@ def print_comparison(outcome: Outcome, judgements: Sequence[Judgement], console:
         console.print(Text(note, style="dim"), highlight=False)
     for missing in outcome.missing:
         why = f"{missing.metric}: {missing.reason}"
-        console.print(Text.assemble(("NOT COMPARED ", "yellow"), why), highlight=False)
+        console.print(Text.assemble(("NOT COMPARED ", "yellow"), why), highlight=False, soft_wrap=True)
     for item in judgements:
         if item.outcome != PASSED:
             label = (f"{item.outcome.upper()} ", _OUTCOME_STYLE[item.outcome])
-            console.print(Text.assemble(label, _judged(item)), highlight=False)
+            console.print(Text.assemble(label, _judged(item)), highlight=False, soft_wrap=True)
     if judgements:
         kept = sum(item.outcome == PASSED for item in judgements)
         text = f"{kept} of {counted(len(judgements), 'limit')} kept"
