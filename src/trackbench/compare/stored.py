@@ -30,7 +30,9 @@ COLUMNS = {
     "rmse.vy": ("vy_rmse_mps", "count"),
 }
 UNITS = {metric: ROOT_MEAN_SQUARES[metric][2] for metric in COLUMNS}
-#: Relative difference up to which the tables and the summary of one run agree.
+#: Columns of the tables that hold text.
+TEXT = {"tracker", "object", "role"}
+#: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
 AGREEMENT = 1e-6
 
 
@@ -57,7 +59,7 @@ class Summary(BaseModel):
     seed: int
     runs: int = Field(ge=1)
     versions: dict[str, str]
-    fingerprint: str
+    fingerprint: str = Field(min_length=1)
     truth: _TruthPart
     shown_run: int
     trackers: list[_TrackerPart]
@@ -89,7 +91,7 @@ class StoredRun:
         """Share of the steps at which the tracker gave an estimate."""
         found = self._entry(tracker).metrics.get("coverage")
         value = found.get("value") if isinstance(found, dict) else None
-        return None if value is None else float(value)
+        return float(value) if isinstance(value, float | int) else None
 
     def interval(self, tracker: str, metric: str) -> Interval | None:
         """An error of a tracker with what each run adds to it; None where there is nothing to compare.
@@ -100,13 +102,15 @@ class StoredRun:
         column, count_column = COLUMNS[metric]
         if self.failure(tracker) is not None:
             return None
-        if "tracker" not in self.runs.column_names:
-            raise InputError("runs.parquet has no column tracker: not the table of a run", file=self.label)
+        if len(self.runs) == 0:
+            return None
         rows = self.runs.filter(pc.equal(self.runs["tracker"], tracker))
         if not np.array_equal(self._column(rows, "run"), np.arange(self.summary.runs)):
             message = f"runs.parquet does not hold the {self.summary.runs} runs of {tracker}, each once and in order"
             raise InputError(message, file=self.label)
         value, count = self._column(rows, column), self._column(rows, count_column)
+        if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(value)):
+            raise InputError(f"runs.parquet: {column} or {count_column} holds what no run leaves", file=self.label)
         if count.sum() == 0:
             return None
         found = root(ratio(np.where(count > 0, np.nan_to_num(value) ** 2 * count, 0.0), count))
@@ -121,10 +125,7 @@ class StoredRun:
             raise InputError(
                 f"runs.parquet has no column {name}: made by another version; run it again", file=self.label
             )
-        try:
-            values: Array = rows[name].to_numpy().astype(np.float64)
-        except (ValueError, TypeError) as error:
-            raise InputError(f"runs.parquet: {name} is no column of numbers", file=self.label) from error
+        values: Array = rows[name].to_numpy().astype(np.float64)
         return values
 
     def _require_agreement(self, tracker: str, metric: str, value: float) -> None:
@@ -132,9 +133,24 @@ class StoredRun:
         for part in metric.split("."):
             node = node.get(part) if isinstance(node, dict) else None
         stated = node.get("value") if isinstance(node, dict) else None
-        if not isinstance(stated, float | int) or abs(stated - value) > AGREEMENT * max(abs(value), AGREEMENT):
+        if not isinstance(stated, float | int) or not abs(stated - value) <= AGREEMENT * max(abs(value), 1.0):
             message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {stated}"
             raise InputError(f"{message}: they are not of the same run", file=self.label)
+
+
+def _require_columns(table: pa.Table, file: Path) -> None:
+    """A table is empty where there is nothing to keep; else its text is text and everything else numbers."""
+    for field in table.schema if len(table) else ():
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        fits = pa.types.is_string if field.name in TEXT else _is_number
+        if not fits(kind):
+            raise InputError(f"{field.name} is a column of {kind}: not the table of a run", file=file)
+    if len(table) and not TEXT & set(table.column_names):
+        raise InputError(f"no column {' or '.join(sorted(TEXT))}: not the table of a run", file=file)
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
 
 
 def load(path: Path) -> StoredRun:
@@ -159,6 +175,7 @@ def load(path: Path) -> StoredRun:
     for name in ("runs", "truth"):
         if name not in found.tables:
             raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=folder)
+        _require_columns(found.tables[name], folder / f"{name}.parquet")
     names = [entry.name for entry in summary.trackers]
     if sorted(names) != sorted(summary.ranking):
         raise InputError("not the result of a run: ranking does not name its trackers", file=folder / results.SUMMARY)

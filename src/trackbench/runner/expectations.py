@@ -76,4 +76,4 @@ def _better(item: Expectation, intervals: Mapping[str, Mapping[str, Interval]]) 
     if own is None or other is None:
         return False
     difference = paired(own, other)
-    return difference.ci95 is not None and difference.ci95[1] < 0.0
+    return difference.value < 0.0 and difference.p_value < 0.05
