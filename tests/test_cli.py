@@ -183,7 +183,7 @@ def test_check_and_schema(cli: Cli, tiny: Path) -> None:
     assert not (tiny.parent / "results").exists()
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["list"], ["check"], ["schema"]])
+@pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["list"], ["check"], ["schema"]])
 @pytest.mark.parametrize("columns", ["80", "100"])
 def test_help_fits_a_terminal(cli: Cli, monkeypatch: pytest.MonkeyPatch, command: list[str], columns: str) -> None:
     monkeypatch.setenv("COLUMNS", columns)

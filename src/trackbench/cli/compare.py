@@ -16,17 +16,17 @@ from trackbench.errors import InputError
 @click.command("compare")
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN_A [RUN_B]...")
 @click.option("--trackers", metavar="A,B", help="Only these trackers.")
-@click.option("--metric", "metrics", multiple=True, metavar="NAME", help="What to compare by; may be repeated.")
+@click.option("--metric", "metrics", multiple=True, metavar="NAME", help="What to compare by; may be given again.")
 @click.option(
     "--fail-on-regression",
     "limits",
     multiple=True,
     metavar="METRIC:PERCENT",
-    help="Exit with 1 if a later run is worse than the first by more, and the difference is real; may be repeated.",
+    help="Exit with 1 if really worse by more.",
 )
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the regressions as JUnit XML.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE.md", help="Write the comparison as Markdown.")
-@click.option("--json", "as_json", is_flag=True, help="Print the comparison as JSON, and nothing else.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def compare_command(
     runs: tuple[Path, ...],
     trackers: str | None,
@@ -38,18 +38,16 @@ def compare_command(
 ) -> None:
     """Compare the trackers of a run, or the same trackers over runs.
 
-    A run is its folder, or the result.json in it. Several runs are held against the first: run by run if all readings
-    were the same, else as independent samples. Nothing is run again.
+    A run is its folder, or the result.json in it. The first is the baseline; nothing is run again.
 
     \b
     Examples:
       trackbench compare results/highway
-      trackbench compare results/highway --trackers ekf_cv,kf_cv --metric velocity_rmse
-      trackbench compare base/highway new/highway --fail-on-regression position_rmse:5
+      trackbench compare results/highway --metric velocity_rmse
+      trackbench compare base/demo new/demo --fail-on-regression position_rmse:5
 
     \b
-    Exit status:
-      0 compared   1 a regression   2 bad input, or runs that cannot be compared
+    Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
     """
     from trackbench.compare import differences, regression, stored
     from trackbench.report import compared

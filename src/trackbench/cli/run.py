@@ -48,8 +48,7 @@ class Prepared:
     "--runs-until",
     type=click.FloatRange(0, 1, min_open=True),
     metavar="SHARE",
-    help="As many runs as it takes until the 95 % interval of the difference between the best two trackers in position "
-    "is this narrow to each side, as a share of the best one's RMSE.",
+    help="Until the lead is known to this share.",
 )
 @click.option("--max-runs", type=click.IntRange(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
@@ -82,19 +81,15 @@ def run_command(
     as_json: bool,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
-
     A folder stands for the scenarios in it; several are also compared.
 
     \b
     Examples:
-      trackbench run scenarios/
       trackbench run scenarios/highway.yaml --runs 1000 --workers 2
-      trackbench run scenarios/highway.yaml --set score.settle_s=2
-      trackbench run scenarios/highway.yaml --runs-until 0.005
+      trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
 
     \b
-    Exit status:
-      0 all expectations met   1 one failed   2 bad input   3 a tracker failed
+    Exit status: 0 expectations met, 1 one failed, 2 bad input, 3 a tracker failed
     """
     if runs_until is not None and (runs is not None or not math.isfinite(runs_until)):
         raise InputError("give a share between 0 and 1, and no --runs beside it", key="--runs-until")
