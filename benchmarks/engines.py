@@ -15,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from tests import peers
 
 from scene import DT, SENSORS, weaving
+from trackbench.metrics.conditions import conditions
 from trackbench.metrics.scorer import Scorer, Target
 from trackbench.models.motion import Kinematics
 from trackbench.runner.adapters import Direct
@@ -98,7 +99,8 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
         divergence=20.0,
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
-    stepper, scorer = Direct(prepared(of, name)), Scorer(target, counts, keep_spread=True)
+    classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
+    stepper, scorer = Direct(prepared(of, name)), Scorer(target, classes, counts, keep_spread=True)
     begin = time.perf_counter()
     for instant, scan in enumerate(of.scans):
         estimate = stepper.step(scan)

@@ -46,7 +46,7 @@ def estimate(mean, covariance=None, **more):
 
 def scored(of, estimates, sensors=None):
     """Of estimates after each instant, each with the scans that led to it."""
-    made = Scorer(of, sensors or {}, keep_spread=True)
+    made = Scorer(of, np.zeros((*of.alive.shape, 1), dtype=np.int8), sensors or {}, keep_spread=True)
     for k, (scans, given) in enumerate(estimates):
         for seen in scans:
             made.innovation(k, seen, given)

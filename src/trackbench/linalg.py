@@ -123,7 +123,7 @@ def cholesky(p: Array) -> Cholesky:
             pivot = pivot - entry * entry
         good = pivot > 0.0
         positive = good if positive is None else positive & good
-        diagonal = np.sqrt(np.where(good, pivot, 1.0))
+        diagonal = np.sqrt(pivot if np.all(good) else np.where(good, pivot, 1.0))
         row.append(diagonal)
         rows.append(tuple(row))
         inverse_diagonal.append(1.0 / diagonal)

@@ -44,6 +44,17 @@ def root(mean_square: Interval) -> Interval:
     return interval._replace(ci95=(max(interval.ci95[0], 0.0), interval.ci95[1]))
 
 
+def reach_of_ratio(total: float, count: float, square: float, product: float, count_square: float, runs: int) -> float:
+    """Half of the 95 % interval of :func:`ratio` from sums over runs: of the totals, of the numbers of terms, and of
+    their squares and product. For many ratios of which the runs are not kept; NaN with fewer than two runs.
+    """
+    if runs < 2:
+        return float("nan")
+    mean = total / count
+    squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
+    return float(stats.t.ppf(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
+
+
 def scaled(interval: Interval, factor: float) -> Interval:
     """The interval of ``factor`` times the value."""
     ci = None if interval.ci95 is None else (interval.ci95[0] * factor, interval.ci95[1] * factor)

@@ -5,17 +5,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from trackbench.metrics.consistency import normalised_square, point95, whitened_innovation
-from trackbench.metrics.scores import ERROR_FIELDS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, NisScores, Scores
+from trackbench.metrics.breakdown import class_sums
+from trackbench.metrics.conditions import Classes
+from trackbench.metrics.consistency import normalised_square, whitened_innovation
+from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.scores import ERROR_FIELDS, OVERFLOW, Scores
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.types import Array, Estimate, Mask, Scan
 from trackbench.units import wrap_angle
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0
-#: Where a squared error or a NEES is beyond this, sums of them would overflow.
-OVERFLOW = 1e100
+#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
+SMALLEST_DETERMINANT = 1e-14
 #: Numbers of lanes and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
 BATCH = 8000
 
@@ -48,8 +52,15 @@ class Fault(Exception):
 class Scorer:
     """Collects the estimates of one tracker on one block of runs; ``scores`` gives the sums at the end."""
 
-    def __init__(self, target: Target, readings: dict[str, int], keep_spread: bool) -> None:
-        """``readings``: how many instants each sensor has. ``keep_spread``: whether percentiles are wanted."""
+    def __init__(self, target: Target, classes: Classes, readings: dict[str, int], keep_spread: bool) -> None:
+        """A scorer of one block.
+
+        Args:
+            target: what the estimates are held against.
+            classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`.
+            readings: how many instants each sensor has.
+            keep_spread: whether percentiles are wanted.
+        """
         self._target = target
         _, self._instants, self._objects, _ = target.state.shape
         self._runs = target.start.shape[1]
@@ -63,17 +74,21 @@ class Scorer:
             self._instants, self._lanes
         )
         self._per_step = np.zeros((len(ERROR_FIELDS), self._instants))
-        self._per_run = np.zeros((len(ERROR_FIELDS), self._runs))
+        self._found, found = np.unique(classes, return_inverse=True)
+        self._class = found.reshape(classes.shape)
+        self._per_class = np.zeros((len(ERROR_FIELDS), len(self._found), self._runs))
         self._weight = np.zeros((self._instants, self._objects))
         self._diverged = np.zeros(self._runs, dtype=bool)
         self._repaired = np.zeros(self._runs)
         self._spread = np.full((2, self._instants), np.nan)
         self._keep_spread = keep_spread
-        self._innovations = {name: _Innovations(count, self) for name, count in readings.items()}
+        self._innovations = {
+            name: Innovations(count, self._objects, self._runs, self._chunk) for name, count in readings.items()
+        }
 
     def innovation(self, instant: int, scan: Scan, estimate: Estimate) -> None:
         """Take in what a scan said; to be called for every scan, in order."""
-        self._innovations[scan.sensor].add(instant, scan, estimate)
+        self._innovations[scan.sensor].add(whitened_innovation(estimate), scan.valid & self._expected[instant])
         if estimate.repaired is not None:
             self._repaired += self._by_run(estimate.repaired & self._expected[instant])
 
@@ -92,24 +107,19 @@ class Scorer:
     def scores(self, seconds: float, steps: int) -> Scores:
         """The sums of everything taken in."""
         self._flush()
-        for innovations in self._innovations.values():
-            innovations.flush()
         return Scores(
             per_step=self._per_step,
-            per_run=self._per_run,
+            per_run=self._per_class.sum(axis=1),
             weight=self._weight,
             present=self._by_run(self._expected.sum(axis=0)),
             diverged=self._diverged.astype(float),
             repaired=self._repaired,
             nis={name: item.scores() for name, item in self._innovations.items()},
+            classes=class_sums(self._per_class, self._found),
             spread=self._spread,
             seconds=seconds,
             steps=steps,
         )
-
-    def scored(self, instant: int) -> Mask:
-        """``(lanes,)`` which objects are scored at an instant, if there is an estimate."""
-        return np.asarray(self._expected[instant])
 
     def _by_run(self, lanes: Array) -> Array:
         """``(..., runs)`` sums over the objects of values ``(..., lanes)``."""
@@ -143,7 +153,7 @@ class Scorer:
         values = np.empty((len(ERROR_FIELDS), filled, self._lanes))
         error = values[1:5]
         np.subtract(mean.reshape(4, *shape), truth, out=error.reshape(4, *shape))
-        nees, _, positive = normalised_square(error, covariance)
+        nees, white, positive = normalised_square(error, covariance)
         if not positive.all():
             self._reject(NOT_DEFINITE, self._alive(here) & finite & ~positive)
 
@@ -153,27 +163,51 @@ class Scorer:
         true_course = np.arctan2(vy, vx)
         course = wrap_angle(np.arctan2(mean[3], mean[2]).reshape(shape) - true_course).reshape(scored.shape)
         values[0] = 1.0
-        with np.errstate(over="ignore"):
+        with np.errstate(all="ignore"):
+            # The first two whitened components are those of the position by itself.
+            values[8] = white[0] * white[0] + white[1] * white[1]
+            product = error[2] * error[3]
             error *= error
+            values[9] = _nees_of_velocity(error, product, covariance)
         values[5] = nees
         values[6] = moving
         np.multiply(course, course, out=values[7])
-        np.copyto(values, 0.0, where=~scored)
+        if not scored.all():
+            np.copyto(values, 0.0, where=~scored)
         np.copyto(values[7], 0.0, where=~moving)
         if not values.max() < OVERFLOW:
             self._reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW))
-        self._per_step[:, here] = values.sum(axis=2)
-        self._per_run += self._by_run(values.sum(axis=1))
+        self._per_step[:, here] = values @ np.ones(self._lanes)
+        self._add_by_class(values, self._class[here])
         self._weight[here] = values[0].reshape(shape).sum(axis=2)
         square = values[1] + values[2]
         self._diverged |= self._by_run((square > self._target.divergence**2).any(axis=0)) > 0
         if self._keep_spread:
             self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
 
+    def _add_by_class(self, values: Array, classes: npt.NDArray[np.intp]) -> None:
+        """Add values ``(fields, instants, lanes)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
+        present = np.flatnonzero(np.bincount(classes.reshape(-1)))
+        if classes.shape[-1] == 1:
+            member = (present[:, None] == classes.reshape(-1)).astype(float)
+            self._per_class[:, present] += member @ values.reshape(len(values), -1, self._runs)
+            return
+        places = (classes * self._runs + np.arange(self._runs)).reshape(-1)
+        for total, value in zip(self._per_class, values, strict=True):
+            total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
+
     def _reject(self, cause: str, wrong: Mask) -> None:
         if np.any(wrong):
             step, lane = np.argwhere(wrong)[0]
             raise Fault(cause, self._first - len(wrong) + int(step), int(lane))
+
+
+def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
+    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
+    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
+    variances = a * d
+    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
+    return np.asarray((d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant)
 
 
 def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:
@@ -184,58 +218,8 @@ def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:
         values: ``(steps, lanes)``.
         use: ``(steps, lanes)``.
     """
-    ordered = np.sort(np.where(use, values, np.nan), axis=1)
-    rank = np.asarray(shares) * np.maximum(use.sum(axis=1) - 1, 0)[:, None]
-    low, high = (np.take_along_axis(ordered, end(rank).astype(int), axis=1) for end in (np.floor, np.ceil))
-    return np.asarray(low + (rank % 1.0) * (high - low)).T
-
-
-class _Innovations:
-    """The innovations of one sensor."""
-
-    def __init__(self, readings: int, scorer: Scorer) -> None:
-        self._scorer = scorer
-        self._per_step = np.zeros((len(NIS_STEP_FIELDS), readings))
-        self._per_run = np.zeros((len(NIS_RUN_FIELDS), scorer._runs))
-        self._waiting: list[tuple[Array, Mask]] = []
-        self._first = 0
-        self._dof = 0
-        self._last: tuple[Array, Mask] | None = None
-
-    def add(self, instant: int, scan: Scan, estimate: Estimate) -> None:
-        white = whitened_innovation(estimate)
-        if white is None:
-            self.flush()
-            self._first += 1
-            self._last = None
-            return
-        self._waiting.append((white, scan.valid & self._scorer.scored(instant)))
-        if len(self._waiting) == self._scorer._chunk:
-            self.flush()
-
-    def flush(self) -> None:
-        if not self._waiting:
-            return
-        white = np.stack([item[0] for item in self._waiting], axis=1)
-        used = np.stack([item[1] for item in self._waiting])
-        here = slice(self._first, self._first + len(self._waiting))
-        self._first, self._waiting = here.stop, []
-        self._dof = len(white)
-        nis = np.einsum("i...,i...->...", white, white)
-        used = used & (nis < OVERFLOW)
-        nis = np.where(used, nis, 0.0)
-        white = np.where(used, white, 0.0)
-        if self._last is None:
-            self._last = (np.zeros_like(white[:, 0]), np.zeros_like(used[0]))
-        before = np.concatenate([self._last[0][:, None], white[:, :-1]], axis=1)
-        used_before = np.concatenate([self._last[1][None], used[:-1]])
-        self._last = (white[:, -1], used[-1])
-        inside = used & (nis < point95(self._dof))
-        pair = used & used_before
-        product = np.einsum("i...,i...->...", white, before)
-        values = np.stack([used, nis, inside, pair, product, nis * pair])
-        self._per_step[:, here] = values[: len(NIS_STEP_FIELDS)].sum(axis=2)
-        self._per_run += self._scorer._by_run(values.sum(axis=1))
-
-    def scores(self) -> NisScores:
-        return NisScores(self._dof, self._per_step, self._per_run)
+    rank = np.asarray(shares)[:, None] * np.maximum(use.sum(axis=1) - 1, 0)
+    ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
+    ordered = np.sort(values if use.all() else np.where(use, values, np.nan), axis=1)
+    low, high = ordered[np.arange(len(ordered)), ends]
+    return np.asarray(low + (rank % 1.0) * (high - low))

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from trackbench.types import Array
 
-#: Rows of the sums of errors: number of estimates, squared errors, and the same for the course where it is defined.
-ERROR_FIELDS = ("count", "px", "py", "vx", "vy", "nees", "course_count", "course")
+#: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
+OVERFLOW = 1e100
+#: Rows of the sums of errors: number of estimates, squared errors, and the same for the course where it is defined;
+#: the last two are the NEES of the position and of the velocity by themselves.
+ERROR_FIELDS = ("count", "px", "py", "vx", "vy", "nees", "course_count", "course", "nees_position", "nees_velocity")
 #: Rows of the sums of innovations per step.
 NIS_STEP_FIELDS = ("count", "nis", "inside")
 #: Rows of the sums of innovations per run; pairs are successive readings of one object.
 NIS_RUN_FIELDS = ("count", "nis", "inside", "pairs", "product", "square")
+#: Rows of the sums of innovations per lag: pairs of readings so far apart of which both count, their products, and the
+#: squares of the later ones.
+LAG_FIELDS = ("pairs", "product", "square")
+#: Lags of the autocorrelation, in readings.
+LAGS = 20
 
 
 @dataclass
@@ -27,6 +35,22 @@ class NisScores:
     """``(3, readings)`` sums over objects and runs, rows ``NIS_STEP_FIELDS``."""
     per_run: Array
     """``(6, runs)`` sums over steps and objects, rows ``NIS_RUN_FIELDS``."""
+    lags: Array
+    """``(3, LAGS + 1)`` sums over steps, objects and runs, rows ``LAG_FIELDS``."""
+
+
+@dataclass
+class ClassSums:
+    """Sums over the estimates of each class, and their moments over the runs, each ``(fields, classes)``."""
+
+    total: Array
+    """Sums; the first field is their number."""
+    square: Array
+    """Squares of the sum of each run."""
+    product: Array
+    """The sum of each run times its number."""
+    runs: Array
+    """``(1, classes)`` number of runs with an estimate of the class."""
 
 
 @dataclass
@@ -34,9 +58,9 @@ class Scores:
     """Sums over the estimates of one tracker in a block of runs."""
 
     per_step: Array
-    """``(8, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(10, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(8, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    """``(10, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
     weight: Array
     """``(instants, objects)`` number of runs with a scored estimate."""
     present: Array
@@ -47,6 +71,8 @@ class Scores:
     """``(runs,)`` number of repaired covariances."""
     nis: dict[str, NisScores]
     """By sensor."""
+    classes: ClassSums
+    """By manoeuvre and range band."""
     spread: Array
     """``(2, instants)`` 10th and 90th percentile of the position error over the runs of the first block."""
     seconds: float
@@ -70,9 +96,13 @@ def merge(blocks: Sequence[Scores]) -> Scores:
                 dof=max(block.nis[name].dof for block in blocks),
                 per_step=_total([block.nis[name].per_step for block in blocks]),
                 per_run=np.concatenate([block.nis[name].per_run for block in blocks], axis=1),
+                lags=_total([block.nis[name].lags for block in blocks]),
             )
             for name in first.nis
         },
+        classes=ClassSums(
+            *(_total([getattr(block.classes, field.name) for block in blocks]) for field in fields(ClassSums))
+        ),
         spread=first.spread,
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),

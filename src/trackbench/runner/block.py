@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.scorer import Fault, Scorer, Target
 from trackbench.metrics.scores import Scores
@@ -124,9 +125,11 @@ class _Passage:
 
     def take(self, config: FilterConfig | PluginConfig) -> Scores | Failure:
         """The scores of a tracker, or why there are none."""
-        work, target = self._work, self._target
+        work = self._work
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
-        scorer = Scorer(target, counts, keep_spread=self._runs.start == 0)
+        read = [sensor for sensor in work.sensors if config.sensors is None or sensor.name in config.sensors]
+        classes = conditions(work.truth, work.instants(), read, self._runs)
+        scorer = Scorer(self._target, classes, counts, keep_spread=self._runs.start == 0)
         named = config.heard
         instant, scan = 0, self._readings.scans[0]
         seconds, steps = 0.0, 0

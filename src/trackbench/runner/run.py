@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.metrics.bound import Prior, cramer_rao, typical_acceleration
+from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.intervals import Interval, holm, paired
 from trackbench.metrics.scores import Scores, merge
 from trackbench.metrics.summary import (
@@ -168,7 +169,8 @@ class _Assembly:
             return {**entry, "failed": vars(failure), "metrics": no_metrics("the tracker failed"), "health": found}
         scores = self._scores[name]
         assert bound is not None
-        return {**entry, "metrics": metrics(scores, bound, self._work.runs), "health": health(scores)}
+        found = metrics(scores, bound, self._work.runs)
+        return {**entry, "metrics": found, "health": health(scores), "breakdown": breakdown(scores.classes)}
 
     def _bounds(self) -> dict[str, Array]:
         """Variances of the bound by tracker, computed once for all that read the same sensors from the same start."""
@@ -235,6 +237,8 @@ class _Assembly:
             "steps": tables.steps_table(self._scores, bounds, truth.time[self._instants]),
             "nis": tables.nis_table(self._scores, times),
             "runs": tables.runs_table(self._scores),
+            "breakdown": tables.breakdown_table(self._scores),
+            "autocorrelation": tables.autocorrelation_table(self._scores),
             "truth": tables.truth_table(truth, work.shown_run),
             "readings": tables.readings_table(shown.scans, truth.ids),
             "estimates": tables.estimates_table(traces, work),

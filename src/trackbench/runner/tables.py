@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 
+from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.scores import Scores
 from trackbench.metrics.summary import ERROR, NIS_RUN, NIS_STEP
@@ -67,6 +68,38 @@ def runs_table(scores: Mapping[str, Scores]) -> pa.Table:
                 "repaired": item.repaired,
             }
         )
+    return _stacked(parts)
+
+
+def breakdown_table(scores: Mapping[str, Scores]) -> pa.Table:
+    """Errors of each tracker in each manoeuvre and range band over all runs."""
+    rows = [{"tracker": name, **cell} for name, item in scores.items() for cell in cells(item.classes)]
+    return pa.Table.from_pylist(rows)
+
+
+def autocorrelation_table(scores: Mapping[str, Scores]) -> pa.Table:
+    """Autocorrelation of each tracker's whitened innovations over all runs, by lag in readings.
+
+    ``low`` and ``high`` hold 95 % of the values where the innovations are white.
+    """
+    parts: list[Columns] = []
+    for name, item in scores.items():
+        for sensor, nis in item.nis.items():
+            pairs, product, square = nis.lags
+            if nis.dof == 0 or square[0] == 0:
+                continue
+            reach = 1.96 / np.sqrt(np.where(pairs > 0, pairs, np.nan) * nis.dof)
+            parts.append(
+                {
+                    "tracker": [name] * len(pairs),
+                    "sensor": [sensor] * len(pairs),
+                    "lag": np.arange(len(pairs), dtype=float),
+                    "pairs": pairs,
+                    "correlation": product / np.where(square > 0, square, np.nan),
+                    "low": -reach,
+                    "high": reach,
+                }
+            )
     return _stacked(parts)
 
 

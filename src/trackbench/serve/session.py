@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.metrics.consistency import normalised_square
-from trackbench.metrics.scorer import OVERFLOW
+from trackbench.metrics.scores import OVERFLOW
 from trackbench.runner.adapters import LaneFault, Stepper, adapt, blinded, cause_of
 from trackbench.scenario import LoadedScenario
 from trackbench.sensing.config import LidarConfig, RadarConfig

@@ -1,0 +1,134 @@
+"""Scores by manoeuvre and by range band."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.metrics.conditions import BAND_EDGES, BANDS, MANOEUVRES
+from trackbench.metrics.intervals import reach_of_ratio
+from trackbench.metrics.scores import ERROR_FIELDS, ClassSums
+from trackbench.types import Array
+
+#: What is kept of each class of estimates, and the sums of errors that each is made of.
+FIELDS = {
+    "count": ("count",),
+    "position": ("px", "py"),
+    "velocity": ("vx", "vy"),
+    "nees": ("nees",),
+    "nees_position": ("nees_position",),
+    "nees_velocity": ("nees_velocity",),
+}
+#: Degrees of freedom of the parts of the NEES.
+DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
+
+# Columns of the sums: all estimates, each manoeuvre, each band, each manoeuvre in each band.
+_MANOEUVRE = 1
+_BAND = _MANOEUVRE + len(MANOEUVRES)
+_CELL = _BAND + BANDS
+_COLUMNS = _CELL + len(MANOEUVRES) * BANDS
+_COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
+
+Json = dict[str, Any]
+
+
+def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
+    """The sums of a block of runs.
+
+    Args:
+        per_run: ``(errors, classes, runs)`` rows ``ERROR_FIELDS``.
+        classes: ``(classes,)`` which they are.
+    """
+    combined = np.tensordot(_COMBINED, per_run, 1)
+    member = np.zeros((_COLUMNS, len(classes)))
+    found = np.arange(len(classes))
+    for column in (0, _MANOEUVRE + classes // BANDS, _BAND + classes % BANDS, _CELL + classes):
+        member[column, found] = 1.0
+    known = np.flatnonzero(member.any(axis=1))
+    sums = member[known] @ combined
+
+    def spread(values: Array) -> Array:
+        whole = np.zeros((len(values), _COLUMNS))
+        whole[:, known] = values.sum(axis=2)
+        return whole
+
+    return ClassSums(spread(sums), spread(sums**2), spread(sums * sums[0]), spread((sums[:1] > 0).astype(float)))
+
+
+def breakdown(sums: ClassSums) -> Json:
+    """The ``breakdown`` of one tracker, as it goes into the result; what did not occur is left out."""
+    manoeuvres = {name: _MANOEUVRE + i for i, name in enumerate(MANOEUVRES)}
+    return {
+        "all": _entry(sums, 0),
+        "manoeuvre": {name: _entry(sums, column) for name, column in manoeuvres.items() if sums.total[0, column]},
+        "range": {
+            band_name(band): {**_edges(band), **_entry(sums, _BAND + band)}
+            for band in range(BANDS)
+            if sums.total[0, _BAND + band]
+        },
+    }
+
+
+def cells(sums: ClassSums) -> Iterator[Json]:
+    """Each manoeuvre in each range band that occurred, as a row of a table."""
+    for cell in np.flatnonzero(sums.total[0, _CELL:]):
+        manoeuvre, band = divmod(int(cell), BANDS)
+        total = dict(zip(FIELDS, sums.total[:, _CELL + cell].tolist(), strict=True))
+        count = total.pop("count")
+        yield {
+            "manoeuvre": MANOEUVRES[manoeuvre],
+            "range_from_m": _edges(band)["from_m"],
+            "range_to_m": _edges(band)["to_m"],
+            "count": count,
+            "position_rmse_m": (total["position"] / count) ** 0.5,
+            "velocity_rmse_mps": (total["velocity"] / count) ** 0.5,
+            **{f"{name}_mean": total[name] / count for name in DOF},
+        }
+
+
+def band_name(band: int) -> str:
+    """ "20 to 50 m"."""
+    low, high = _edges(band).values()
+    if high is None:
+        return f"above {low:g} m"
+    return f"{low:g} to {high:g} m"
+
+
+def _edges(band: int) -> dict[str, float | None]:
+    edges = (0.0, *BAND_EDGES, None)
+    return {"from_m": edges[band], "to_m": edges[band + 1]}
+
+
+def _entry(sums: ClassSums, column: int) -> Json:
+    found: Json = {"count": int(sums.total[0, column]), "runs": int(sums.runs[0, column])}
+    for row, name in enumerate(FIELDS):
+        if name == "count":
+            continue
+        mean = float(sums.total[row, column] / sums.total[0, column])
+        reach = reach_of_ratio(
+            total=sums.total[row, column],
+            count=sums.total[0, column],
+            square=sums.square[row, column],
+            product=sums.product[row, column],
+            count_square=sums.square[0, column],
+            runs=found["runs"],
+        )
+        if name in DOF:
+            found[name] = {"mean": mean, "unit": "1", **_interval(mean, reach), "dof": DOF[name]}
+        else:
+            error = math.sqrt(mean)
+            unit = "m" if name == "position" else "m/s"
+            # The root's interval by the delta method.
+            slope = 0.5 / error if error > 0 else 0.0
+            found[f"{name}_rmse"] = {"value": error, "unit": unit, **_interval(error, slope * reach)}
+    return found
+
+
+def _interval(value: float, reach: float) -> Json:
+    if math.isnan(reach):
+        return {"ci95": None, "reason": "fewer than two runs give no interval"}
+    return {"ci95": [max(value - reach, 0.0), value + reach]}
