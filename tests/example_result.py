@@ -31,6 +31,40 @@ def chi_square(mean: float | None, dof: int, reason: str = "") -> dict[str, Any]
     return {"mean": mean, "dof": dof, "unit": "1", "bounds95": [low, high], "ci95": None, "verdict": verdict}
 
 
+def breakdown_entry(count: int, rmse: float, nees: dict[str, float], spread: float = 0.02) -> dict[str, Any]:
+    """One manoeuvre or range band; ``nees`` by part, intervals of a relative width."""
+
+    def nees_part(name: str, dof: int) -> dict[str, Any]:
+        mean = nees.get(name, float(dof))
+        return {"mean": mean, "unit": "1", "ci95": [(1 - spread) * mean, (1 + spread) * mean], "dof": dof}
+
+    return {
+        "count": count,
+        "runs": 100,
+        "position_rmse": metric(rmse, "m"),
+        "velocity_rmse": metric(2.1 * rmse, "m/s"),
+        "nees": nees_part("nees", 4),
+        "nees_position": nees_part("nees_position", 2),
+        "nees_velocity": nees_part("nees_velocity", 2),
+    }
+
+
+def breakdown(rmse: float) -> dict[str, Any]:
+    """Turning, the velocity errors are 1.6 times the claim."""
+    return {
+        "all": breakdown_entry(10000, rmse, {}),
+        "manoeuvre": {
+            "straight": breakdown_entry(7000, 0.9 * rmse, {}),
+            "turning": breakdown_entry(2950, 1.2 * rmse, {"nees_velocity": 2 * 1.6**2}),
+            "sensor gap": breakdown_entry(50, 3 * rmse, {"nees_position": 50.0}),
+        },
+        "range": {
+            "0 to 20 m": {"from_m": 0.0, "to_m": 20.0, **breakdown_entry(4000, 0.8 * rmse, {})},
+            "20 to 50 m": {"from_m": 20.0, "to_m": 50.0, **breakdown_entry(6000, 1.1 * rmse, {})},
+        },
+    }
+
+
 def tracker(name: str, place: int) -> dict[str, Any]:
     rmse, nees = RMSE[name], NEES[name]
     no_innovation = "the tracker gives no innovation of this sensor"
@@ -68,6 +102,7 @@ def tracker(name: str, place: int) -> dict[str, Any]:
             "repaired_runs": 0,
             "non_finite_estimates": 0,
         },
+        "breakdown": breakdown(rmse),
     }
 
 
@@ -222,7 +257,27 @@ def make_tables() -> dict[str, pa.Table]:
         for name, path in bodies.items()
     ]
     roads = [{"line": np.full(2, i), "x_m": [0, 600], "y_m": [4 * i - 2, 4 * i - 2]} for i in range(5)]
-    parts = {"steps": steps, "nis": nis, "estimates": estimates, "truth": truth, "roads": roads}
+    correlation = [
+        {
+            "tracker": [name] * 21,
+            "sensor": [sensor] * 21,
+            "lag": np.arange(21.0),
+            "correlation": 0.5 ** np.arange(21.0),
+            "low": np.full(21, -0.02),
+            "high": np.full(21, 0.02),
+        }
+        for name in RMSE
+        if name not in ("raw", "alpha_beta")
+        for sensor in SENSORS
+    ]
+    parts = {
+        "steps": steps,
+        "nis": nis,
+        "autocorrelation": correlation,
+        "estimates": estimates,
+        "truth": truth,
+        "roads": roads,
+    }
     return {
         name: pa.table({key: np.concatenate([row[key] for row in rows]) for key in rows[0]})
         for name, rows in parts.items()

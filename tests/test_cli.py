@@ -16,7 +16,7 @@ import pytest
 
 Cli = Callable[..., Any]
 
-TABLES = {"steps", "nis", "runs", "truth", "readings", "estimates", "shown_nis", "roads"}
+TABLES = {"steps", "nis", "runs", "breakdown", "autocorrelation", "truth", "readings", "estimates", "shown_nis", "roads"}
 
 
 def result(folder: Path) -> dict[str, Any]:
@@ -39,12 +39,18 @@ def test_a_run_leaves_a_result_a_report_and_a_recording(cli: Cli, tiny: Path) ->
     lines = done.out.splitlines()
     assert lines[0] == "tiny: 4 runs, 2 vehicles, 2.0 s, seed 7"
     assert [line.split()[0] for line in lines[2:4]] == ["ekf", "raw"]
-    assert "results/tiny/: result.json, report.html, recording.rrd" in lines
+    assert "results/tiny/: result.json, report.html, report.md, recording.rrd" in lines
     assert max(map(len, lines)) <= 80
     folder = tiny.parent / "results" / "tiny"
     summary = result(folder)
     files = {"result.json", *summary["artifacts"].values()}
-    assert files == {"result.json", "report.html", "recording.rrd", *(f"{name}.parquet" for name in TABLES)}
+    assert files == {
+        "result.json",
+        "report.html",
+        "report.md",
+        "recording.rrd",
+        *(f"{name}.parquet" for name in TABLES),
+    }
     assert {path.name for path in folder.iterdir()} == files
     assert summary["command"] == "trackbench run tiny.yaml"
     assert summary["scenario"]["text"] == tiny.read_text(encoding="utf-8")

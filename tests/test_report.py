@@ -78,7 +78,7 @@ def test_the_page_loads_nothing(text: str, page: Page) -> None:
 def test_figures_have_captions_and_alternatives(page: Page) -> None:
     inside = [tag for tag, _, parents in page.elements if "figure" in parents]
     figures, drawings = page.all("figure"), page.all("svg")
-    assert len(figures) == len(drawings) == inside.count("figcaption") == 8
+    assert len(figures) == len(drawings) == inside.count("figcaption") == 14
     assert all(drawing["role"] == "img" and len(str(drawing["aria-label"])) > 20 for drawing in drawings)
     identities = [attributes["id"] for _, attributes, _ in page.elements if "id" in attributes]
     assert len(identities) == len(set(identities))
@@ -152,7 +152,13 @@ def test_every_tracker_failed() -> None:
     summary = make_summary()
     summary |= {"trackers": [failed_tracker()], "ranking": ["mine"], "differences": []}
     empty = pa.table({})
-    page = Page(html.render(RunResult(summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty})))
+    page = Page(
+        html.render(
+            RunResult(
+                summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty, "autocorrelation": empty}
+            )
+        )
+    )
     assert "No tracker finished." in page.text
     assert "is singular" in page.text
     assert [figure["id"] for figure in page.all("figure")] == ["map"]

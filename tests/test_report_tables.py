@@ -21,9 +21,10 @@ def result() -> RunResult:
 
 
 def test_markdown_table(result: RunResult) -> None:
-    lines = markdown.table(result).splitlines()
-    assert lines[0].count("|") == lines[2].count("|")
-    assert lines[2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
+    lines = markdown.render(result).splitlines()
+    start = lines.index("## Ranking") + 2
+    assert lines[start].count("|") == lines[start + 2].count("|")
+    assert lines[start + 2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
     assert "1. n/a: the tracker gives no covariance" in lines
     assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
 

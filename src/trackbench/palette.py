@@ -20,6 +20,8 @@ TRACKER_COLOURS: tuple[str, ...] = (
     "#80BA5A",
 )
 SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#A9A9A9", "#4FC1B5", "#B98B6D")
+#: From small errors to large ones.
+ERROR_COLOURS: tuple[str, ...] = ("#4A90D9", "#35A79C", "#C9A227", "#E8702A", "#D11F4E")
 TRUTH_COLOUR = "#8A9099"
 OBSERVER_COLOUR = "#5A87C6"
 BOUND_COLOUR = "#8A9099"

@@ -211,7 +211,7 @@ def _run(
     quiet: bool,
 ) -> RunResult:
     from trackbench import recording
-    from trackbench.report import html
+    from trackbench.report import html, markdown
     from trackbench.report.console import print_summary
     from trackbench.runner.run import run
     from trackbench.runner.until import run_until
@@ -226,10 +226,14 @@ def _run(
                 item.loaded, item.truth, *precision, workers=workers, command=item.command, progress=progress
             )
     folder = out / name
-    artifacts = {"report.html": partial(_write_report, html.render, result)}
+    artifacts = {
+        "report.html": partial(_write_report, html.render, result),
+        "report.md": partial(_write_report, markdown.render, result),
+    }
     if not no_recording:
         artifacts["recording.rrd"] = partial(recording.write, result)
-    result.summary["artifacts"] = {Path(file).stem: file for file in (*artifacts, *results.table_files(result))}
+    files = (*artifacts, *results.table_files(result))
+    result.summary["artifacts"] = {"markdown" if name == "report.md" else Path(name).stem: name for name in files}
     results.save(result, folder, artifacts)
     if not quiet:
         print_summary(result, console)

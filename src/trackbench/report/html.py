@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from trackbench.report import tables
+from trackbench.report import breakdown_tables, tables
 from trackbench.report.audit_words import audit_sentences
+from trackbench.report.autocorrelation import autocorrelation
+from trackbench.report.breakdown_figures import errors_by_class
+from trackbench.report.claims import NOTABLE, QUANTITIES
+from trackbench.report.cost import cost_against_accuracy
 from trackbench.report.figures import Look, Picture, looks
-from trackbench.report.numbers import fixed
-from trackbench.report.scene import cost_against_accuracy, map_of_run
+from trackbench.report.map import map_of_run
 from trackbench.report.series import error_over_time, nees_over_time, nis_over_time, spread
-from trackbench.report.wording import expectations_met, failure, headline, scored, unscored, verdict
+from trackbench.report.wording import Tracker, expectations_met, facts, failure, headline, scored, unscored, verdict
 from trackbench.results import RunResult
-from trackbench.words import counted
 
 
 def render(result: RunResult) -> str:
@@ -36,7 +37,7 @@ def render(result: RunResult) -> str:
     shown = [look[tracker["name"]] for tracker in order]
     return environment.get_template("report.html.j2").render(
         summary=summary,
-        facts=_facts(summary),
+        facts=facts(summary),
         headline=headline(summary),
         expectations_met=expectations_met(summary["expectations"]),
         looks=look,
@@ -49,29 +50,21 @@ def render(result: RunResult) -> str:
             "innovations": tables.innovations(summary),
             "key_differences": tables.key_differences(summary),
             "all_differences": tables.all_differences(summary),
+            "errors": [breakdown_tables.errors(summary, by) for by in breakdown_tables.BY],
+            "confidence": [
+                [breakdown_tables.confidence(summary, by, quantity) for quantity in QUANTITIES]
+                for by in breakdown_tables.BY
+            ],
             "expectations": tables.expectations(summary),
             "sensors": tables.sensors(summary),
         },
         cost=cost_against_accuracy(order, look),
         accuracy=list(_accuracy(result, shown)),
+        by_class=list(_by_class(order, look)),
+        notable=NOTABLE,
         honesty=list(_honesty(result, shown)),
         audit=audit_sentences(summary["truth"].get("audit") or {}),
     )
-
-
-def _facts(summary: dict[str, Any]) -> list[str]:
-    """The run in a few words."""
-    truth = summary["truth"]
-    facts = [
-        counted(summary["runs"], "run"),
-        counted(len(truth["objects"]), "vehicle"),
-        f"{fixed(truth['duration_s'], 1)} s",
-        counted(len(summary["sensors"]), "sensor"),
-        counted(len(summary["trackers"]), "tracker"),
-        f"seed {summary['seed']}",
-    ]
-    source = " ".join(str(part) for part in (truth["source"], truth.get("env")) if part)
-    return [f"{source}, other motion in each run" if truth.get("random") else source, *facts]
 
 
 def _accuracy(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
@@ -86,10 +79,16 @@ def _accuracy(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
     return (picture for picture in pictures if picture)
 
 
+def _by_class(order: list[Tracker], look: dict[str, Look]) -> Iterator[Picture]:
+    quantities = zip(QUANTITIES, ("m", "m/s"), strict=True)
+    pictures = (errors_by_class(order, look, by, *quantity) for quantity in quantities for by in breakdown_tables.BY)
+    return (picture for picture in pictures if picture)
+
+
 def _honesty(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
     nees = nees_over_time(result.tables["steps"], shown)
-    nis = (
-        nis_over_time(result.tables["nis"], sensor, shown, number)
-        for number, sensor in enumerate(result.summary["sensors"])
-    )
-    return (picture for picture in (nees, *nis) if picture)
+    sensors = list(enumerate(result.summary["sensors"]))
+    nis = (nis_over_time(result.tables["nis"], sensor, shown, number) for number, sensor in sensors)
+    correlation = result.tables["autocorrelation"]
+    white = (autocorrelation(correlation, sensor, shown, number) for number, sensor in sensors)
+    return (picture for picture in (nees, *nis, *white) if picture)

@@ -1,29 +1,85 @@
-"""Tables of a result in Markdown."""
+"""The report of a run as Markdown."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from trackbench.report.tables import Cell, Table, ranked
-from trackbench.report.wording import failure, unscored
+from trackbench.report import breakdown_tables
+from trackbench.report.audit_words import audit_sentences
+from trackbench.report.claims import QUANTITIES
+from trackbench.report.tables import Cell, Table, expectations, innovations, key_differences, ranked, sensors
+from trackbench.report.wording import expectations_met, facts, failure, headline, scored, unscored, verdict
 from trackbench.results import RunResult
 
 #: What Markdown or HTML could take for its own; an underscore inside a word is safe.
 _SPECIAL = re.compile(r"[\\`*\[\]<>|]|(?<!\w)_|_(?!\w)")
 
 
-def table(result: RunResult) -> str:
-    """The ranked table of a run, its footnotes, and the trackers without a score."""
-    found = ranked(result.summary)
-    lines = grid([heading for heading, _ in found.headings], ([_cell(found, c) for c in row] for row in found.rows))
-    if found.reasons:
-        lines += ["", *(f"{i}. n/a: {escape(reason)}" for i, reason in enumerate(found.reasons, 1))]
-    missing = unscored(result.summary)
+def render(result: RunResult) -> str:
+    """The report of a run as Markdown: what :func:`trackbench.report.html.render` says, without its figures."""
+    summary = result.summary
+    order = scored(summary)
+    lines = [f"# {escape(summary['scenario']['name'])}", ""]
+    if summary["scenario"]["description"]:
+        lines += [escape(summary["scenario"]["description"]), ""]
+    lines += [escape(", ".join(facts(summary))), "", "## Verdict", "", f"**{escape(headline(summary))}**", ""]
+    lines += [f"{expectations_met(summary['expectations'])}.", ""]
+    lines += [f"{i}. **{escape(t['name'])}**: {escape(verdict(t, summary['runs']))}." for i, t in enumerate(order, 1)]
+    lines += _section("Ranking", ranked(summary))
+    missing = unscored(summary)
     if missing:
         lines += ["", "Without a score:", ""]
         lines += [f"- **{escape(tracker['name'])}**: {escape(failure(tracker))}" for tracker in missing]
-    return "\n".join(lines) + "\n"
+    if len(order) > 1:
+        lines += _section("Which differences are real", key_differences(summary), left=1)
+    if order:
+        for by in breakdown_tables.BY:
+            lines += _section(f"By {by}", breakdown_tables.errors(summary, by), left=1)
+            for quantity in QUANTITIES:
+                title = f"Errors of the {quantity} over what each tracker claims"
+                lines += _section(title, breakdown_tables.confidence(summary, by, quantity), left=1, level=3)
+    found = innovations(summary)
+    if found.rows:
+        lines += _section("Innovations", found, left=1)
+    if summary["expectations"]:
+        lines += _section("Expectations", expectations(summary))
+    lines += _section("Truth and sensors", sensors(summary))
+    lines += ["", *(escape(sentence) for sentence in audit_sentences(summary["truth"].get("audit") or {}))]
+    return "\n".join([*lines, *_reproduce(summary)]) + "\n"
+
+
+def _section(title: str, found: Table, left: int = 2, level: int = 2) -> list[str]:
+    lines = ["", f"{'#' * level} {title}", ""]
+    lines += grid(
+        [heading for heading, _ in found.headings], ([_cell(found, c) for c in row] for row in found.rows), left
+    )
+    if found.reasons:
+        lines += ["", *(f"{i}. n/a: {escape(reason)}" for i, reason in enumerate(found.reasons, 1))]
+    return lines
+
+
+def _reproduce(summary: Mapping[str, Any]) -> list[str]:
+    scenario = summary["scenario"]
+    lines = ["", "## Reproduce", ""]
+    if summary["command"]:
+        lines += [*_fenced(summary["command"], "sh"), ""]
+    lines += [f"{', '.join(f'{name} {number}' for name, number in summary['versions'].items())}.", ""]
+    lines += [
+        f"Fingerprint of all readings: `{summary['fingerprint']}`",
+        "",
+        f"Scenario {escape(scenario['file'])}:",
+        "",
+    ]
+    return lines + _fenced(scenario["text"], "yaml")
+
+
+def _fenced(text: str, language: str) -> list[str]:
+    """``text`` as it is, in a fence that is longer than any in it."""
+    longest = max((len(found) for found in re.findall("`+", text)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return [f"{fence}{language}", text.rstrip("\n"), fence]
 
 
 def grid(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int = 2) -> list[str]:

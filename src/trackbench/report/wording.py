@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from trackbench.report.claims import confidence
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.significance import Differences
 from trackbench.words import counted
@@ -20,6 +21,21 @@ MEANING = {
     "pessimistic": "errors are smaller than claimed",
     "undecided": "too few runs to say whether errors are as large as claimed",
 }
+
+
+def facts(summary: Mapping[str, Any]) -> list[str]:
+    """The run in a few words."""
+    truth = summary["truth"]
+    facts = [
+        counted(summary["runs"], "run"),
+        counted(len(truth["objects"]), "vehicle"),
+        f"{fixed(truth['duration_s'], 1)} s",
+        counted(len(summary["sensors"]), "sensor"),
+        counted(len(summary["trackers"]), "tracker"),
+        f"seed {summary['seed']}",
+    ]
+    source = " ".join(str(part) for part in (truth["source"], truth.get("env")) if part)
+    return [f"{source}, other motion in each run" if truth.get("random") else source, *facts]
 
 
 def scored(summary: Mapping[str, Any]) -> list[Tracker]:
@@ -39,18 +55,19 @@ def verdict(tracker: Tracker, runs: int) -> str:
     """One sentence on a tracker's accuracy, honesty and health, without its name.
 
     For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; optimistic: errors are larger than claimed
-    (NEES 6.1, should be 4)".
+    (NEES 6.1, should be 4); too confident about velocity in turns (errors 1.6 times the claim)".
     """
     metrics = tracker["metrics"]
     rmse = metrics["position_rmse"]["value"]
     parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE" + _above_bound(metrics["position_efficiency"]["value"])]
-    nees = metrics["nees"]
+    nees, clauses = metrics["nees"], confidence(tracker["breakdown"])
     if nees["mean"] is None:
         parts.append("no covariance to judge" if not nees.get("reason") else f"NEES n/a: {nees['reason']}")
     else:
         mean = fixed(nees["mean"], decimals([nees["mean"]], 2))
-        parts.append(f"{nees['verdict']}: {MEANING[nees['verdict']]} (NEES {mean}, should be {nees['dof']})")
-    return "; ".join(parts + _complaints(tracker["health"], runs))
+        meaning = " on the whole" if clauses else f": {MEANING[nees['verdict']]}"
+        parts.append(f"{nees['verdict']}{meaning} (NEES {mean}, should be {nees['dof']})")
+    return "; ".join(parts + clauses + _complaints(tracker["health"], runs))
 
 
 def _above_bound(efficiency: float | None) -> str:

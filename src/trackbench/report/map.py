@@ -1,0 +1,223 @@
+"""The shown run from above, coloured by the position error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from trackbench.palette import ERROR_COLOURS
+from trackbench.report.columns import column, names, where
+from trackbench.report.figures import Entry, Look, Picture
+from trackbench.report.numbers import fixed
+from trackbench.report.svg import GRID, INK, MUTED, WIDTH, draw, in_page
+from trackbench.types import Array, Indices
+from trackbench.words import counted
+
+#: A scene longer than this many times its width (a straight road) is drawn stretched across.
+_ELONGATED = 4.0
+_MARGIN_M = 6.0
+_TALLEST = 400.0
+#: Round numbers among which the limits of the colours are chosen, m.
+_ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])
+
+
+@dataclass(frozen=True)
+class _Box:
+    """What the map shows, m."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        return self.top - self.bottom
+
+    @property
+    def stretched(self) -> bool:
+        return self.width > _ELONGATED * self.height
+
+
+@dataclass(frozen=True)
+class _Track:
+    """One object's true path, with the error of a tracker along it; NaN where there is no estimate."""
+
+    x: Array
+    y: Array
+    error: Array
+
+
+def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) -> Picture | None:
+    """True paths coloured by the error of the best and of the last ranked tracker, a panel each."""
+    truth = tables["truth"]
+    drawn = list(dict.fromkeys([shown[0], shown[-1]])) if shown else []
+    targets = {name: _alive(truth, name) for name in names(where(truth, role="target"), "object")}
+    observer = [_alive(truth, name) for name in names(where(truth, role="observer"), "object")]
+    box = _box([*targets.values(), *observer])
+    if box is None:
+        return None
+    tracks = [_tracks(truth, where(tables["estimates"], tracker=look.name), list(targets)) for look in drawn]
+    moments = [_worst_moment(where(tables["estimates"], tracker=look.name)) for look in drawn]
+    limits = _limits([track.error for of in tracks for track in of])
+    panels = max(1, len(drawn))
+
+    def paint(figure: Figure) -> None:
+        every = list(figure.subplots(panels, 1, sharex=True, sharey=True, squeeze=False).flat)
+        for i, axes in enumerate(every):
+            axes.grid(visible=False)
+            _surroundings(axes, tables["roads"], observer, targets)
+            if drawn:
+                axes.set_title(drawn[i].name, fontsize=10, loc="left", pad=2)
+                for track in tracks[i]:
+                    _coloured(axes, track, limits)
+                if (worst := _worst(tracks[i])) is not None:
+                    axes.plot(
+                        *worst, marker="o", markersize=12, markerfacecolor="none", markeredgecolor=INK,
+                        markeredgewidth=1.4, linestyle="none",
+                    )  # fmt: skip
+            axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
+            if not box.stretched:
+                axes.set_aspect("equal")
+        every[-1].set_xlabel("x, m")
+
+    height = 150.0 if box.stretched else min(_TALLEST, 30 + (WIDTH - 50) * box.height / box.width)
+    worst = "; ".join(f"{look.name}: {_say(moment)}" for look, moment in zip(drawn, moments, strict=True) if moment)
+    alternative = (
+        f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
+        f"{fixed(box.width, 0)} m by {fixed(box.height, 0)} m"
+        + (f", coloured by the error of {' and of '.join(look.name for look in drawn)}" if drawn else "")
+        + (f". Largest errors: {worst}." if worst else ".")
+    )
+    caption = f"Run {run} from above: true paths from the dot to the name; the observer's path is dotted. "
+    if drawn:
+        caption += (
+            "Colour and width are the position error of the best"
+            + (" and, below, of the last ranked tracker" if len(drawn) > 1 else " tracker")
+            + f"; the ring is where it was largest ({worst}). The recording shows all trackers. "
+        )
+    if box.stretched:
+        caption += "The scene is stretched across: the axes differ in scale."
+    svg = in_page(draw(paint, 30 + panels * height), "map", alternative, {})
+    return Picture("map", "From above, coloured by error", caption.strip(), alternative, svg, _legend(limits))
+
+
+def _surroundings(
+    axes: Axes, roads: pa.Table, observer: Sequence[tuple[Array, Array]], targets: Mapping[str, tuple[Array, Array]]
+) -> None:
+    lines, x, y = (column(roads, name) for name in ("line", "x_m", "y_m"))
+    for line in np.unique(lines):
+        axes.plot(x[lines == line], y[lines == line], color=GRID, linewidth=1.5)
+    for x, y in observer:
+        axes.plot(x, y, color=MUTED, linewidth=1.4, linestyle=(0, (1.5, 1.5)))
+        axes.plot(x[:1], y[:1], color=MUTED, marker="s", markersize=5)
+    for name, (x, y) in targets.items():
+        axes.plot(x, y, color=MUTED, linewidth=0.8)
+        axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
+        axes.annotate(name, (x[-1], y[-1]), xytext=(3, 3), textcoords="offset points", fontsize=9)
+
+
+def _coloured(axes: Axes, track: _Track, limits: Array) -> None:
+    """A line for each colour, broken where the path has another."""
+    level = np.digitize(np.fmax(track.error[1:], track.error[:-1]), limits)
+    known = np.isfinite(track.error[1:]) & np.isfinite(track.error[:-1])
+    for i, colour in enumerate(ERROR_COLOURS[: len(limits) + 1]):
+        own = known & (level == i)
+        if own.any():
+            begins = np.concatenate([own[:1], own[1:] & ~own[:-1]])
+            at = np.flatnonzero(own)
+            # Each stretch has one more point than it has segments, and then a gap.
+            cut = np.flatnonzero(begins[at])
+            x, y = (_stretches(values, at, cut) for values in (track.x, track.y))
+            axes.plot(x, y, color=colour, linewidth=1.8 + 0.7 * i, solid_capstyle="round")
+
+
+def _stretches(values: Array, segments: Indices, cut: Indices) -> Array:
+    """The points of runs of successive segments, NaN between the runs; ``cut`` is where each run begins."""
+    ends = [*cut[1:], len(segments)]
+    parts = [[*values[segments[a:b]], values[segments[b - 1] + 1], np.nan] for a, b in zip(cut, ends, strict=True)]
+    return np.concatenate(parts)
+
+
+def _limits(errors: Sequence[Array]) -> Array:
+    """Round limits between the colours that spread the errors over them, m."""
+    every = np.concatenate(errors) if errors else np.empty(0)
+    every = every[np.isfinite(every)]
+    if not every.size:
+        return np.empty(0)
+    low, high = np.quantile(every, [0.25, 0.98])
+    inside = _ROUND[(low <= _ROUND) & (high >= _ROUND)]
+    if len(inside) < 2:
+        nearest = int(np.argmin(abs(_ROUND - high)))
+        inside = _ROUND[max(0, nearest - 1) : nearest + 1]
+    most = len(ERROR_COLOURS) - 1
+    return np.asarray(inside[np.unique(np.linspace(0, len(inside) - 1, most).round().astype(int))])
+
+
+def _legend(limits: Array) -> tuple[Entry, ...]:
+    said = [f"{limit:g}" for limit in limits]
+    labels = (
+        [f"under {said[0]} m", *(f"{a} to {b} m" for a, b in pairwise(said)), f"above {said[-1]} m"] if said else []
+    )
+    return (
+        *(Entry(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)),
+        Entry("observer", "var(--muted)", "dash"),
+    )
+
+
+def _tracks(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_Track]:
+    found = []
+    for name in objects:
+        own, path = where(rows, object=name), where(truth, object=name)
+        place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
+        found.append(_Track(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m")))
+    return found
+
+
+def _alive(truth: pa.Table, name: str) -> tuple[Array, Array]:
+    rows = where(truth, object=name)
+    alive = column(rows, "alive") > 0
+    return column(rows, "px_m")[alive], column(rows, "py_m")[alive]
+
+
+def _box(paths: Sequence[tuple[Array, Array]]) -> _Box | None:
+    """What holds all paths."""
+    x = np.concatenate([path[0] for path in paths]) if paths else np.empty(0)
+    y = np.concatenate([path[1] for path in paths]) if paths else np.empty(0)
+    if not x.size:
+        return None
+    return _Box(x.min() - _MARGIN_M, x.max() + _MARGIN_M, y.min() - _MARGIN_M, y.max() + _MARGIN_M)
+
+
+def _worst(tracks: Sequence[_Track]) -> tuple[float, float] | None:
+    """Where the largest error was."""
+    found = [(track.error[k], track.x[k], track.y[k]) for track in tracks for k in [_largest(track.error)] if k >= 0]
+    return max(found)[1:] if found else None
+
+
+def _largest(error: Array) -> int:
+    return int(np.nanargmax(error)) if np.isfinite(error).any() else -1
+
+
+def _worst_moment(rows: pa.Table) -> dict[str, Any] | None:
+    """The estimate with the largest position error."""
+    largest = _largest(column(rows, "position_error_m"))
+    if largest < 0:
+        return None
+    found: dict[str, Any] = rows.slice(largest, 1).to_pylist()[0]
+    return found
+
+
+def _say(moment: Mapping[str, Any]) -> str:
+    return f"{fixed(moment['position_error_m'], 2)} m, {moment['object']} at {fixed(moment['time_s'], 1)} s"
