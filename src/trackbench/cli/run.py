@@ -257,6 +257,7 @@ def _compare(found: list[RunResult], out: Path, console: Console, quiet: bool) -
 
     compared = comparison.compare(found)
     results.write_text(out / "comparison.md", compared.markdown())
+    results.write_text(out / "comparison.html", compared.html())
     results.write_text(out / "comparison.json", results.to_json(compared.json()))
     for name, svg in compared.figures().items():
         results.write_text(out / name, svg)

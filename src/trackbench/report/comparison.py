@@ -1,4 +1,4 @@
-"""All trackers over all scenarios: a matrix and an overall ranking, as Markdown, JSON and figures.
+"""All trackers over all scenarios: a matrix and an overall ranking, as HTML, Markdown, JSON and figures.
 
 The same for the same results: neither dates nor times of computing are in it, so it can be kept as a reference.
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from trackbench.report.comparison_figures import efficiency_figure, rank_figure
+from trackbench.report.comparison_html import to_html
 from trackbench.report.comparison_markdown import to_markdown
 from trackbench.report.standings import ScenarioScores, Score, Standing, scenario_scores, standings
 from trackbench.results import RunResult
@@ -28,6 +29,10 @@ class Comparison:
         """The comparison as Markdown, which shows the :meth:`figures` beside it."""
         return to_markdown(self.scenarios, self.standings, list(self.figures()))
 
+    def html(self) -> str:
+        """The comparison as one HTML file that needs nothing else; it points to the report of each scenario."""
+        return to_html(self.scenarios, self.standings)
+
     def json(self) -> dict[str, Any]:
         """The comparison as JSON values, numbers to four significant digits."""
         return {
@@ -41,8 +46,8 @@ class Comparison:
     def figures(self) -> dict[str, str]:
         """SVG files by their path relative to the Markdown."""
         return {
-            "figures/ranks.svg": rank_figure(self.standings),
-            "figures/efficiency.svg": efficiency_figure(self.scenarios, self.standings),
+            "figures/ranks.svg": rank_figure(self.standings).file(),
+            "figures/efficiency.svg": efficiency_figure(self.scenarios, self.standings).file(),
         }
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
@@ -10,18 +11,40 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from trackbench.palette import TRACKER_COLOURS
+from trackbench.report.figures import Picture
 from trackbench.report.numbers import fixed
 from trackbench.report.standings import ScenarioScores, Standing
-from trackbench.report.svg import INK, draw, standalone
+from trackbench.report.svg import MUTED, draw, in_page, standalone
 
 _WIDTH = 760
 _ROW = 24.0
 _MAP = colormaps["Oranges"]
 #: Darker cells would make their numbers hard to read.
 _DARKEST = 0.55
+_ON_LIGHT = "#1c2126"
 
 
-def rank_figure(standings: Sequence[Standing]) -> str:
+@dataclass(frozen=True)
+class Drawing:
+    """A figure that becomes a file of its own or a part of a page."""
+
+    name: str
+    title: str
+    alternative: str
+    paint: Callable[[Figure], None]
+    height: float
+
+    def file(self) -> str:
+        """The text of an SVG file."""
+        return standalone(draw(self.paint, self.height, width=_WIDTH), self.alternative)
+
+    def picture(self, caption: str) -> Picture:
+        """The figure of a page."""
+        svg = in_page(draw(self.paint, self.height, width=_WIDTH), self.name, self.alternative, {})
+        return Picture(self.name, self.title, caption, self.alternative, svg, ())
+
+
+def rank_figure(standings: Sequence[Standing]) -> Drawing:
     """Mean rank of each tracker with its interval."""
     ordered = list(reversed(standings))
 
@@ -36,11 +59,11 @@ def rank_figure(standings: Sequence[Standing]) -> str:
         axes.grid(visible=False, axis="y")
 
     means = ", ".join(f"{standing.tracker} {fixed(standing.mean_rank, 1)}" for standing in standings)
-    svg = draw(paint, 50 + _ROW * len(ordered), width=_WIDTH)
-    return standalone(svg, f"Mean rank of each tracker with its 95 % interval: {means}")
+    alternative = f"Mean rank of each tracker with its 95 % interval: {means}"
+    return Drawing("ranks", "Overall ranking", alternative, paint, 50 + _ROW * len(ordered))
 
 
-def efficiency_figure(scenarios: Sequence[ScenarioScores], standings: Sequence[Standing]) -> str:
+def efficiency_figure(scenarios: Sequence[ScenarioScores], standings: Sequence[Standing]) -> Drawing:
     """Position RMSE over the bound, scenarios down and trackers across."""
     names = [standing.tracker for standing in standings]
     values = np.array([[_efficiency(scenario, name) for name in names] for scenario in scenarios])
@@ -55,7 +78,9 @@ def efficiency_figure(scenarios: Sequence[ScenarioScores], standings: Sequence[S
             text = (
                 fixed(float(value), 2) if np.isfinite(value) else "n/a" if names[col] in scenarios[row].scores else ""
             )
-            axes.text(col, row, text, ha="center", va="center", color=INK, fontsize=10)
+            # A filled cell is light on a dark page too.
+            ink = _ON_LIGHT if np.isfinite(value) else MUTED
+            axes.text(col, row, text, ha="center", va="center", color=ink, fontsize=10)
         axes.set_xticks(range(len(names)), names)
         axes.set_yticks(range(len(scenarios)), [scenario.name for scenario in scenarios])
         axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(scenarios) - 0.5, -0.5))
@@ -64,10 +89,8 @@ def efficiency_figure(scenarios: Sequence[ScenarioScores], standings: Sequence[S
         axes.spines[:].set_visible(False)
         axes.grid(visible=False)
 
-    svg = draw(paint, 30 + _ROW * len(scenarios), width=_WIDTH)
-    return standalone(
-        svg, "Position RMSE over the Cramér-Rao bound for each scenario and tracker; 1 is the best possible"
-    )
+    alternative = "Position RMSE over the Cramér-Rao bound for each scenario and tracker; 1 is the best possible"
+    return Drawing("efficiency", "Position RMSE over the bound", alternative, paint, 30 + _ROW * len(scenarios))
 
 
 def _efficiency(scenario: ScenarioScores, name: str) -> float:

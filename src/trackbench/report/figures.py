@@ -59,7 +59,11 @@ class Picture:
 
 def looks(summary: Summary) -> dict[str, Look]:
     """Every tracker's look, by name, from its place in the scenario."""
-    names = [tracker["name"] for tracker in summary["trackers"]]
+    return look_of([tracker["name"] for tracker in summary["trackers"]])
+
+
+def look_of(names: Sequence[str]) -> dict[str, Look]:
+    """The look of each tracker, by its place."""
     colours = tracker_colour(names)
     return {
         name: Look(f"t{i}", name, colours[name], _DASHES[i // len(TRACKER_COLOURS) % len(_DASHES)])

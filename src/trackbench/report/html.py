@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from trackbench.report import breakdown_tables, tables
 from trackbench.report.audit_words import audit_sentences
 from trackbench.report.autocorrelation import autocorrelation
@@ -14,6 +12,7 @@ from trackbench.report.claims import NOTABLE, QUANTITIES
 from trackbench.report.cost import cost_against_accuracy
 from trackbench.report.figures import Look, Picture, looks
 from trackbench.report.map import map_of_run
+from trackbench.report.page import page
 from trackbench.report.series import error_over_time, nees_over_time, nis_over_time, spread
 from trackbench.report.wording import Tracker, expectations_met, facts, failure, headline, scored, unscored, verdict
 from trackbench.results import RunResult
@@ -25,17 +24,11 @@ def render(result: RunResult) -> str:
     It loads nothing from anywhere: styles and figures are in the file.
     """
     summary = result.summary
-    environment = Environment(
-        loader=PackageLoader("trackbench.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
     look, order = looks(summary), scored(summary)
     shown = [look[tracker["name"]] for tracker in order]
-    return environment.get_template("report.html.j2").render(
+    return page(
+        "report.html.j2",
+        title=summary["scenario"]["name"],
         summary=summary,
         facts=facts(summary),
         headline=headline(summary),

@@ -13,6 +13,7 @@ from trackbench.report.tables import Cell, Table, expectations, innovations, key
 from trackbench.report.wording import expectations_met, facts, failure, headline, scored, unscored, verdict
 from trackbench.results import RunResult
 
+_SPACES = re.compile("[^\\S\N{NO-BREAK SPACE}]+")
 #: What Markdown or HTML could take for its own; an underscore inside a word is safe.
 _SPECIAL = re.compile(r"[\\`*\[\]<>|]|(?<!\w)_|_(?!\w)")
 
@@ -90,7 +91,7 @@ def grid(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int = 2) 
 
 def escape(text: str) -> str:
     """``text`` as it is, in one line, whatever Markdown or HTML it looks like."""
-    return _SPECIAL.sub(r"\\\g<0>", " ".join(text.split()))
+    return _SPECIAL.sub(r"\\\g<0>", _SPACES.sub(" ", text).strip())
 
 
 def _row(cells: Sequence[str]) -> str:

@@ -35,6 +35,8 @@ class Cell:
     """Why there is no value."""
     tracker: str = ""
     """The tracker that the cell names, if it does."""
+    strong: bool = False
+    """Whether it stands out, as the best do."""
 
 
 @dataclass(frozen=True)
