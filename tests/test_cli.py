@@ -16,7 +16,18 @@ import pytest
 
 Cli = Callable[..., Any]
 
-TABLES = {"steps", "nis", "runs", "breakdown", "autocorrelation", "truth", "readings", "estimates", "shown_nis", "roads"}
+TABLES = {
+    "steps",
+    "nis",
+    "runs",
+    "breakdown",
+    "autocorrelation",
+    "truth",
+    "readings",
+    "estimates",
+    "shown_nis",
+    "roads",
+}
 
 
 def result(folder: Path) -> dict[str, Any]:

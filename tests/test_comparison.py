@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from itertools import combinations
 from xml.etree import ElementTree
 
@@ -115,6 +116,17 @@ def test_markdown(compared: Comparison) -> None:
     assert "- mine in third: ValueError: matrix \\<3\\> is singular" in text
     assert "1 of 2 met" in text
     assert all(f"]({path})" in text for path in compared.figures())
+
+
+def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
+    text = compared.html()
+    assert "good has the best mean rank" in text
+    assert "That lead is not certain" in text
+    assert "ValueError: matrix &lt;3&gt; is singular" in text
+    assert text.count("<figure") == text.count("<figcaption") == 2
+    assert re.search(r'<td data-label="fair" class=" strong">0.510<small>±0.010</small></td>', text)
+    assert "://" not in text
+    assert compared.html() == text
 
 
 def test_json(compared: Comparison) -> None:

@@ -297,6 +297,10 @@ def test_merged_blocks_are_one_block(own):
                 a, b = getattr(merged.nis[sensor], field), getattr(single.nis[sensor], field)
                 # The whiteness products cancel, so that they are as exact as their terms.
                 np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
+            np.testing.assert_allclose(merged.nis[sensor].lags, single.nis[sensor].lags, rtol=1e-12, atol=1e-9)
+        for field in ("total", "square", "product", "runs"):
+            a, b = getattr(merged.classes, field), getattr(single.classes, field)
+            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
     assert one.digests == [digest for part in parts for digest in part.digests]
     for sensor in SENSORS:
         np.testing.assert_array_equal(one.detections[sensor], sum(part.detections[sensor] for part in parts))

@@ -7,9 +7,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pyarrow as pa
 import pytest
-from tests.example_result import RMSE, failed_tracker, make_result, make_summary, make_tables
+from tests.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
 
+from trackbench.palette import ERROR_COLOURS
 from trackbench.report import html
+from trackbench.report.claims import confidence
 from trackbench.results import RunResult
 
 
@@ -129,6 +131,57 @@ def test_verdicts_in_words(page: Page) -> None:
     assert "1 of 2 expectations failed" in page.text
     assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
     assert "v3 jumps by 1.4 m at 15.00 s" in page.text
+
+
+def test_what_is_said_of_confidence_is_what_was_shown() -> None:
+    def said(**changes: float) -> list[str]:
+        found = breakdown(0.4)
+        for place, mean in changes.items():
+            name, _, part = place.partition("__")
+            found["manoeuvre"][name][f"nees_{part}"] |= {"mean": mean, "ci95": [0.99 * mean, 1.01 * mean]}
+        return confidence(found)
+
+    # The sensor gap is too rare to be worth a word, whatever the errors in it.
+    assert said() == ["too confident about velocity in turns (errors 1.6 times the claim)"]
+    # 1.25 times the claim is a NEES of 3.125 with 2 degrees of freedom.
+    assert said(turning__velocity=3.1) == []
+    assert said(turning__velocity=3.2) == ["too confident about velocity in turns (errors 1.3 times the claim)"]
+    assert said(turning__velocity=8, straight__velocity=18, straight__position=0.5) == [
+        "too confident about velocity on straights and in turns (errors up to 3.0 times the claim)",
+        "too cautious about position on straights (errors 0.5 times the claim)",
+    ]
+    assert said(turning__velocity=8, turning__position=18) == [
+        "too confident about position and velocity in turns (errors up to 3.0 times the claim)"
+    ]
+    wide = breakdown(0.4)
+    wide["manoeuvre"]["turning"]["nees_velocity"]["ci95"] = [2.9, 7.0]
+    assert confidence(wide) == []
+    wide["manoeuvre"]["turning"]["nees_velocity"]["ci95"] = None
+    assert confidence(wide) == []
+
+
+def test_confidence_throughout() -> None:
+    found = breakdown(0.4)
+    del found["manoeuvre"]["sensor gap"]
+    for entry in found["manoeuvre"].values():
+        entry["nees_velocity"] |= {"mean": 8.0, "ci95": [7.9, 8.1]}
+    assert confidence(found) == ["too confident about velocity throughout (errors up to 2.0 times the claim)"]
+    del found["manoeuvre"]["turning"]
+    assert confidence(found) == ["too confident about velocity (errors 2.0 times the claim)"]
+
+
+def test_claims_by_manoeuvre_are_in_the_tables(page: Page) -> None:
+    rows = [row for row in page.rows if row and row[0] == "ekf_cv" and len(row) == 4]
+    assert ["ekf_cv", "1.0", "1.6", "1.0"] in rows
+    assert ["ekf_cv", "1.0", "1.0", "5.0"] in rows
+    assert "too confident" in page.text
+
+
+def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:
+    drawn = text[text.index('<figure id="map">') :].partition("</figure>")[0]
+    assert sum(colour.lower() in drawn for colour in ERROR_COLOURS) >= 3
+    assert "under " in drawn
+    assert "the ring is where it was largest (ukf_ctrv: " in page.text
 
 
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:

@@ -29,6 +29,27 @@ def test_markdown_table(result: RunResult) -> None:
     assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
 
 
+def test_markdown_holds_the_whole_report(result: RunResult) -> None:
+    text = markdown.render(result)
+    headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
+    assert headings == [
+        "Verdict",
+        "Ranking",
+        "Which differences are real",
+        "By manoeuvre",
+        "By range",
+        "Innovations",
+        "Expectations",
+        "Truth and sensors",
+        "Reproduce",
+    ]
+    assert "too confident about velocity in turns (errors 1.6 times the claim)" in text
+    assert "1 of 2 expectations failed." in text
+    assert "```yaml\n" + result.summary["scenario"]["text"].rstrip() + "\n```" in text
+    assert result.summary["command"] in text
+    assert "None" not in text
+
+
 @pytest.mark.parametrize("width", [80, 120])
 def test_terminal_output_fits(result: RunResult, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)

@@ -41,7 +41,7 @@ class Drawing:
     def picture(self, caption: str) -> Picture:
         """The figure of a page."""
         svg = in_page(draw(self.paint, self.height, width=_WIDTH), self.name, self.alternative, {})
-        return Picture(self.name, self.title, caption, self.alternative, svg, ())
+        return Picture(self.name, self.title, caption, self.alternative, svg, (), wide=True)
 
 
 def rank_figure(standings: Sequence[Standing]) -> Drawing:

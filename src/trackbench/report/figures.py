@@ -55,6 +55,8 @@ class Picture:
     alternative: str
     svg: str
     legend: tuple[Entry, ...]
+    wide: bool = False
+    """Whether it is too wide for a phone, which is then to scroll it."""
 
 
 def looks(summary: Summary) -> dict[str, Look]:

@@ -1,0 +1,86 @@
+"""Pages as a real browser shows them: how wide they are, what is in them, and what it has to say about them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+# Measures each frame once all have loaded; a frame has exactly its width, while a window has a smallest one.
+MEASURE = """
+const frames = [...document.querySelectorAll('iframe')].map(frame => {
+  const page = frame.contentDocument, width = frame.contentWindow.innerWidth;
+  page.querySelectorAll('details').forEach(details => details.open = true);
+  const inside = e => e.closest('.scroll, pre') && !e.matches('.scroll, pre') || e.closest('svg') && e.tagName != 'svg';
+  const name = e => e.tagName.toLowerCase() + '.' + (e.getAttribute('class') || '');
+  return {
+    width,
+    scrollWidth: page.documentElement.scrollWidth,
+    overflowing: [...page.body.querySelectorAll('*')]
+      .filter(e => !inside(e) && e.getBoundingClientRect().right > width + 1).map(name),
+    figures: [...page.querySelectorAll('figure')].map(figure => ({
+      id: figure.id,
+      caption: figure.querySelector('figcaption')?.textContent.trim() || '',
+      alternative: figure.querySelector('svg[role=img]')?.getAttribute('aria-label') || '',
+      height: figure.querySelector('svg')?.getBoundingClientRect().height || 0,
+    })),
+    smallest: Math.min(...[...page.querySelectorAll('p, td, li, figcaption')]
+      .map(e => parseFloat(frame.contentWindow.getComputedStyle(e).fontSize))),
+  };
+});
+const found = document.createElement('pre');
+found.id = 'found';
+found.textContent = JSON.stringify(frames);
+document.body.append(found);
+"""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the browser found."""
+
+    frames: dict[tuple[str, int], dict[str, Any]]
+    """By page and width in pixels."""
+    console: list[str]
+    """Messages of any of the pages."""
+
+
+def look(folder: Path, pages: Mapping[str, str], widths: Sequence[int]) -> Seen:
+    """Open pages in headless Chromium, each in frames of the given widths; they and its profile go into ``folder``."""
+    assert CHROMIUM is not None
+    for name, text in pages.items():
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    shown = [(name, width) for name in pages for width in widths]
+    frames = "".join(
+        f'<iframe src="{name}.html" style="width:{width}px;height:900px"></iframe>' for name, width in shown
+    )
+    wrapper = folder / "frames.html"
+    script = f"<script>window.onload = () => {{ {MEASURE} }}</script>"
+    wrapper.write_text(f'<meta charset="utf-8"><link rel="icon" href="data:,">{frames}{script}', encoding="utf-8")
+    options = (
+        "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync",
+        "--disable-component-update", "--no-first-run", "--allow-file-access-from-files", "--enable-logging=stderr",
+        "--virtual-time-budget=10000", "--hide-scrollbars", "--window-size=1400,1000", "--dump-dom",
+        f"--user-data-dir={folder / 'profile'}",
+    )  # fmt: skip
+    done = subprocess.run(
+        [CHROMIUM, *options, wrapper.as_uri()],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+        env={**os.environ, "HOME": str(folder)},
+    )
+    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
+    assert found, f"the pages were not measured: {done.stderr[-2000:]}"
+    text = found[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    return Seen(dict(zip(shown, json.loads(text), strict=True)), console)

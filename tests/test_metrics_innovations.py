@@ -1,0 +1,62 @@
+"""Sums over innovations: the autocorrelation against a loop over all pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.conftest import Run
+
+from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.scores import LAGS
+
+
+def by_hand(white, used):
+    """Sums for each lag of innovations ``(readings, m, lanes)`` that count where ``used`` ``(readings, lanes)``."""
+    found = np.zeros((3, LAGS + 1))
+    for later in range(len(white)):
+        for lag in range(min(LAGS, later) + 1):
+            both = used[later] & used[later - lag]
+            a, b = white[later][:, both], white[later - lag][:, both]
+            found[:, lag] += [both.sum(), (a * b).sum(), (a * a).sum()]
+    return found
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 8, 20, 50])
+@pytest.mark.parametrize("share", [1.0, 0.7], ids=["every reading", "some missing"])
+def test_every_lag_has_the_sums_of_all_pairs(chunk, share):
+    random = np.random.default_rng(3)
+    white, used = random.normal(size=(45, 2, 6)), random.random((45, 6)) < share
+    white[~np.repeat(used[:, None], 2, axis=1)] = np.nan
+    collected = Innovations(45, objects=2, runs=3, chunk=chunk)
+    for item, valid in zip(white, used, strict=True):
+        collected.add(item, valid)
+    found = collected.scores()
+    expected = by_hand(white, used)
+    np.testing.assert_allclose(found.lags, expected, rtol=1e-12, atol=1e-12)
+    # The sums per run are of lag one.
+    np.testing.assert_allclose(found.per_run[3:].sum(axis=1), expected[:, 1], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found.per_run[:2].sum(axis=1), expected[[0, 2], 0], rtol=1e-12)
+
+
+def test_a_reading_without_an_innovation_begins_anew():
+    random = np.random.default_rng(4)
+    white, used = random.normal(size=(30, 2, 4)), np.ones((30, 4), dtype=bool)
+    collected = Innovations(31, objects=1, runs=4, chunk=7)
+    for item in [*white[:12], None, *white[12:]]:
+        collected.add(item, used[0])
+    expected = by_hand(white[:12], used[:12]) + by_hand(white[12:], used[12:])
+    found = collected.scores()
+    np.testing.assert_allclose(found.lags, expected, rtol=1e-12, atol=1e-12)
+    assert found.per_step[0, 12] == 0
+
+
+def test_the_table_agrees_with_the_whiteness_at_lag_one(run_tiny: Run):
+    result = run_tiny("monte_carlo.runs=6")
+    table = result.tables["autocorrelation"].to_pylist()
+    tracker = next(entry for entry in result.summary["trackers"] if entry["name"] == "ekf")
+    for sensor, whiteness in tracker["metrics"]["whiteness"].items():
+        rows = {row["lag"]: row for row in table if row["sensor"] == sensor}
+        assert rows[0]["correlation"] == pytest.approx(1)
+        assert rows[1]["correlation"] == pytest.approx(whiteness["value"], rel=1e-12)
+        assert [rows[1]["low"], rows[1]["high"]] == pytest.approx(whiteness["bounds95"])
+    assert {row["tracker"] for row in table} == {"ekf"}
