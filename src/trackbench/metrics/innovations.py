@@ -19,8 +19,9 @@ class Innovations:
     def __init__(self, readings: int, objects: int, runs: int, chunk: int) -> None:
         """``readings``: how many the sensor takes. ``chunk``: how many of them are summed at a time."""
         self._shape = objects, runs
-        self._chunk = chunk
-        self._rows = chunk * (1 + -(-LAGS // chunk))
+        # The products of a chunk with the ring grow with its square.
+        self._chunk = min(chunk, LAGS)
+        self._rows = self._chunk * (1 + -(-LAGS // self._chunk))
         self._per_step = np.zeros((len(NIS_STEP_FIELDS), readings))
         self._per_run = np.zeros((len(NIS_RUN_FIELDS), runs))
         self._pairs = np.zeros((len(LAG_FIELDS), self._rows, self._rows))
