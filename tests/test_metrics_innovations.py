@@ -38,16 +38,17 @@ def test_every_lag_has_the_sums_of_all_pairs(chunk, share):
     np.testing.assert_allclose(found.per_run[:2].sum(axis=1), expected[[0, 2], 0], rtol=1e-12)
 
 
-def test_a_reading_without_an_innovation_begins_anew():
+def test_a_reading_without_an_innovation_counts_in_no_pair():
     random = np.random.default_rng(4)
-    white, used = random.normal(size=(30, 2, 4)), np.ones((30, 4), dtype=bool)
+    white, used = random.normal(size=(31, 2, 4)), np.ones((31, 4), dtype=bool)
+    missing = [0, 1, 12]
+    used[missing] = False
     collected = Innovations(31, objects=1, runs=4, chunk=7)
-    for item in [*white[:12], None, *white[12:]]:
-        collected.add(item, used[0])
-    expected = by_hand(white[:12], used[:12]) + by_hand(white[12:], used[12:])
+    for k, item in enumerate(white):
+        collected.add(None if k in missing else item, np.ones(4, dtype=bool))
     found = collected.scores()
-    np.testing.assert_allclose(found.lags, expected, rtol=1e-12, atol=1e-12)
-    assert found.per_step[0, 12] == 0
+    np.testing.assert_allclose(found.lags, by_hand(white, used), rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(found.per_step[0] == 0), missing)
 
 
 def test_the_table_agrees_with_the_whiteness_at_lag_one(run_tiny: Run):

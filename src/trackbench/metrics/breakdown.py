@@ -61,6 +61,8 @@ def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
 
 def breakdown(sums: ClassSums) -> Json:
     """The ``breakdown`` of one tracker, as it goes into the result; what did not occur is left out."""
+    if not sums.total[0, 0]:
+        return {"all": {"count": 0, "runs": 0}, "manoeuvre": {}, "range": {}}
     manoeuvres = {name: _MANOEUVRE + i for i, name in enumerate(MANOEUVRES)}
     return {
         "all": _entry(sums, 0),

@@ -34,17 +34,13 @@ class Innovations:
 
         ``used`` ``(lanes,)``: which of them count.
         """
-        if white is None:
-            self.flush()
-            self._reading += 1
-            self._white = None
-            return
         if self._white is None:
+            if white is None:
+                self._reading += 1
+                return
             self._white = np.zeros((self._rows, *white.shape))
-            self._used[:] = False
-            self._row = 0
-        self._white[self._row + self._filled] = white
-        self._used[self._row + self._filled] = used
+        self._white[self._row + self._filled] = 0.0 if white is None else white
+        self._used[self._row + self._filled] = used & (white is not None)
         self._filled += 1
         if self._filled == self._chunk:
             self.flush()

@@ -72,9 +72,11 @@ def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) 
     moments = [_worst_moment(where(tables["estimates"], tracker=look.name)) for look in drawn]
     limits = _limits([track.error for of in tracks for track in of])
     panels = max(1, len(drawn))
+    beside = box.height > box.width
 
     def paint(figure: Figure) -> None:
-        every = list(figure.subplots(panels, 1, sharex=True, sharey=True, squeeze=False).flat)
+        rows, columns = (1, panels) if beside else (panels, 1)
+        every = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
         for i, axes in enumerate(every):
             axes.grid(visible=False)
             _surroundings(axes, tables["roads"], observer, targets)
@@ -92,7 +94,8 @@ def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) 
                 axes.set_aspect("equal")
         every[-1].set_xlabel("x, m")
 
-    height = 150.0 if box.stretched else min(_TALLEST, 30 + (WIDTH - 50) * box.height / box.width)
+    across = WIDTH / panels if beside else WIDTH
+    height = 150.0 if box.stretched else min(_TALLEST, 30 + (across - 50) * box.height / box.width)
     worst = "; ".join(f"{look.name}: {_say(moment)}" for look, moment in zip(drawn, moments, strict=True) if moment)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
@@ -104,12 +107,12 @@ def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) 
     if drawn:
         caption += (
             "Colour and width are the position error of the best"
-            + (" and, below, of the last ranked tracker" if len(drawn) > 1 else " tracker")
+            + (" and, beside or below it, of the last ranked tracker" if len(drawn) > 1 else " tracker")
             + f"; the ring is where it was largest ({worst}). The recording shows all trackers. "
         )
     if box.stretched:
         caption += "The scene is stretched across: the axes differ in scale."
-    svg = in_page(draw(paint, 30 + panels * height), "map", alternative, {})
+    svg = in_page(draw(paint, 30 + (height if beside else panels * height)), "map", alternative, {})
     return Picture("map", "From above, coloured by error", caption.strip(), alternative, svg, _legend(limits))
 
 
