@@ -189,8 +189,8 @@ def test_lists(cli: Cli, tiny: Path) -> None:
     (tiny.parent / "scenarios").mkdir()
     tiny.rename(tiny.parent / "scenarios" / "tiny.yaml")
     (tiny.parent / "scenarios" / "broken.yaml").write_text("name: [", encoding="utf-8")
-    broken, good = cli("list", "scenarios").out.splitlines()
-    assert broken.startswith("scenarios/broken.yaml  cannot be read: scenarios/broken.yaml:1")
+    *broken, good = cli("list", "scenarios").out.splitlines()
+    assert broken[0].startswith("scenarios/broken.yaml  cannot be read: scenarios/broken.yaml:1")
     assert good.split(maxsplit=1) == ["scenarios/tiny.yaml", "Two cars before a radar and a lidar"]
 
 
@@ -198,17 +198,6 @@ def test_check_and_schema(cli: Cli, tiny: Path) -> None:
     assert cli("check", "tiny.yaml").out == "tiny.yaml: ok\n"
     assert json.loads(cli("schema").out)["properties"]["name"]
     assert not (tiny.parent / "results").exists()
-
-
-@pytest.mark.parametrize("command", [[], ["run"], ["compare"], ["list"], ["check"], ["schema"]])
-@pytest.mark.parametrize("columns", ["80", "100"])
-def test_help_fits_a_terminal(cli: Cli, monkeypatch: pytest.MonkeyPatch, command: list[str], columns: str) -> None:
-    monkeypatch.setenv("COLUMNS", columns)
-    lines = cli(*command, "--help").out.splitlines()
-    assert lines[0].startswith(" ".join(["Usage: trackbench", *command]))
-    assert len(lines) <= 24
-    assert max(map(len, lines)) <= int(columns)
-    assert not any(line.endswith("...") for line in lines[1:]), "a text is cut off"
 
 
 @pytest.mark.skipif(shutil.which("script") is None, reason="nothing here gives a command a terminal")

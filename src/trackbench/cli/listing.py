@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -11,14 +12,16 @@ from trackbench.errors import InputError
 
 Row = tuple[str, str]
 
+#: Where scenarios are looked for by name.
+FOLDER = Path("scenarios")
+
 
 def _scenarios() -> Iterable[Row]:
     from trackbench.scenario import load_scenario
 
-    folder = Path("scenarios")
-    if not folder.is_dir():
-        raise InputError("no folder scenarios/ in the working directory")
-    for file in sorted(folder.rglob("*.y*ml")):
+    if not FOLDER.is_dir():
+        raise InputError(f"no folder {FOLDER}/ in the working directory")
+    for file in sorted(FOLDER.rglob("*.y*ml")):
         try:
             yield str(file), load_scenario(file).config.description
         except InputError as error:
@@ -96,7 +99,6 @@ def list_command(what: str) -> None:
     Example:
       trackbench list motion-models
     """
-    rows = list(LISTS[what]())
-    width = max((len(name) for name, _ in rows), default=0)
-    for name, text in rows:
-        click.echo(f"{name:<{width}}  {text}".rstrip())
+    table = click.HelpFormatter(width=shutil.get_terminal_size().columns)
+    table.write_dl(LISTS[what]())
+    click.echo(table.getvalue(), nl=False)

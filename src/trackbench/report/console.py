@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from trackbench.report.numbers import NOT_AVAILABLE, Metric, decimals, fixed, half_width
@@ -17,6 +17,9 @@ from trackbench.results import RunResult
 from trackbench.words import counted
 
 _STYLE = {"good": "green", "warn": "yellow", "bad": "bold red", "": "dim"}
+#: From here on a number is written with its power of ten.
+_HUGE = 1e4
+_MOST_LETTERS = 12
 
 
 def print_summary(result: RunResult, console: Console) -> None:
@@ -25,16 +28,34 @@ def print_summary(result: RunResult, console: Console) -> None:
     trackers = scored(summary)
     console.print(_title(summary), highlight=False)
     if trackers:
-        console.print(_ranked(summary, trackers))
+        for row in _ranked(summary, trackers, console.width):
+            console.print(row, highlight=False, soft_wrap=True)
         for note in _notes(summary, trackers):
             console.print(Text(note, style="dim"), highlight=False)
+    _print_failed_trackers(summary, console)
+    if summary["expectations"]:
+        console.print(Text(expectations_met(summary["expectations"])), style="bold", highlight=False)
+        _print_missed(summary, console)
+
+
+def print_outcome(result: RunResult, console: Console) -> None:
+    """One line, and what failed."""
+    summary = result.summary
+    outcome = f"{summary['scenario']['name']}: {expectations_met(summary['expectations'])}"
+    console.print(Text(outcome), highlight=False)
+    _print_failed_trackers(summary, console)
+    _print_missed(summary, console)
+
+
+def _print_failed_trackers(summary: Mapping[str, Any], console: Console) -> None:
     for tracker in unscored(summary):
         label = ("FAILED ", _STYLE["bad"]) if tracker["failed"] else ("NO SCORE ", _STYLE["warn"])
         console.print(Text.assemble(label, f"{tracker['name']}: {failure(tracker)}"), highlight=False)
-    if summary["expectations"]:
-        console.print(Text(expectations_met(summary["expectations"])), style="bold", highlight=False)
-        for missed in (item for item in summary["expectations"] if not item["passed"]):
-            console.print(_missed(missed), highlight=False)
+
+
+def _print_missed(summary: Mapping[str, Any], console: Console) -> None:
+    for missed in (item for item in summary["expectations"] if not item["passed"]):
+        console.print(_missed(missed), highlight=False)
 
 
 def _title(summary: Mapping[str, Any]) -> Text:
@@ -45,45 +66,72 @@ def _title(summary: Mapping[str, Any]) -> Text:
     )
 
 
-def _ranked(summary: Mapping[str, Any], trackers: Sequence[Tracker]) -> Table:
-    alike = letters([tracker["name"] for tracker in trackers], Differences(summary["differences"]))
-    positions = _column(trackers, "position_rmse")
-    velocities = _column(trackers, "velocity_rmse")
-    efficiencies = _column(trackers, "position_efficiency")
-    costs = _column(trackers, "step_time", 2)
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim")
-    table.add_column("tracker", overflow="fold")
-    table.add_column("position m", justify="right", no_wrap=True)
-    table.add_column("alike", no_wrap=True)
-    table.add_column("vel. m/s", justify="right", no_wrap=True)
-    table.add_column("/bound", justify="right", no_wrap=True)
-    table.add_column("NEES", no_wrap=True)
-    table.add_column("lost", justify="right", no_wrap=True)
-    table.add_column("µs/step", justify="right", no_wrap=True)
-    for i, tracker in enumerate(trackers):
-        table.add_row(
-            Text(tracker["name"], style="bold"),
-            positions[i],
-            alike[tracker["name"]],
-            velocities[i],
-            efficiencies[i],
-            _nees(tracker["metrics"]["nees"]),
-            _lost(tracker["health"]["diverged_runs"]),
-            costs[i],
-        )
-    return table
+@dataclass(frozen=True)
+class _Column:
+    heading: str
+    cells: list[Text]
+    right: bool = True
+
+    @property
+    def width(self) -> int:
+        return max(len(self.heading), *(cell.cell_len for cell in self.cells))
+
+    def shown(self, text: Text) -> Text:
+        filled = text.copy()
+        filled.align("right" if self.right else "left", self.width)
+        return filled
 
 
-def _column(trackers: Sequence[Tracker], name: str, significant: int = 3) -> list[str]:
+def _ranked(summary: Mapping[str, Any], trackers: Sequence[Tracker], width: int) -> list[Text]:
+    """The table, line by line; a name that its column has no room for stands on a line of its own."""
+    health = [tracker["health"]["diverged_runs"] for tracker in trackers]
+    alike = _alike(summary, trackers)
+    columns = [
+        _Column("position m", _values(trackers, "position_rmse")),
+        *([_Column("alike", [Text(group) for group in alike], right=False)] if alike else []),
+        _Column("vel. m/s", _values(trackers, "velocity_rmse")),
+        _Column("/bound", _values(trackers, "position_efficiency")),
+        _Column("NEES", [_nees(tracker["metrics"]["nees"]) for tracker in trackers], right=False),
+        _Column("lost", [Text(str(runs), style=_STYLE["bad"] if runs else "") for runs in health]),
+        _Column("µs/step", _values(trackers, "step_time", 2)),
+    ]
+    room = width - sum(1 + column.width for column in columns)
+    names = [Text(tracker["name"], style="bold") for tracker in trackers]
+    first = _Column("tracker", [name for name in names if len(name) <= room] or [Text()], right=False)
+    rows = [_row([first, *columns], [Text(column.heading, style="dim") for column in (first, *columns)])]
+    for i, name in enumerate(names):
+        fits = len(name) <= room
+        rows += [] if fits else [name]
+        rows.append(_row([first, *columns], [name if fits else Text(), *(column.cells[i] for column in columns)]))
+    return rows
+
+
+def _row(columns: Sequence[_Column], cells: Sequence[Text]) -> Text:
+    row = Text(" ").join(column.shown(cell) for column, cell in zip(columns, cells, strict=True))
+    row.rstrip()
+    return row
+
+
+def _alike(summary: Mapping[str, Any], trackers: Sequence[Tracker]) -> list[str]:
+    """The letters of each tracker; nothing where there are so many that they say nothing at a glance."""
+    found = letters([tracker["name"] for tracker in trackers], Differences(summary["differences"]))
+    return list(found.values()) if max(map(len, found.values())) <= _MOST_LETTERS else []
+
+
+def _values(trackers: Sequence[Tracker], name: str, significant: int = 3) -> list[Text]:
     """One metric down the column; only the position has room for its interval."""
     metrics = [tracker["metrics"][name] for tracker in trackers]
     places = decimals([metric["value"] for metric in metrics], significant)
-    return [fixed(m["value"], places) + (_half_width(m, places) if name == "position_rmse" else "") for m in metrics]
+    return [Text(_short(m["value"], places) + (_spread(m, places) if name == "position_rmse" else "")) for m in metrics]
 
 
-def _half_width(metric: Metric, places: int) -> str:
+def _short(value: float | None, places: int) -> str:
+    return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
+
+
+def _spread(metric: Metric, places: int) -> str:
     width = half_width(metric)
-    return "" if width is None else f" ±{fixed(width, places)}"
+    return "" if width is None else f" ±{_short(width, places)}"
 
 
 def _nees(nees: Mapping[str, Any]) -> Text:
@@ -93,14 +141,12 @@ def _nees(nees: Mapping[str, Any]) -> Text:
     return Text.assemble(f"{mean:>5} ", (nees["verdict"], _STYLE[TONE[nees["verdict"]]]))
 
 
-def _lost(runs: int) -> Text:
-    return Text(str(runs), style=_STYLE["bad"] if runs else "")
-
-
 def _notes(summary: Mapping[str, Any], trackers: Sequence[Tracker]) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     notes = [f"±: 95 %; /bound: over the Cramér-Rao bound; lost: diverged runs of {summary['runs']}"]
-    if len(trackers) > 1:
+    if not _alike(summary, trackers):
+        notes.append("alike: too many groups for this table; report.html has them")
+    elif len(trackers) > 1:
         notes.append("alike: no difference in position was shown between those that share a letter")
     if summary["runs"] == 1:
         notes.append("one run gives no interval and shows no difference")
