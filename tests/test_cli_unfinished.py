@@ -65,7 +65,7 @@ def test_ctrl_c_and_kill(
     if number == signal.SIGKILL:
         assert (process.returncode, err) == (-signal.SIGKILL, "")
     else:
-        assert (process.returncode, err) == (130, "\ninterrupted: the unfinished run was not kept\n")
+        assert (process.returncode, err) == (130, "interrupted: the unfinished run was not kept\n")
     assert {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()} == before
     assert [path.name for path in (tmp_path / "results").iterdir()] == ["tiny"]
     limit = time.monotonic() + 20

@@ -8,7 +8,7 @@ import pytest
 
 from trackbench.truth import Draw, LoadedTruth, cache, highway, load_truth
 from trackbench.truth.config import HighwayTruth
-from trackbench.types import Truth
+from trackbench.types import Progress, Truth
 
 CONFIG = HighwayTruth(source="highway-env", env="u-turn-v1", seed=1, duration_s=1, rate_hz=10)
 
@@ -29,9 +29,9 @@ def simulations(monkeypatch: pytest.MonkeyPatch) -> list[HighwayTruth]:
     done: list[HighwayTruth] = []
     simulate = highway.simulate
 
-    def counted(config: HighwayTruth) -> Truth:
+    def counted(config: HighwayTruth, progress: Progress) -> Truth:
         done.append(config)
-        return simulate(config)
+        return simulate(config, progress)
 
     monkeypatch.setattr(highway, "simulate", counted)
     return done

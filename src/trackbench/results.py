@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import shutil
 import tempfile
@@ -19,6 +20,8 @@ from trackbench.errors import InputError, TrackbenchError
 
 SCHEMA_VERSION = 1
 SUMMARY = "result.json"
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,13 @@ def save(result: RunResult, folder: Path, artifacts: Mapping[str, Callable[[Path
             pq.write_table(table, temporary / f"{name}.parquet", compression="zstd")
         for name, write in artifacts.items():
             write(temporary / name)
+        written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
         _put(temporary, folder)
     except OSError as error:
         raise TrackbenchError(f"cannot write {folder}: {error.strerror or error}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+    log.info("wrote %s/: %s", folder, ", ".join(written))
 
 
 def table_files(result: RunResult) -> list[str]:
@@ -129,6 +134,7 @@ def write_text(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_text(text, encoding="utf-8")
         os.replace(temporary, path)
+        log.info("wrote %s", path)
     except OSError as error:
         raise TrackbenchError(f"cannot write {path}: {error.strerror or error}") from error
     finally:

@@ -7,6 +7,7 @@ SI units and radians throughout; angles are counter-clockwise.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -16,6 +17,13 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
+#: Called, often, with how much of some work is done and how much there is.
+Progress = Callable[[float, float], None]
+
+
+def untold(done: float, total: float) -> None:
+    """The progress of work that nobody waits for."""
+
 
 #: The space in which trackers of different state are compared, in the fixed frame.
 COMMON_STATE = ("px", "py", "vx", "vy")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from typing import Any
 
 import click
 
 from trackbench import __version__
 from trackbench.cli.compare import compare_command
+from trackbench.cli.completion import completion_command
 from trackbench.cli.listing import list_command
 from trackbench.cli.run import run_command
 from trackbench.cli.serve import INTERRUPTED, serve_command
@@ -21,7 +23,17 @@ BAD_INPUT = 2
 UNREAD = 141
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class Commands(click.Group):
+    """The commands; one that is interrupted says so in one line, before which Click would print an empty one."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.exceptions.Exit(_interrupted()) from None
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="trackbench")
 def cli() -> None:
     """Run vehicle trackers on the same truth and the same noise, and say which is better and by how much.
@@ -32,7 +44,15 @@ def cli() -> None:
     """
 
 
-for _command in (run_command, compare_command, list_command, check_command, schema_command, serve_command):
+for _command in (
+    run_command,
+    compare_command,
+    list_command,
+    check_command,
+    schema_command,
+    serve_command,
+    completion_command,
+):
     cli.add_command(_command)
 
 
@@ -44,8 +64,6 @@ def main() -> None:
         status = cli.main(prog_name="trackbench", standalone_mode=False)
     except click.exceptions.Exit as stop:
         status = stop.exit_code
-    except click.Abort:
-        status = _interrupted()
     except click.ClickException as error:
         error.show()
         status = BAD_INPUT
@@ -55,15 +73,24 @@ def main() -> None:
     except TrackbenchError as error:
         click.echo(f"trackbench: {error}", err=True)
         status = BAD_INPUT
-    except KeyboardInterrupt:
+    except (click.Abort, KeyboardInterrupt):
         status = _interrupted()
-    except (BrokenPipeError, SystemExit):
-        # Click and Rich turn a broken pipe into an exit with status 1. What is still buffered goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = UNREAD
+    except BrokenPipeError:
+        status = _unread()
+    except SystemExit as end:
+        # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
+        status = _unread() if end.code else 0
     sys.exit(status if isinstance(status, int) else 0)
 
 
+def _unread() -> int:
+    """What is still buffered goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return UNREAD
+
+
 def _interrupted() -> int:
-    click.echo("interrupted: the unfinished run was not kept", err=True)
+    # The terminal has shown the key as ^C at the start of the line, and gets written over it.
+    start = "\r" if sys.stderr.isatty() else ""
+    click.echo(f"{start}interrupted: the unfinished run was not kept", err=True)
     return INTERRUPTED

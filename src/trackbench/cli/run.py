@@ -6,8 +6,8 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,9 +15,11 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from trackbench import results
+from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
+from trackbench.cli.progress import Advance, progress
+from trackbench.cli.volume import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
 from trackbench.results import RunResult
 from trackbench.scenario import LoadedScenario, load_scenario
@@ -41,8 +43,27 @@ class Prepared:
     """What reproduces the result of the scenario with as many runs as were made in the end."""
 
 
+@dataclass(frozen=True)
+class Talk:
+    """What a run says, and where: the result to stdout unless that is JSON."""
+
+    console: Console
+    as_json: bool
+    quiet: bool
+
+
+Writer = Callable[[Path], None]
+
+
 @click.command("run")
-@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SCENARIO.yaml...")
+@click.argument(
+    "scenarios",
+    nargs=-1,
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="SCENARIO.yaml...",
+    shell_complete=scenario_paths,
+)
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
 @click.option(
     "--runs-until",
@@ -52,7 +73,9 @@ class Prepared:
 )
 @click.option("--max-runs", type=click.IntRange(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
-@click.option("--trackers", metavar="A,B", help="Only these of the scenario's trackers.")
+@click.option(
+    "--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Only these of the scenario's trackers."
+)
 @click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
     "--out",
@@ -66,6 +89,8 @@ class Prepared:
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
+@quiet_option("One line a scenario, and what failed.")
+@verbose_option
 def run_command(
     scenarios: tuple[Path, ...],
     runs: int | None,
@@ -79,6 +104,7 @@ def run_command(
     no_recording: bool,
     junit: Path | None,
     as_json: bool,
+    quiet: bool,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
     A folder stands for the scenarios in it; several are also compared.
@@ -106,14 +132,20 @@ def run_command(
     results.require_writable(out)
     if junit is not None:
         results.require_file(junit, "--junit")
-    prepared = [prepare(file, overrides, chosen, precision) for file in files]
+    prepared = [
+        prepare(file, overrides, chosen, precision, of=_place(i, files), quiet=quiet)
+        for i, file in enumerate(files, start=1)
+    ]
     _require_distinct(prepared)
     for item in prepared:
         results.require_replaceable(out / item.loaded.config.name)
-    console = Console(stderr=as_json, width=None)
-    found = [_run(item, precision, out, workers, no_recording, console, as_json) for item in prepared]
+    talk = Talk(Console(), as_json, quiet)
+    found = [
+        _run(item, precision, out, workers, no_recording, talk, _place(i, files))
+        for i, item in enumerate(prepared, start=1)
+    ]
     if len(found) > 1:
-        _compare(found, out, console, as_json)
+        _compare(found, out, talk)
     if junit is not None:
         _write_junit(found, junit)
     if as_json:
@@ -135,7 +167,13 @@ def scenario_files(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def prepare(
-    file: Path, overrides: Sequence[str], chosen: Sequence[str] | None, precision: tuple[float, int] | None = None
+    file: Path,
+    overrides: Sequence[str],
+    chosen: Sequence[str] | None,
+    precision: tuple[float, int] | None = None,
+    *,
+    of: str = "",
+    quiet: bool = False,
 ) -> Prepared:
     """Read, check and simulate what a scenario needs before any tracker runs.
 
@@ -144,6 +182,8 @@ def prepare(
         overrides: ``key.path=value`` each.
         chosen: names of the trackers to run; all unless given.
         precision: the share and the largest number of runs, where the precision decides on their number.
+        of: which of several scenarios this is, as the progress shows it.
+        quiet: show no progress.
     """
     loaded = load_scenario(file, overrides)
     if precision is not None:
@@ -155,7 +195,8 @@ def prepare(
     if precision is not None and len(loaded.config.trackers) < 2:
         raise InputError("needs two trackers, whose difference it is about", file=file, key="--runs-until")
     check_plugins(loaded)
-    truth = truth_of(loaded)
+    with progress(f"{of}truth of {loaded.config.name}", "steps", quiet=quiet) as advance:
+        truth = truth_of(loaded, advance)
     for note in truth.notes:
         click.echo(note, err=True)
     only = [] if chosen is None else ["--trackers", ",".join(chosen)]
@@ -172,6 +213,10 @@ def status(summaries: Sequence[dict[str, Any]]) -> int:
     if any(tracker["failed"] for summary in summaries for tracker in summary["trackers"]):
         return FAILED_TRACKER
     return 0 if all(summary["passed"] for summary in summaries) else FAILED_EXPECTATION
+
+
+def _place(number: int, files: Sequence[Path]) -> str:
+    return f"{number} of {len(files)}: " if len(files) > 1 else ""
 
 
 def _only(loaded: LoadedScenario, chosen: Sequence[str]) -> LoadedScenario:
@@ -207,39 +252,54 @@ def _run(
     out: Path,
     workers: int,
     no_recording: bool,
-    console: Console,
-    quiet: bool,
+    talk: Talk,
+    of: str,
 ) -> RunResult:
     from trackbench import recording
     from trackbench.report import html, markdown
-    from trackbench.report.console import print_summary
+    from trackbench.report.console import print_outcome, print_summary
     from trackbench.runner.run import run
     from trackbench.runner.until import run_until
 
     name = item.loaded.config.name
     # What a tracker prints is no part of the result.
-    with redirect_stdout(sys.stderr), _bar(name) as progress:
+    with redirect_stdout(sys.stderr), progress(f"{of}{name}", "runs", quiet=talk.quiet) as advance:
         if precision is None:
-            result = run(item.loaded, item.truth, workers=workers, command=item.command(item.loaded), progress=progress)
+            result = run(item.loaded, item.truth, workers=workers, command=item.command(item.loaded), progress=advance)
         else:
             result = run_until(
-                item.loaded, item.truth, *precision, workers=workers, command=item.command, progress=progress
+                item.loaded, item.truth, *precision, workers=workers, command=item.command, progress=advance
             )
     folder = out / name
-    artifacts = {
+    artifacts: dict[str, Writer] = {
         "report.html": partial(_write_report, html.render, result),
         "report.md": partial(_write_report, markdown.render, result),
     }
     if not no_recording:
         artifacts["recording.rrd"] = partial(recording.write, result)
     files = (*artifacts, *results.table_files(result))
-    result.summary["artifacts"] = {"markdown" if name == "report.md" else Path(name).stem: name for name in files}
-    results.save(result, folder, artifacts)
-    if not quiet:
-        print_summary(result, console)
-        shown = ", ".join([results.SUMMARY, *artifacts])
-        console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
+    result.summary["artifacts"] = {"markdown" if file == "report.md" else Path(file).stem: file for file in files}
+    with progress(f"{of}writing {name}", "files", quiet=talk.quiet) as advance:
+        results.save(result, folder, _counted(artifacts, advance))
+    if talk.as_json:
+        return result
+    if talk.quiet:
+        print_outcome(result, talk.console)
+        return result
+    print_summary(result, talk.console)
+    shown = ", ".join([results.SUMMARY, *artifacts])
+    talk.console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
     return result
+
+
+def _counted(artifacts: Mapping[str, Writer], advance: Advance) -> dict[str, Writer]:
+    """The same writers, each of which says which of them it is."""
+
+    def write(number: int, writer: Writer, path: Path) -> None:
+        advance(number, len(artifacts))
+        writer(path)
+
+    return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
 
 
 def _write_junit(found: Sequence[RunResult], path: Path) -> None:
@@ -252,7 +312,7 @@ def _write_report(render: Any, result: RunResult, path: Path) -> None:
     path.write_text(render(result), encoding="utf-8")
 
 
-def _compare(found: list[RunResult], out: Path, console: Console, quiet: bool) -> None:
+def _compare(found: list[RunResult], out: Path, talk: Talk) -> None:
     from trackbench.report import comparison
 
     compared = comparison.compare(found)
@@ -261,21 +321,6 @@ def _compare(found: list[RunResult], out: Path, console: Console, quiet: bool) -
     results.write_text(out / "comparison.json", results.to_json(compared.json()))
     for name, svg in compared.figures().items():
         results.write_text(out / name, svg)
-    if not quiet:
-        console.print(f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}", highlight=False, soft_wrap=True)
-
-
-@contextmanager
-def _bar(name: str) -> Iterator[Any]:
-    """A progress bar on stderr, if that is a terminal."""
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("runs"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(name, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    if not talk.as_json and not talk.quiet:
+        line = f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}"
+        talk.console.print(line, highlight=False, soft_wrap=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import signal
-import sys
 from pathlib import Path
 
 import click
 
+from trackbench.cli.completion import served_trackers
+from trackbench.cli.volume import log_to_stderr
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
 
@@ -18,26 +19,36 @@ INTERRUPTED = 130
 
 @click.group("serve")
 def serve_command() -> None:
-    """Let a simulator drive a tracker of a scenario, live."""
+    """Let a simulator drive a tracker of a scenario, live.
+
+    \b
+    Example:
+      trackbench serve udacity --tracker scenarios/scripted/figure_eight.yaml#ekf
+    """
 
 
 @serve_command.command("udacity")
 @click.option(
-    "--tracker", required=True, metavar="SCENARIO.yaml#NAME", help="A tracker of a scenario, whose sensors it reads."
+    "--tracker",
+    required=True,
+    metavar="SCENARIO.yaml#NAME",
+    shell_complete=served_trackers,
+    help="A tracker of a scenario, whose sensors it reads.",
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=4567, show_default=True, help="0 for any that is free.")
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
 )
 @click.option("-v", "--verbose", is_flag=True, help="Log every frame that is no event, too.")
-def udacity_command(tracker: str, port: int, host: str, verbose: bool) -> None:
+@click.pass_context
+def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, verbose: bool) -> None:
     """Speak the protocol of the Udacity term-2 simulator, until Ctrl-C.
 
     Each client has its own tracker, which starts afresh when it connects again or restarts its data set.
 
     \b
     Example:
-      trackbench serve udacity --port 4567 --tracker scenarios/scripted/figure_eight.yaml#ekf
+      trackbench serve udacity --tracker scenarios/scripted/figure_eight.yaml#ekf
     """
     path, hash_sign, name = tracker.rpartition("#")
     if not hash_sign or not path or not name:
@@ -52,7 +63,7 @@ def udacity_command(tracker: str, port: int, host: str, verbose: bool) -> None:
     from trackbench.serve.session import served
 
     found = served(load_scenario(Path(path)), name)
-    _log_to_stderr(verbose)
+    _log(ctx, verbose)
     for kind in {"lidar", "radar"} - set(found.sensors):
         click.echo(f"{path} has no {kind}: such readings are passed over", err=True)
 
@@ -75,11 +86,8 @@ class OneLine(logging.Formatter):
         return " ".join(text.split())
 
 
-def _log_to_stderr(verbose: bool) -> None:
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(OneLine("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S"))
-    logger = logging.getLogger("trackbench.serve")
-    logger.addHandler(handler)
-    logger.setLevel(logging.DEBUG if verbose else logging.INFO)
+def _log(ctx: click.Context, verbose: bool) -> None:
+    formatter = OneLine("%(asctime)s %(levelname)s %(message)s", "%H:%M:%S")
+    log_to_stderr(ctx, "trackbench.serve", formatter, logging.DEBUG if verbose else logging.INFO)
     # The library tells every step of a connection at the level of information.
     logging.getLogger("trackbench.serve.server.websockets").setLevel(logging.WARNING)

@@ -7,15 +7,25 @@ from pathlib import Path
 
 import click
 
+from trackbench.cli.completion import scenario_paths
 from trackbench.cli.run import scenario_files
+from trackbench.cli.volume import quiet_option
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
 
 
 @click.command("check")
-@click.argument("scenarios", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="SCENARIO.yaml...")
-def check_command(scenarios: tuple[Path, ...]) -> None:
+@click.argument(
+    "scenarios",
+    nargs=-1,
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="SCENARIO.yaml...",
+    shell_complete=scenario_paths,
+)
+@quiet_option("Only say what is wrong.")
+def check_command(scenarios: tuple[Path, ...], quiet: bool) -> None:
     """Validate scenario files without running them.
 
     \b
@@ -25,6 +35,8 @@ def check_command(scenarios: tuple[Path, ...]) -> None:
     for file in scenario_files(scenarios):
         loaded = load_scenario(file)
         check(loaded)
+        if quiet:
+            continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
         click.echo(f"{file}: ok{f' ({sweeps})' if sweeps else ''}")
 

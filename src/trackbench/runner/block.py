@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -21,7 +21,7 @@ from trackbench.sensing.readings import IdealSensor, Readings, sense
 from trackbench.streams import stream
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Scan, Truth
+from trackbench.types import Array, Estimate, Progress, Scan, Truth, untold
 
 #: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
 LANES = 2000
@@ -91,16 +91,26 @@ class Block:
     digests: list[bytes]
 
 
-def run_block(work: Work, runs: range) -> Block:
-    """Synthesise the readings of some runs and take every tracker through them."""
+def run_block(work: Work, runs: range, progress: Progress = untold) -> Block:
+    """Synthesise the readings of some runs and take every tracker through them.
+
+    Args:
+        work: what all blocks share.
+        runs: those of this block.
+        progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
+    """
     keep_freed_memory()
     readings = sense(work.sensors, work.seed, work.scenario, runs)
     target = _target(work, readings, runs)
     shown = work.shown_run - runs.start if work.shown_run in runs else None
     scores: dict[str, Scores | Failure] = {}
     traces: dict[str, Trace] = {}
-    for name, config in work.trackers.items():
-        passage = _Passage(work, runs, readings, target, shown)
+    for done, (name, config) in enumerate(work.trackers.items()):
+
+        def reached(share: float, done: int = done) -> None:
+            progress((done + share) / len(work.trackers) * len(runs), len(runs))
+
+        passage = _Passage(work, runs, readings, target, shown, reached)
         scores[name] = passage.take(config)
         if passage.trace is not None:
             traces[name] = passage.trace
@@ -111,7 +121,16 @@ def run_block(work: Work, runs: range) -> Block:
 class _Passage:
     """One tracker's way through the readings of a block."""
 
-    def __init__(self, work: Work, runs: range, readings: Readings, target: Target, shown: int | None) -> None:
+    def __init__(
+        self,
+        work: Work,
+        runs: range,
+        readings: Readings,
+        target: Target,
+        shown: int | None,
+        reached: Callable[[float], None],
+    ) -> None:
+        self._reached = reached
         self._work = work
         self._runs = runs
         self._readings = readings
@@ -148,6 +167,7 @@ class _Passage:
                     self._keep_nis(given, latest)
                 scorer.estimate(latest)
                 self._keep(instant, latest)
+                self._reached((instant + 1) / len(self._target.time))
             scores = scorer.scores(seconds, steps)
         except Fault as fault:
             return self._failure(fault.cause, fault.instant, None, fault.lane)

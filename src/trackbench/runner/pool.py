@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,24 +14,33 @@ from multiprocessing.connection import Connection, wait
 
 from trackbench.errors import TrackbenchError
 from trackbench.runner.block import Block, Work, run_block
+from trackbench.types import Progress, untold
 
+#: Least time between two words on how far a block is, s.
+INTERVAL = 0.1
 DIED = "a worker process died; --workers 1 may show what it died of"
 
 
-def run_blocks(work: Work, workers: int, done: int = 0) -> Iterator[Block]:
+def run_blocks(work: Work, workers: int, progress: Progress = untold, at_hand: int = 0) -> Iterator[Block]:
     """The blocks in their order, however many processes make them.
 
     Args:
         work: what is the same for all of them.
         workers: number of processes.
-        done: how many of the first ones are at hand already.
+        progress: called with the number of runs done and of all.
+        at_hand: how many of the first ones there are already.
 
     Raises:
         TrackbenchError: a process died.
     """
-    pieces = work.blocks()[done:]
+    pieces = work.blocks()[at_hand:]
     if workers == 1 or len(pieces) == 1:
-        yield from (run_block(work, runs) for runs in pieces)
+        for runs in pieces:
+
+            def reached(done: float, _: float, before: int = runs.start) -> None:
+                progress(before + done, work.runs)
+
+            yield run_block(work, runs, _now_and_then(reached))
         return
     # Not concurrent.futures: after one of its workers is killed within an answer, it waits for the rest for ever. Here
     # each worker has a pipe of its own, so that the end of either process is seen by the other.
@@ -47,7 +57,7 @@ def run_blocks(work: Work, workers: int, done: int = 0) -> Iterator[Block]:
                 pipes.append(ours)
         for pipe in pipes:
             pipe.send(work)
-        yield from _share_out(pieces, pipes)
+        yield from _share_out(pieces, pipes, progress)
     except (EOFError, OSError) as error:
         raise TrackbenchError(DIED) from error
     finally:
@@ -57,11 +67,12 @@ def run_blocks(work: Work, workers: int, done: int = 0) -> Iterator[Block]:
             process.join()
 
 
-def _share_out(pieces: Sequence[range], pipes: Sequence[Connection]) -> Iterator[Block]:
+def _share_out(pieces: Sequence[range], pipes: Sequence[Connection], progress: Progress) -> Iterator[Block]:
     """A piece for every worker that waits for one, and the blocks in the order of the pieces."""
     todo = iter(enumerate(pieces))
     under_way: dict[Connection, int] = {}
     made: dict[int, Block] = {}
+    done = [0.0] * len(pieces)
 
     def give(pipe: Connection) -> None:
         number, runs = next(todo, (None, None))
@@ -78,9 +89,30 @@ def _share_out(pieces: Sequence[range], pipes: Sequence[Connection]) -> Iterator
                 answer = ready.recv()
                 if isinstance(answer, Exception):
                     raise answer
-                made[under_way.pop(ready)] = answer
-                give(ready)
+                here = under_way[ready]
+                if isinstance(answer, float):
+                    done[here] = answer
+                else:
+                    done[here] = len(pieces[here])
+                    made[here] = answer
+                    del under_way[ready]
+                    give(ready)
+                progress(pieces[0].start + sum(done), pieces[-1].stop)
         yield made.pop(number)
+
+
+def _now_and_then(progress: Progress) -> Progress:
+    """The same, called no more often than the interval allows."""
+    told = time.monotonic()
+
+    def call(done: float, total: float) -> None:
+        nonlocal told
+        now = time.monotonic()
+        if now - told >= INTERVAL:
+            told = now
+            progress(done, total)
+
+    return call
 
 
 def _serve(pipe: Connection) -> None:
@@ -93,7 +125,7 @@ def _serve(pipe: Connection) -> None:
         while True:
             runs = pipe.recv()
             try:
-                pipe.send(run_block(work, runs))
+                pipe.send(run_block(work, runs, _now_and_then(lambda done, _: pipe.send(done))))
             except Exception as error:
                 error.add_note(traceback.format_exc())
                 pipe.send(error)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import platform
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Mapping
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any
@@ -35,10 +37,12 @@ from trackbench.sensing.readings import ideal_sensors
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
-from trackbench.types import Array
+from trackbench.types import Array, Progress, untold
+from trackbench.words import counted
 
 Json = dict[str, Any]
-Progress = Callable[[int, int], None]
+
+log = logging.getLogger(__name__)
 
 #: The errors whose differences between trackers the result lists.
 COMPARED = ("position_rmse", "velocity_rmse")
@@ -51,7 +55,7 @@ def run(
     *,
     workers: int = 1,
     command: str = "",
-    progress: Progress | None = None,
+    progress: Progress = untold,
 ) -> RunResult:
     """The result of a scenario.
 
@@ -65,11 +69,9 @@ def run(
         progress: called with the number of runs done and of all.
     """
     work = work_of(loaded, truth)
-    blocks = []
-    for block in run_blocks(work, workers):
-        blocks.append(block)
-        if progress is not None:
-            progress(block.runs.stop, work.runs)
+    begin = time.perf_counter()
+    blocks = list(run_blocks(work, workers, progress))
+    _log_times(work, blocks, min(workers, len(blocks)), time.perf_counter() - begin)
     return assemble(loaded, truth, work, blocks, command)
 
 
@@ -93,6 +95,16 @@ def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
 def assemble(loaded: LoadedScenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> RunResult:
     """The result of all blocks of a run."""
     return _Assembly(loaded, truth, work, blocks).result(command)
+
+
+def _log_times(work: Work, blocks: list[Block], processes: int, seconds: float) -> None:
+    shared = f"{counted(len(blocks), 'block')} by {processes} process{'es' * (processes > 1)}"
+    log.info("%s: %s in %.1f s, %s", work.scenario, counted(work.runs, "run"), seconds, shared)
+    spent = {name: [block.scores[name] for block in blocks] for name in work.trackers}
+    for name, outcomes in spent.items():
+        scores = [outcome for outcome in outcomes if isinstance(outcome, Scores)]
+        if len(scores) == len(blocks):
+            log.info("%s: %s took %.2f s", work.scenario, name, sum(score.seconds for score in scores))
 
 
 class _Assembly:

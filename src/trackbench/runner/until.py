@@ -13,11 +13,12 @@ from trackbench.metrics.summary import error_intervals
 from trackbench.results import RunResult
 from trackbench.runner.block import Block
 from trackbench.runner.pool import run_blocks
-from trackbench.runner.run import Progress, assemble, work_of
+from trackbench.runner.run import assemble, work_of
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth, most_runs, varies
+from trackbench.types import Progress, untold
 
 #: Fewer runs do not show their own spread well enough to stop by it.
 FIRST_RUNS = 50
@@ -49,7 +50,7 @@ def run_until(
     *,
     workers: int = 1,
     command: Callable[[LoadedScenario], str],
-    progress: Progress | None = None,
+    progress: Progress = untold,
 ) -> RunResult:
     """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
 
@@ -72,10 +73,7 @@ def run_until(
         pieces = work.blocks()
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         blocks = [block for block, piece in zip(blocks, pieces, strict=False) if block.runs == piece]
-        for block in run_blocks(work, workers, done=len(blocks)):
-            blocks.append(block)
-            if progress is not None:
-                progress(block.runs.stop, work.runs)
+        blocks += run_blocks(work, workers, progress, at_hand=len(blocks))
         found = _precision(list(work.trackers), blocks, target, max_runs)
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break

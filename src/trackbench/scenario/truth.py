@@ -5,10 +5,15 @@ from __future__ import annotations
 from trackbench.errors import InputError
 from trackbench.scenario.load import LoadedScenario
 from trackbench.truth import Draw, LoadedTruth, load_truth
+from trackbench.types import Progress, untold
 
 
-def truth_of(loaded: LoadedScenario) -> LoadedTruth:
+def truth_of(loaded: LoadedScenario, progress: Progress = untold) -> LoadedTruth:
     """Simulate, draw or read the truth of a scenario, with what its other sections say of it.
+
+    Args:
+        loaded: the scenario.
+        progress: called with the number of steps simulated and of all.
 
     Raises:
         InputError: it cannot be had; with file and line.
@@ -17,6 +22,6 @@ def truth_of(loaded: LoadedScenario) -> LoadedTruth:
     draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
     try:
-        return load_truth(config.truth, draw, folder=loaded.path.resolve().parent, sensors=kinds)
+        return load_truth(config.truth, draw, folder=loaded.path.resolve().parent, sensors=kinds, progress=progress)
     except InputError as error:
         raise loaded.locate(error) from None

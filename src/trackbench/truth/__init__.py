@@ -5,6 +5,8 @@ The simulator takes a second to import, so nothing here imports it before it is 
 
 from __future__ import annotations
 
+import logging
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -12,11 +14,13 @@ from typing import NamedTuple
 from trackbench.truth import cache as store
 from trackbench.truth import scripted
 from trackbench.truth.config import AnyTruth, HighwayTruth, RecordingTruth, ScriptedTruth
-from trackbench.types import RecordedReadings, Truth
+from trackbench.types import Progress, RecordedReadings, Truth, untold
 
 __all__ = ["Draw", "LoadedTruth", "list_envs", "load_truth", "most_runs", "validate", "varies"]
 
 OWN_CLASSES = "highway_env."
+
+log = logging.getLogger(__name__)
 
 
 class Draw(NamedTuple):
@@ -40,7 +44,13 @@ class LoadedTruth(NamedTuple):
 
 
 def load_truth(
-    config: AnyTruth, draw: Draw, *, folder: Path, sensors: Mapping[str, str] | None = None, cache: bool = True
+    config: AnyTruth,
+    draw: Draw,
+    *,
+    folder: Path,
+    sensors: Mapping[str, str] | None = None,
+    cache: bool = True,
+    progress: Progress = untold,
 ) -> LoadedTruth:
     """The truth that ``config`` describes.
 
@@ -50,6 +60,7 @@ def load_truth(
         folder: the scenario's, where relative paths start.
         sensors: the kind of each of the scenario's sensors, which a recording may feed.
         cache: whether a simulated truth is read from the cache and kept there.
+        progress: called with the number of steps simulated and of all.
 
     Raises:
         InputError: the configuration cannot be simulated, the audit is told to refuse and finds a fault, or a
@@ -57,7 +68,7 @@ def load_truth(
     """
     match config:
         case HighwayTruth():
-            return _simulated(config, cache)
+            return _simulated(config, cache, progress)
         case ScriptedTruth():
             return LoadedTruth(scripted.script(config, *draw), cached=False)
         case RecordingTruth():
@@ -106,7 +117,7 @@ def list_envs() -> list[str]:
     return highway.list_envs()
 
 
-def _simulated(config: HighwayTruth, cache: bool) -> LoadedTruth:
+def _simulated(config: HighwayTruth, cache: bool, progress: Progress) -> LoadedTruth:
     """From the cache if it is there."""
     file = store.path(config) if cache and _determined(config) else None
     notes = []
@@ -117,14 +128,18 @@ def _simulated(config: HighwayTruth, cache: bool) -> LoadedTruth:
             notes.append(f"cache: {error}; simulated again")
         else:
             if stored is not None:
+                log.info("truth from the cache: %s", file)
                 return LoadedTruth(stored, cached=True)
 
     from trackbench.truth import highway
 
-    truth = highway.simulate(config)
+    begin = time.perf_counter()
+    truth = highway.simulate(config, progress)
+    log.info("truth simulated in %.1f s: %s", time.perf_counter() - begin, config.env)
     if file is not None:
         try:
             store.write(file, config, truth)
+            log.info("truth kept in the cache: %s", file)
         except OSError as error:
             notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
     return LoadedTruth(truth, cached=False, notes=tuple(notes))

@@ -22,7 +22,7 @@ from trackbench.truth.frames import Frames, held
 from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
-from trackbench.types import Observer, Truth
+from trackbench.types import Observer, Progress, Truth, untold
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")
@@ -75,8 +75,12 @@ def validate(config: HighwayTruth) -> None:
         _prepare(config).close()
 
 
-def simulate(config: HighwayTruth) -> Truth:
+def simulate(config: HighwayTruth, progress: Progress = untold) -> Truth:
     """Run the environment and record every simulation step of every vehicle.
+
+    Args:
+        config: what to simulate.
+        progress: called with the number of steps done and of all.
 
     Raises:
         InputError: see `validate`; a target that never appears; an audit that is told to refuse.
@@ -91,6 +95,7 @@ def simulate(config: HighwayTruth) -> Truth:
             while len(recorder.frames) < steps and ended is None:
                 recorder.note_clock()
                 _, _, terminated, truncated, _ = env.step(action)
+                progress(min(len(recorder.frames), steps), steps)
                 if terminated or truncated:
                     ended = _reason(env, bool(truncated))
         except Exception as error:

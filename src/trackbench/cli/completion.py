@@ -1,0 +1,70 @@
+"""``trackbench completion``, and what a shell is offered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem, get_completion_class
+
+from trackbench.cli.listing import FOLDER
+from trackbench.errors import InputError
+from trackbench.scenario import load_scenario
+
+SHELLS = ("bash", "zsh", "fish")
+
+
+@click.command("completion")
+@click.argument("shell", type=click.Choice(SHELLS))
+@click.pass_context
+def completion_command(ctx: click.Context, shell: str) -> None:
+    """Print the script that lets a shell complete trackbench.
+
+    It completes commands, options, scenario files and the names of their trackers.
+
+    \b
+    Examples:
+      eval "$(trackbench completion bash)"               in ~/.bashrc
+      eval "$(trackbench completion zsh)"                in ~/.zshrc
+      trackbench completion fish > ~/.config/fish/completions/trackbench.fish
+    """
+    root = ctx.find_root()
+    kind = get_completion_class(shell)
+    assert kind is not None
+    assert root.info_name is not None
+    variable = f"_{root.info_name.upper()}_COMPLETE"
+    click.echo(kind(root.command, {}, root.info_name, variable).source())
+
+
+def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """The scenarios in their folder; any file where none begins like this."""
+    found = [str(file) for file in sorted(FOLDER.rglob("*.y*ml"))]
+    begun = [CompletionItem(file) for file in found if file.startswith(incomplete)]
+    return begun or [CompletionItem(incomplete, type="file")]
+
+
+def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
+    """``A,B``: the trackers of the scenarios on the line, those already named left out."""
+    before, comma, begun = incomplete.rpartition(",")
+    # While an option at the end of the line has no value, Click leaves all words unread.
+    words = ctx.params.get("scenarios") or ctx.args
+    names = dict.fromkeys(name for word in words for name in _trackers(Path(word)))
+    taken = before.split(",")
+    return [before + comma + name for name in names if name.startswith(begun) and name not in taken]
+
+
+def served_trackers(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """``SCENARIO.yaml#NAME``: a scenario, and after the # its trackers."""
+    path, sign, begun = incomplete.partition("#")
+    if not sign:
+        return scenario_paths(ctx, _parameter, incomplete)
+    return [CompletionItem(f"{path}#{name}") for name in _trackers(Path(path)) if name.startswith(begun)]
+
+
+def _trackers(path: Path) -> Iterable[str]:
+    try:
+        loaded = load_scenario(path)
+    except InputError:
+        return ()
+    return (*loaded.sweeps, *loaded.config.trackers)
