@@ -60,6 +60,7 @@ class Server:
             return self.process.wait(SECONDS)
         finally:
             self.process.kill()
+            self.process.stdout.close()
 
     def log(self) -> str:
         return self._log.read_text()
