@@ -1,8 +1,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: demo test lint types contracts unit install benchmark reference recorded clean docs/scenario-file.md
+.PHONY: demo test lint types contracts docs unit install benchmark reference recorded clean $(GENERATED)
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
 demo: $(VENV)/.installed
@@ -11,7 +12,7 @@ demo: $(VENV)/.installed
 	@echo "  $(BIN)/rerun results/highway/recording.rrd"
 
 # Everything that must hold of a commit.
-test: $(VENV)/.installed-dev lint types contracts unit
+test: $(VENV)/.installed-dev lint types contracts docs unit
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
@@ -22,6 +23,10 @@ types: $(VENV)/.installed-dev
 
 contracts: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
+
+# The documentation as a site, in build/docs; a broken link fails.
+docs: $(VENV)/.installed-dev
+	$(BIN)/mkdocs build --quiet
 
 unit: $(VENV)/.installed-dev
 	$(BIN)/pytest -n auto
@@ -40,7 +45,7 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@ $(VENV)/.installed
 
 # Everything that is committed under results/ and docs/ and made by a command.
-reference: $(VENV)/.installed docs/scenario-file.md
+reference: $(VENV)/.installed $(GENERATED)
 	$(BIN)/trackbench run scenarios/
 	$(BIN)/python docs/projects/range_3km.py
 
@@ -50,6 +55,12 @@ recorded: $(VENV)/.installed
 
 docs/scenario-file.md: $(VENV)/.installed
 	$(BIN)/python -m trackbench.scenario.docs > $@
+
+docs/sensor-presets.md: $(VENV)/.installed
+	$(BIN)/python -m trackbench.sensing.docs > $@
+
+docs/command-line.md: $(VENV)/.installed
+	$(BIN)/python -m trackbench.cli.docs > $@
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/speed.py

@@ -259,7 +259,7 @@ def _presets() -> str:
     for preset in list_presets():
         assumed = ", ".join(f"`{key}`" for key in preset.assumed)
         rows.append(f"| `{preset.name}` | {preset.kind} | {preset.title} | {assumed} |")
-    rows += ["", "The sources, and how each figure was converted, are in `src/trackbench/sensing/presets.yaml`."]
+    rows += ["", "Every figure with its source: [sensor presets](sensor-presets.md)."]
     return "\n".join(rows)
 
 

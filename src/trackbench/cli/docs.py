@@ -1,0 +1,55 @@
+"""The reference of the command line, made from its help.
+
+``python -m trackbench.cli.docs`` prints it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import click
+
+from trackbench.cli.main import cli
+
+INTRODUCTION = """\
+# The command line
+
+<!-- Made from the help by `python -m trackbench.cli.docs`. Change the help texts, not this page. -->
+
+What each command prints with `--help`.
+
+The result goes to stdout; progress, warnings and errors go to stderr. A progress bar is shown only where stderr is a
+terminal, colour only where stdout is one, and none if `NO_COLOR` is set. A message on bad input says where and what
+would be right; it is never a traceback.
+
+`--quiet` leaves the outcome and what failed. `--verbose` says on stderr what is done: what came from the cache, how
+long each part took, what was written.
+
+The shell completes commands, options, scenario files and the names of trackers after one of these lines:
+
+```sh
+eval "$(trackbench completion bash)"    # in ~/.bashrc
+eval "$(trackbench completion zsh)"     # in ~/.zshrc
+trackbench completion fish > ~/.config/fish/completions/trackbench.fish
+```
+"""
+
+
+def command_line_markdown() -> str:
+    """The whole page."""
+    root = click.Context(cli, info_name="trackbench", terminal_width=80, **cli.context_settings)
+    blocks = [INTRODUCTION, *_commands(cli, root)]
+    return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
+
+
+def _commands(command: click.Command, context: click.Context) -> Iterator[str]:
+    yield f"## {context.command_path}"
+    yield f"```text\n{command.get_help(context)}\n```"
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            inner = command.commands[name]
+            yield from _commands(inner, click.Context(inner, info_name=name, parent=context))
+
+
+if __name__ == "__main__":
+    print(command_line_markdown(), end="")

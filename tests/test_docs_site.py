@@ -1,0 +1,112 @@
+"""The documentation as a site: built strictly, complete, and read without a network."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trackbench.cli.docs import command_line_markdown
+from trackbench.sensing.docs import presets_markdown
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+#: What a browser loads by itself, by tag.
+LOADED = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "object": "data"}
+
+
+class Page(HTMLParser):
+    """The elements of a page."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def pages(site: Path) -> Iterator[tuple[str, Page]]:
+    for file in sorted(site.rglob("*.html")):
+        yield file.relative_to(site).as_posix(), Page(file)
+
+
+def test_every_page_is_built_and_in_the_menu(site: Path) -> None:
+    written = {file.relative_to(DOCS).with_suffix(".html").as_posix() for file in DOCS.rglob("*.md")}
+    found = {name for name, _ in pages(site)} - {"404.html"}
+    assert found == written
+    linked = {attributes.get("href") for tag, attributes in Page(site / "index.html").elements if tag == "a"}
+    assert written <= linked | {"index.html"}
+
+
+def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
+    for name, page in pages(site):
+        for tag, attributes in page.elements:
+            address = attributes.get(LOADED.get(tag, ""))
+            assert not re.match(r"(\w+:)?//", address or ""), f"{name}: {address}"
+    for style in site.rglob("*.css"):
+        addresses = re.findall(r"url\(['\"]?([^)'\"]+)|@import\s+['\"]([^'\"]+)", style.read_text(encoding="utf-8"))
+        for address in (one or other for one, other in addresses):
+            assert not re.match(r"(https?:)?//", address), f"{style.name}: {address}"
+
+
+def test_every_image_says_what_it_shows(site: Path) -> None:
+    images = [(name, a) for name, page in pages(site) for tag, a in page.elements if tag == "img"]
+    assert images
+    assert [(name, a["src"]) for name, a in images if not a.get("alt")] == []
+
+
+@pytest.mark.parametrize("page", ["motion-models", "sensors", "filters", "metrics"])
+def test_every_equation_is_drawn(site: Path, page: str) -> None:
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    html = (site / f"{page}.html").read_text(encoding="utf-8")
+    written = len(re.findall(r"^```math$|\$`[^`]+`\$", text, re.MULTILINE))
+    assert written > 3
+    assert html.count("<math") == written
+    assert "$" not in re.sub(r"<script.*?</script>", "", html, flags=re.DOTALL)
+
+
+def test_an_equation_that_is_not_understood_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "website"))
+    import mathml
+
+    assert "<msup>" in mathml.mathml("x^2", "inline")
+    for tex in (r"\nosuchcommand{x}", r"\begin{nosuch} a &= b \end{nosuch}"):
+        with pytest.raises(ValueError, match="not understood"):
+            mathml.mathml(tex, "block")
+
+
+@pytest.mark.parametrize(
+    ("page", "made", "module"),
+    [("command-line", command_line_markdown, "cli"), ("sensor-presets", presets_markdown, "sensing")],
+)
+def test_the_generated_pages_are_up_to_date(page: str, made: Callable[[], str], module: str) -> None:
+    shown = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    assert shown == made(), f"run: python -m trackbench.{module}.docs > docs/{page}.md"
+
+
+def test_the_quick_start_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "index.md", tmp_path) == 3
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", ROOT / "results" / "README.md", *sorted(DOCS.rglob("*.md"))])
+def test_links_lead_somewhere_on_disk_too(page: Path) -> None:
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    targets: list[Any] = [target for target in re.findall(r"\]\(([^)#\s]+)", text) if not target.startswith("http")]
+    assert [target for target in targets if not (page.parent / target).exists()] == []
