@@ -24,9 +24,9 @@ types: $(VENV)/.installed-dev
 contracts: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 
-# The documentation as a site, in build/docs; a broken link fails.
+# The documentation as a site, in build/docs; a broken link fails (which --quiet would pass over).
 docs: $(VENV)/.installed-dev
-	$(BIN)/mkdocs build --quiet
+	$(BIN)/mkdocs build
 
 unit: $(VENV)/.installed-dev
 	$(BIN)/pytest -n auto

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -33,11 +34,15 @@ class Page(HTMLParser):
         self.elements.append((tag, dict(attrs)))
 
 
+def build(source: Path, site: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "mkdocs", "build", "--site-dir", str(site)]
+    return subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = build(ROOT, folder)
     assert done.returncode == 0, done.stderr
     return folder
 
@@ -53,6 +58,25 @@ def test_every_page_is_built_and_in_the_menu(site: Path) -> None:
     assert found == written
     linked = {attributes.get("href") for tag, attributes in Page(site / "index.html").elements if tag == "a"}
     assert written <= linked | {"index.html"}
+
+
+@pytest.mark.parametrize(
+    ("page", "text", "message"),
+    [
+        ("index.md", "[gone](gone.md)", "'gone.md'"),
+        ("index.md", "[gone](metrics.md#gone)", "'metrics.md#gone'"),
+        ("new.md", "# New", "not included in the"),
+    ],
+)
+def test_what_is_broken_fails(tmp_path: Path, page: str, text: str, message: str) -> None:
+    for part in ("docs", "website"):
+        shutil.copytree(ROOT / part, tmp_path / part)
+    shutil.copy(ROOT / "mkdocs.yml", tmp_path)
+    with (tmp_path / "docs" / page).open("a", encoding="utf-8") as file:
+        file.write(f"\n{text}\n")
+    done = build(tmp_path, tmp_path / "site")
+    assert done.returncode != 0
+    assert message in done.stderr
 
 
 def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
