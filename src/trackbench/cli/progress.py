@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Column
 from rich.text import Text
 
-Advance = Callable[[float, float], None]
+from trackbench import types
 
 
 class _Left(ProgressColumn):
@@ -30,7 +30,7 @@ class _Left(ProgressColumn):
 
 
 @contextmanager
-def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[Advance]:
+def progress(what: str, unit: str, *, quiet: bool = False) -> Iterator[types.Progress]:
     """A bar that goes away when the work is done; until it is told of a total, it only says that work goes on.
 
     Args:

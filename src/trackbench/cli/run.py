@@ -18,7 +18,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
-from trackbench.cli.progress import Advance, progress
+from trackbench.cli.progress import progress
 from trackbench.cli.volume import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
 from trackbench.results import RunResult
@@ -26,6 +26,7 @@ from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
+from trackbench.types import Progress
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
@@ -292,7 +293,7 @@ def _run(
     return result
 
 
-def _counted(artifacts: Mapping[str, Writer], advance: Advance) -> dict[str, Writer]:
+def _counted(artifacts: Mapping[str, Writer], advance: Progress) -> dict[str, Writer]:
     """The same writers, each of which says which of them it is."""
 
     def write(number: int, writer: Writer, path: Path) -> None:
