@@ -11,6 +11,7 @@ import rerun as rr
 from trackbench.errors import InputError, TrackbenchError
 from trackbench.palette import sensor_colour, tracker_colour
 from trackbench.recording import layout, scene, series, text, views
+from trackbench.recording.data import send_data
 from trackbench.recording.stream import Stream
 from trackbench.results import RunResult
 
@@ -29,13 +30,14 @@ def write(result: RunResult, path: Path) -> None:
         raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
     # To memory first: Rerun's own file sink waits for ever on a full disk.
     binary = rr.binary_stream(recording)
-    _send(recording, result)
+    send(recording, result)
     content = binary.read()
     recording.disconnect()
     _replace(path, content or b"")
 
 
-def _send(recording: rr.RecordingStream, result: RunResult) -> None:
+def send(recording: rr.RecordingStream, result: RunResult) -> None:
+    """Everything that is shown and kept of a run, and its layout."""
     summary, tables = result.summary, result.tables
     trackers = tracker_colour(tracker["name"] for tracker in summary["trackers"])
     sensors = sensor_colour(summary["sensors"])
@@ -54,6 +56,7 @@ def _send(recording: rr.RecordingStream, result: RunResult) -> None:
     scene.send_estimates(stream, tables["estimates"], tables["truth"], trackers, slowest)
     series.send_all_runs(stream, tables["steps"], tables["nis"], trackers)
     series.send_shown_run(stream, tables["estimates"], tables["shown_nis"], tables["nis"], trackers)
+    send_data(stream, result)
 
 
 def _properties(summary: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from trackbench.sensing.readings import IdealSensor, Readings, sense
 from trackbench.streams import stream
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Progress, Scan, Truth, untold
+from trackbench.types import Array, Estimate, Indices, Progress, Scan, Truth, untold
 
 #: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
 LANES = 2000
@@ -48,7 +49,7 @@ class Work:
         size = max(1, LANES // max(1, len(self.truth.ids)))
         return [range(first, min(first + size, self.runs)) for first in range(0, self.runs, size)]
 
-    def instants(self) -> Array:
+    def instants(self) -> Indices:
         """Indices of the truth's steps at which any sensor takes a reading."""
         return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
 
@@ -78,6 +79,22 @@ class Trace:
     """Per sensor and reading ``(objects,)``, NaN where there is none."""
 
 
+class Observation(NamedTuple):
+    """What a tracker says of the shown run at one instant."""
+
+    tracker: str
+    instant: int
+    """Number of the instant, from 0."""
+    mean: Array
+    """``(4, objects)``, NaN where there is none."""
+    covariance: Array
+    """``(4, 4, objects)``"""
+
+
+#: Is told what the shown run is like while it is made: its scans first, then each tracker's estimates.
+Observer = Callable[[list[Scan] | Observation], None]
+
+
 @dataclass
 class Block:
     """What a block of runs leaves behind."""
@@ -91,30 +108,33 @@ class Block:
     digests: list[bytes]
 
 
-def run_block(work: Work, runs: range, progress: Progress = untold) -> Block:
+def run_block(work: Work, runs: range, progress: Progress = untold, observer: Observer | None = None) -> Block:
     """Synthesise the readings of some runs and take every tracker through them.
 
     Args:
         work: what all blocks share.
         runs: those of this block.
         progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
+        observer: called from within if the shown run is among them.
     """
     keep_freed_memory()
     readings = sense(work.sensors, work.seed, work.scenario, runs)
     target = _target(work, readings, runs)
     shown = work.shown_run - runs.start if work.shown_run in runs else None
+    scans = None if shown is None else [_of_run(scan, len(work.truth.ids), shown) for scan in readings.scans]
+    if observer is not None and scans is not None:
+        observer(scans)
     scores: dict[str, Scores | Failure] = {}
     traces: dict[str, Trace] = {}
-    for done, (name, config) in enumerate(work.trackers.items()):
+    for done, name in enumerate(work.trackers):
 
         def reached(share: float, done: int = done) -> None:
             progress((done + share) / len(work.trackers) * len(runs), len(runs))
 
-        passage = _Passage(work, runs, readings, target, shown, reached)
-        scores[name] = passage.take(config)
+        passage = _Passage(work, name, runs, readings, target, shown, reached, observer)
+        scores[name] = passage.take()
         if passage.trace is not None:
             traces[name] = passage.trace
-    scans = None if shown is None else [_of_run(scan, len(work.truth.ids), shown) for scan in readings.scans]
     return Block(runs, scores, traces, scans, readings.detections, readings.digests)
 
 
@@ -124,14 +144,18 @@ class _Passage:
     def __init__(
         self,
         work: Work,
+        name: str,
         runs: range,
         readings: Readings,
         target: Target,
         shown: int | None,
         reached: Callable[[float], None],
+        observer: Observer | None,
     ) -> None:
         self._reached = reached
         self._work = work
+        self._name = name
+        self._observer = observer
         self._runs = runs
         self._readings = readings
         self._target = target
@@ -142,9 +166,10 @@ class _Passage:
         if shown is not None:
             self.trace = Trace(np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan))
 
-    def take(self, config: FilterConfig | PluginConfig) -> Scores | Failure:
-        """The scores of a tracker, or why there are none."""
+    def take(self) -> Scores | Failure:
+        """The tracker's scores, or why there are none."""
         work = self._work
+        config = work.trackers[self._name]
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
         read = [sensor for sensor in work.sensors if config.sensors is None or sensor.name in config.sensors]
         classes = conditions(work.truth, work.instants(), read, self._runs)
@@ -213,6 +238,9 @@ class _Passage:
             alive = self._target.alive[instant]
             self.trace.mean[:, instant] = np.where(alive, estimate.mean[:, lanes], np.nan)
             self.trace.covariance[:, :, instant] = np.where(alive, estimate.covariance[:, :, lanes], np.nan)
+            if self._observer is not None:
+                mean, covariance = self.trace.mean[:, instant], self.trace.covariance[:, :, instant]
+                self._observer(Observation(self._name, instant, mean, covariance))
 
     def _keep_nis(self, scan: Scan, estimate: Estimate) -> None:
         if self.trace is None or self._shown is None:

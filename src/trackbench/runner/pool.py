@@ -13,7 +13,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 
 from trackbench.errors import TrackbenchError
-from trackbench.runner.block import Block, Work, run_block
+from trackbench.runner.block import Block, Observer, Work, run_block
 from trackbench.types import Progress, untold
 
 #: Least time between two words on how far a block is, s.
@@ -21,13 +21,16 @@ INTERVAL = 0.1
 DIED = "a worker process died; --workers 1 may show what it died of"
 
 
-def run_blocks(work: Work, workers: int, progress: Progress = untold, at_hand: int = 0) -> Iterator[Block]:
+def run_blocks(
+    work: Work, workers: int, progress: Progress = untold, observer: Observer | None = None, at_hand: int = 0
+) -> Iterator[Block]:
     """The blocks in their order, however many processes make them.
 
     Args:
         work: what is the same for all of them.
         workers: number of processes.
         progress: called with the number of runs done and of all.
+        observer: called in this process, whichever makes the shown run.
         at_hand: how many of the first ones there are already.
 
     Raises:
@@ -40,7 +43,7 @@ def run_blocks(work: Work, workers: int, progress: Progress = untold, at_hand: i
             def reached(done: float, _: float, before: int = runs.start) -> None:
                 progress(before + done, work.runs)
 
-            yield run_block(work, runs, _now_and_then(reached))
+            yield run_block(work, runs, _now_and_then(reached), observer)
         return
     # Not concurrent.futures: after one of its workers is killed within an answer, it waits for the rest for ever. Here
     # each worker has a pipe of its own, so that the end of either process is seen by the other.
@@ -56,8 +59,8 @@ def run_blocks(work: Work, workers: int, progress: Progress = untold, at_hand: i
                 processes.append(process)
                 pipes.append(ours)
         for pipe in pipes:
-            pipe.send(work)
-        yield from _share_out(pieces, pipes, progress)
+            pipe.send((work, observer is not None))
+        yield from _share_out(pieces, pipes, progress, observer)
     except (EOFError, OSError) as error:
         raise TrackbenchError(DIED) from error
     finally:
@@ -67,7 +70,9 @@ def run_blocks(work: Work, workers: int, progress: Progress = untold, at_hand: i
             process.join()
 
 
-def _share_out(pieces: Sequence[range], pipes: Sequence[Connection], progress: Progress) -> Iterator[Block]:
+def _share_out(
+    pieces: Sequence[range], pipes: Sequence[Connection], progress: Progress, observer: Observer | None
+) -> Iterator[Block]:
     """A piece for every worker that waits for one, and the blocks in the order of the pieces."""
     todo = iter(enumerate(pieces))
     under_way: dict[Connection, int] = {}
@@ -90,13 +95,16 @@ def _share_out(pieces: Sequence[range], pipes: Sequence[Connection], progress: P
                 if isinstance(answer, Exception):
                     raise answer
                 here = under_way[ready]
-                if isinstance(answer, float):
-                    done[here] = answer
-                else:
+                if isinstance(answer, Block):
                     done[here] = len(pieces[here])
                     made[here] = answer
                     del under_way[ready]
                     give(ready)
+                elif isinstance(answer, float):
+                    done[here] = answer
+                else:
+                    assert observer is not None
+                    observer(answer)
                 progress(pieces[0].start + sum(done), pieces[-1].stop)
         yield made.pop(number)
 
@@ -121,11 +129,12 @@ def _serve(pipe: Connection) -> None:
     # What a tracker prints is no part of the result.
     sys.stdout = sys.stderr
     try:
-        work = pipe.recv()
+        work, observed = pipe.recv()
         while True:
             runs = pipe.recv()
             try:
-                pipe.send(run_block(work, runs, _now_and_then(lambda done, _: pipe.send(done))))
+                observer = pipe.send if observed else None
+                pipe.send(run_block(work, runs, _now_and_then(lambda done, _: pipe.send(done)), observer))
             except Exception as error:
                 error.add_note(traceback.format_exc())
                 pipe.send(error)

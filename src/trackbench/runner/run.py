@@ -28,7 +28,7 @@ from trackbench.metrics.summary import (
 )
 from trackbench.results import SCHEMA_VERSION, RunResult
 from trackbench.runner import tables
-from trackbench.runner.block import Block, Failure, Work
+from trackbench.runner.block import Block, Failure, Observer, Work
 from trackbench.runner.expectations import judge
 from trackbench.runner.pool import run_blocks
 from trackbench.scenario import LoadedScenario
@@ -56,6 +56,7 @@ def run(
     workers: int = 1,
     command: str = "",
     progress: Progress = untold,
+    observer: Observer | None = None,
 ) -> RunResult:
     """The result of a scenario.
 
@@ -67,10 +68,11 @@ def run(
         workers: number of processes.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
+        observer: called with what is found of the shown run, as it is found; it should return at once.
     """
     work = work_of(loaded, truth)
     begin = time.perf_counter()
-    blocks = list(run_blocks(work, workers, progress))
+    blocks = list(run_blocks(work, workers, progress, observer))
     _log_times(work, blocks, min(workers, len(blocks)), time.perf_counter() - begin)
     return assemble(loaded, truth, work, blocks, command)
 
@@ -163,6 +165,7 @@ class _Assembly:
                 "acceleration_sigma_mps2": self._acceleration(),
                 "velocity_sigma_mps": scenario.score.bound.velocity_sigma_mps,
             },
+            "score": {"settle_s": work.settle, "divergence_m": work.divergence},
             "shown_run": work.shown_run,
             "trackers": list(entries.values()),
             "ranking": self._ranking(intervals),
@@ -253,7 +256,7 @@ class _Assembly:
             "autocorrelation": tables.autocorrelation_table(self._scores),
             "truth": tables.truth_table(truth, work.shown_run),
             "readings": tables.readings_table(shown.scans, truth.ids),
-            "estimates": tables.estimates_table(traces, work),
+            "estimates": tables.estimates_table(traces, truth, self._instants, work.shown_run),
             "shown_nis": tables.shown_nis_table(traces, work, times),
             "roads": tables.roads_table(truth),
         }

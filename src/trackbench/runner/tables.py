@@ -13,7 +13,7 @@ from trackbench.metrics.scores import Scores
 from trackbench.metrics.summary import ERROR, NIS_RUN, NIS_STEP
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.block import Trace, Work
-from trackbench.types import Array, Scan, Truth
+from trackbench.types import Array, Indices, Scan, Truth
 
 Columns = dict[str, Array | list[str]]
 
@@ -185,10 +185,9 @@ def readings_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
     return table.set_column(table.schema.get_field_index("valid"), "valid", table["valid"].cast(pa.bool_()))
 
 
-def estimates_table(traces: Mapping[str, Trace], work: Work) -> pa.Table:
-    """Every tracker's estimates of the shown run, with their errors."""
-    truth, instants = work.truth, work.instants()
-    column = min(work.shown_run, truth.px.shape[2] - 1)
+def estimates_table(traces: Mapping[str, Trace], truth: Truth, instants: Indices, run: int) -> pa.Table:
+    """Every tracker's estimates of one run at some steps of the truth, with their errors."""
+    column = min(run, truth.px.shape[2] - 1)
     state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., column][:, instants]
     rows = len(instants)
     parts: list[Columns] = []

@@ -11,7 +11,7 @@ from trackbench.metrics.intervals import paired
 from trackbench.metrics.scores import Scores, merge
 from trackbench.metrics.summary import error_intervals
 from trackbench.results import RunResult
-from trackbench.runner.block import Block
+from trackbench.runner.block import Block, Observer
 from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import assemble, work_of
 from trackbench.scenario import LoadedScenario
@@ -51,6 +51,7 @@ def run_until(
     workers: int = 1,
     command: Callable[[LoadedScenario], str],
     progress: Progress = untold,
+    observer: Observer | None = None,
 ) -> RunResult:
     """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
 
@@ -66,6 +67,7 @@ def run_until(
         workers: number of processes.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
+        observer: called with what is found of the shown run, which is among those of the first look.
     """
     blocks: list[Block] = []
     while True:
@@ -73,7 +75,8 @@ def run_until(
         pieces = work.blocks()
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         blocks = [block for block, piece in zip(blocks, pieces, strict=False) if block.runs == piece]
-        blocks += run_blocks(work, workers, progress, at_hand=len(blocks))
+        blocks += run_blocks(work, workers, progress, observer, at_hand=len(blocks))
+        observer = None
         found = _precision(list(work.trackers), blocks, target, max_runs)
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
