@@ -1,0 +1,96 @@
+"""The numbers of a run inside its recording, in full precision, so that it can be read back without the viewer.
+
+What is drawn is rounded to single precision. Below ``data`` each table of the run is kept as it is: one entity for each
+tracker, object and sensor, one component for each column. The summary is a text.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import rerun as rr
+from rerun.chunk import Chunk
+
+from trackbench.recording.stream import TIMELINE, Stream, path
+from trackbench.recording.tables import split
+from trackbench.results import RunResult
+
+DATA = "data"
+SUMMARY = (DATA, "result")
+#: The tables that are kept, each with the columns whose values tell its entities apart.
+KEYS: dict[str, tuple[str, ...]] = {
+    "truth": ("role", "object"),
+    "readings": ("sensor", "kind", "object"),
+    "estimates": ("tracker", "object"),
+    "shown_nis": ("tracker", "sensor", "object"),
+    "steps": ("tracker",),
+    "nis": ("tracker", "sensor"),
+}
+#: Static components: which table and which of its groups of rows an entity holds; the keys are named like columns.
+TABLE, GROUP = "table", "group"
+
+
+def send_data(stream: Stream, result: RunResult) -> None:
+    """The summary and the tables."""
+    text = json.dumps(result.summary, allow_nan=False, ensure_ascii=False)
+    stream.static(path(*SUMMARY), rr.TextDocument(text))
+    for table, keys in KEYS.items():
+        for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
+            entity = path(DATA, table, *values)
+            named = dict(zip(keys, values, strict=True))
+            stream.static(entity, rr.AnyValues(**{TABLE: table, GROUP: group, **named}))
+            numbers = {name: column for name, column in rows.items() if name not in keys}
+            stream.columns(entity, rows["time_s"], rr.AnyValues.columns(**numbers))
+
+
+def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str, pa.Table]]:
+    """The summary, None where there is none, and the tables out of a recording's chunks.
+
+    Rows come sorted by key and time; a table that had no rows has no columns either.
+    """
+    summary = None
+    static: dict[str, dict[str, Any]] = {}
+    parts: dict[str, list[pa.RecordBatch]] = {}
+    for chunk in chunks:
+        entity = chunk.entity_path
+        if entity == path(*SUMMARY):
+            (texts,) = chunk.to_record_batch().column("TextDocument:text").to_pylist()
+            summary = json.loads(texts[0])
+        elif not entity.startswith(path(DATA) + "/"):
+            continue
+        elif chunk.is_static:
+            values = chunk.to_record_batch().to_pylist()[-1]
+            static.setdefault(entity, {}).update((name, value[0]) for name, value in values.items() if value)
+        else:
+            parts.setdefault(entity, []).append(chunk.to_record_batch())
+    groups: dict[str, dict[int, dict[str, npt.NDArray[Any]]]] = {}
+    for entity, batches in parts.items():
+        keys = static[entity]
+        table, group = str(keys.pop(TABLE)), int(keys.pop(GROUP))
+        groups.setdefault(table, {})[group] = _rows(keys, batches)
+    return summary, {table: _table(groups.get(table, {})) for table in KEYS}
+
+
+def _rows(keys: dict[str, str], batches: list[pa.RecordBatch]) -> dict[str, npt.NDArray[Any]]:
+    """The columns of one entity, the keys in front, sorted by time."""
+    table = pa.Table.from_batches(batches)
+    names = [field.name for field in table.schema if pa.types.is_list(field.type) and field.name != TIMELINE]
+    numbers = {name: table.column(name).combine_chunks().flatten().to_numpy(zero_copy_only=False) for name in names}
+    order = np.argsort(numbers["time_s"], kind="stable")
+    texts = {name: np.full(len(order), value, dtype=object) for name, value in keys.items()}
+    return {**texts, **{name: values[order] for name, values in numbers.items()}}
+
+
+def _table(groups: dict[int, dict[str, npt.NDArray[Any]]]) -> pa.Table:
+    """The rows of all entities of one table, in their first order."""
+    if not groups:
+        return pa.table({})
+    ordered = [groups[number] for number in sorted(groups)]
+    return pa.table(
+        {name: pa.array(np.concatenate([rows[name] for rows in ordered]), from_pandas=True) for name in ordered[0]}
+    )
