@@ -68,8 +68,12 @@ def save(result: RunResult, folder: Path, artifacts: Mapping[str, Callable[[Path
             write(temporary / name)
         written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
         _put(temporary, folder)
-    except OSError as error:
-        raise TrackbenchError(f"cannot write {folder}: {error.strerror or error}") from error
+    except (OSError, TrackbenchError) as error:
+        # A reader knows the folder by its final name.
+        cause = error if isinstance(error, OSError) else error.__cause__
+        if not isinstance(cause, OSError):
+            raise
+        raise TrackbenchError(f"cannot write {folder}: {cause.strerror or cause}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     log.info("wrote %s/: %s", folder, ", ".join(written))
@@ -124,6 +128,17 @@ def require_replaceable(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all, and the folder that it is in.
+
+    Raises:
+        TrackbenchError: it cannot be written.
+    """
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
     """Write a file under a temporary name and rename it, so that it is whole or not there.
 
     Raises:
@@ -131,8 +146,7 @@ def write_text(path: Path, text: str) -> None:
     """
     temporary = path.with_name(f".{path.name}.unfinished")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(content)
         os.replace(temporary, path)
         log.info("wrote %s", path)
     except OSError as error:

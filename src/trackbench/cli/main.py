@@ -12,10 +12,13 @@ import click
 from trackbench import __version__
 from trackbench.cli.compare import compare_command
 from trackbench.cli.completion import completion_command
+from trackbench.cli.inspect import inspect_command
 from trackbench.cli.listing import list_command
 from trackbench.cli.run import run_command
 from trackbench.cli.serve import INTERRUPTED, serve_command
+from trackbench.cli.snapshot import snapshot_command
 from trackbench.cli.validate import check_command, schema_command
+from trackbench.cli.view import view_command
 from trackbench.errors import InputError, TrackbenchError
 
 BAD_INPUT = 2
@@ -51,6 +54,9 @@ for _command in (
     check_command,
     schema_command,
     serve_command,
+    view_command,
+    inspect_command,
+    snapshot_command,
     completion_command,
 ):
     cli.add_command(_command)

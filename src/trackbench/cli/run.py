@@ -11,13 +11,14 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
 
 from trackbench import results
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
+from trackbench.cli.live import live_options, showing
 from trackbench.cli.progress import progress
 from trackbench.cli.volume import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
@@ -27,6 +28,9 @@ from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress
+
+if TYPE_CHECKING:
+    from trackbench.recording.live import Live
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
@@ -51,6 +55,18 @@ class Talk:
     console: Console
     as_json: bool
     quiet: bool
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How every scenario is run."""
+
+    out: Path
+    workers: int
+    recording: bool
+    precision: tuple[float, int] | None
+    """The share and the largest number of runs, where the precision decides on their number."""
+    viewer: Live | None
 
 
 Writer = Callable[[Path], None]
@@ -89,6 +105,7 @@ Writer = Callable[[Path], None]
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
+@live_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 @quiet_option("One line a scenario, and what failed.")
 @verbose_option
@@ -106,6 +123,7 @@ def run_command(
     junit: Path | None,
     as_json: bool,
     quiet: bool,
+    **live: Any,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
     A folder stands for the scenarios in it; several are also compared.
@@ -141,17 +159,16 @@ def run_command(
     for item in prepared:
         results.require_replaceable(out / item.loaded.config.name)
     talk = Talk(Console(), as_json, quiet)
-    found = [
-        _run(item, precision, out, workers, no_recording, talk, _place(i, files))
-        for i, item in enumerate(prepared, start=1)
-    ]
-    if len(found) > 1:
-        _compare(found, out, talk)
-    if junit is not None:
-        _write_junit(found, junit)
-    if as_json:
-        summaries: Any = [result.summary for result in found]
-        click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
+    with showing(**live) as viewer:
+        plan = Plan(out, workers, not no_recording, precision, viewer)
+        found = [_run(item, plan, talk, _place(i, files)) for i, item in enumerate(prepared, start=1)]
+        if len(found) > 1:
+            _compare(found, out, talk)
+        if junit is not None:
+            _write_junit(found, junit)
+        if as_json:
+            summaries: Any = [result.summary for result in found]
+            click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status([result.summary for result in found]))
 
 
@@ -249,10 +266,7 @@ def _require_distinct(prepared: Sequence[Prepared]) -> None:
 
 def _run(
     item: Prepared,
-    precision: tuple[float, int] | None,
-    out: Path,
-    workers: int,
-    no_recording: bool,
+    plan: Plan,
     talk: Talk,
     of: str,
 ) -> RunResult:
@@ -263,25 +277,30 @@ def _run(
     from trackbench.runner.until import run_until
 
     name = item.loaded.config.name
+    observer = None
+    if plan.viewer is not None:
+        plan.viewer.begin(item.loaded, item.truth.truth)
+        observer = plan.viewer.observe
     # What a tracker prints is no part of the result.
     with redirect_stdout(sys.stderr), progress(f"{of}{name}", "runs", quiet=talk.quiet) as advance:
-        if precision is None:
-            result = run(item.loaded, item.truth, workers=workers, command=item.command(item.loaded), progress=advance)
+        told: Any = {"workers": plan.workers, "progress": advance, "observer": observer}
+        if plan.precision is None:
+            result = run(item.loaded, item.truth, command=item.command(item.loaded), **told)
         else:
-            result = run_until(
-                item.loaded, item.truth, *precision, workers=workers, command=item.command, progress=advance
-            )
-    folder = out / name
+            result = run_until(item.loaded, item.truth, *plan.precision, command=item.command, **told)
+    folder = plan.out / name
     artifacts: dict[str, Writer] = {
         "report.html": partial(_write_report, html.render, result),
         "report.md": partial(_write_report, markdown.render, result),
     }
-    if not no_recording:
+    if plan.recording:
         artifacts["recording.rrd"] = partial(recording.write, result)
     files = (*artifacts, *results.table_files(result))
     result.summary["artifacts"] = {"markdown" if file == "report.md" else Path(file).stem: file for file in files}
     with progress(f"{of}writing {name}", "files", quiet=talk.quiet) as advance:
         results.save(result, folder, _counted(artifacts, advance))
+    if plan.viewer is not None:
+        plan.viewer.end(result)
     if talk.as_json:
         return result
     if talk.quiet:

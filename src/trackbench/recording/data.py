@@ -16,6 +16,7 @@ import pyarrow as pa
 import rerun as rr
 from rerun.chunk import Chunk
 
+from trackbench.recording.scene import ROADS
 from trackbench.recording.stream import TIMELINE, Stream, path
 from trackbench.recording.tables import split
 from trackbench.results import RunResult
@@ -53,7 +54,7 @@ def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str,
 
     Rows come sorted by key and time; a table that had no rows has no columns either.
     """
-    summary = None
+    summary, roads = None, _roads([])
     static: dict[str, dict[str, Any]] = {}
     parts: dict[str, list[pa.RecordBatch]] = {}
     for chunk in chunks:
@@ -61,6 +62,8 @@ def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str,
         if entity == path(*SUMMARY):
             (texts,) = chunk.to_record_batch().column("TextDocument:text").to_pylist()
             summary = json.loads(texts[0])
+        elif entity == path(*ROADS):
+            roads = _roads(chunk.to_record_batch().column("LineStrips2D:strips").to_pylist()[0])
         elif not entity.startswith(path(DATA) + "/"):
             continue
         elif chunk.is_static:
@@ -73,7 +76,14 @@ def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str,
         keys = static[entity]
         table, group = str(keys.pop(TABLE)), int(keys.pop(GROUP))
         groups.setdefault(table, {})[group] = _rows(keys, batches)
-    return summary, {table: _table(groups.get(table, {})) for table in KEYS}
+    return summary, {"roads": roads, **{table: _table(groups.get(table, {})) for table in KEYS}}
+
+
+def _roads(strips: list[list[list[float]]]) -> pa.Table:
+    """The lane edges, which are kept as they are drawn."""
+    points = [(float(line), *point) for line, strip in enumerate(strips or []) for point in strip]
+    rows = np.array(points, dtype=float).reshape(-1, 3)
+    return pa.table(dict(zip(("line", "x_m", "y_m"), rows.T, strict=True)))
 
 
 def _rows(keys: dict[str, str], batches: list[pa.RecordBatch]) -> dict[str, npt.NDArray[Any]]:

@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 import rerun.blueprint as rrb
 
-from trackbench.recording.plots import plots
+from trackbench.recording.plots import live_plots, plots
 from trackbench.recording.stream import TIMELINE
 from trackbench.recording.views import Window, scene_views
 
@@ -23,6 +23,16 @@ def blueprint(summary: dict[str, Any], tables: dict[str, pa.Table], windows: lis
     return rrb.Blueprint(
         rrb.Horizontal(main, text, column_shares=[5, 2]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
+        collapse_panels=True,
+        auto_views=False,
+    )
+
+
+def live_blueprint(windows: list[Window], sensors: list[str]) -> rrb.Blueprint:
+    """The layout while a run goes on, of which only the shown run is known: it follows the first tracker."""
+    return rrb.Blueprint(
+        rrb.Vertical(scene_views(windows, sensors), live_plots(), row_shares=[3, 2]),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
         collapse_panels=True,
         auto_views=False,
     )

@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from trackbench.metrics.consistency import mean_bounds
-from trackbench.recording.series import ALL_RUNS, SHOWN_RUN
+from trackbench.recording.series import ALL_RUNS, LOG, SHOWN_RUN
 from trackbench.recording.stream import path
 from trackbench.recording.tables import split
 from trackbench.types import COMMON_STATE, Array
@@ -25,20 +25,27 @@ def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container
     runs, shown = f"{summary['runs']} runs", f"run {summary['shown_run']}"
     end = float(summary["truth"]["duration_s"])
     targets = len(summary["truth"]["objects"])
-    rmse = [
-        _plot(f"{name} RMSE, {runs}, {unit}", (ALL_RUNS, place), end, _top(_values(steps, column)), legend=True)
-        for name, place, unit, column in (
-            ("Position", "position_rmse", "m", "position_rmse_m"),
-            ("Velocity", "velocity_rmse", "m/s", "velocity_rmse_mps"),
-        )
-    ]
+    rmse = []
+    for name, place, unit, column in (
+        ("Position", "position_rmse", "m", "position_rmse_m"),
+        ("Velocity", "velocity_rmse", "m/s", "velocity_rmse_mps"),
+    ):
+        top = _top(_values(steps, column))
+        rmse.append(_plot(f"{name} RMSE, {runs}, {unit}", (ALL_RUNS, place), end, top, legend=True))
+        rmse.append(_log_plot(f"log10 of {name.lower()} RMSE, {runs}, {unit}", (ALL_RUNS, place), end))
     error_top = _top(_values(estimates, "position_error_m"))
-    error = _plot(f"Position error, {shown}, m", (SHOWN_RUN, "position_error"), end, error_top, legend=True)
+    errors = [
+        _plot(f"Position error, {shown}, m", (SHOWN_RUN, "position_error"), end, error_top, legend=True),
+        _log_plot(f"log10 of position error, {shown}, m", (SHOWN_RUN, "position_error"), end),
+    ]
     nees_top = _top(_values(steps, "nees_mean"), _values(steps, "nees_high"))
     nees = _plot(f"NEES and 95 % bounds, {runs}", (ALL_RUNS, "nees"), end, nees_top)
     shown_top = _top(_values(estimates, "nees"), mean_bounds(len(COMMON_STATE), targets)[1])
     shown_nees = _plot(f"NEES and 95 % bounds, {shown}", (SHOWN_RUN, "nees"), end, shown_top)
-    stacks = [rrb.Vertical(rrb.Tabs(*rmse), error), rrb.Vertical(nees, shown_nees)]
+    stacks = [
+        rrb.Vertical(rrb.Tabs(*rmse, active_tab=0), rrb.Tabs(*errors, active_tab=0)),
+        rrb.Vertical(nees, shown_nees),
+    ]
 
     sensors = []
     shown_nis = split(tables["shown_nis"], "sensor")
@@ -57,16 +64,32 @@ def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container
     return rrb.Horizontal(*stacks)
 
 
+def live_plots() -> rrb.Container:
+    """The error and the NEES of the shown run as they come."""
+    return rrb.Horizontal(
+        rrb.TimeSeriesView(origin=path("series", SHOWN_RUN, "position_error"), name="Position error, m"),
+        rrb.TimeSeriesView(origin=path("series", SHOWN_RUN, "nees"), name="NEES and 95 % bounds"),
+    )
+
+
 def _plot(name: str, place: tuple[str, ...], end: float, top: float, legend: bool = False) -> rrb.TimeSeriesView:
+    return _view(name, path("series", *place), end, (0.0, top), legend)
+
+
+def _log_plot(name: str, place: tuple[str, ...], end: float) -> rrb.TimeSeriesView:
+    return _view(name, path(*LOG, *place), end, None, legend=True)
+
+
+def _view(name: str, origin: str, end: float, span: tuple[float, float] | None, legend: bool) -> rrb.TimeSeriesView:
     whole = rr.TimeRange(
         start=rr.TimeRangeBoundary.absolute(seconds=0.0),
         end=rr.TimeRangeBoundary.absolute(seconds=end * (BESIDE_LEGEND if legend else BESIDE)),
     )
     return rrb.TimeSeriesView(
-        origin=path("series", *place),
+        origin=origin,
         name=name,
         axis_x=rrb.TimeAxis(view_range=whole),
-        axis_y=rrb.ScalarAxis(range=(0.0, top)),
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=legend),
     )
 

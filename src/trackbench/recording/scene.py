@@ -18,6 +18,7 @@ from trackbench.recording.tables import Columns, columns, split
 from trackbench.types import Array
 
 WORLD = ("world",)
+ROADS = (*WORLD, "roads")
 VEHICLES = (*WORLD, "vehicles")
 READINGS = (*WORLD, "readings")
 ESTIMATES = (*WORLD, "estimates")
@@ -45,7 +46,7 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
     points = np.stack([rows["x_m"], rows["y_m"]], axis=1)
     strips = np.split(points, np.flatnonzero(np.diff(line)) + 1) if len(line) else []
     lanes = rr.LineStrips2D(strips, colors=rgba(ROAD_COLOUR), radii=pixels(1.0), draw_order=0.0)
-    stream.static(path(*WORLD, "roads"), lanes)
+    stream.static(path(*ROADS), lanes)
 
 
 def send_vehicles(stream: Stream, truth: pa.Table) -> None:

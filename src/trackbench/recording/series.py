@@ -16,6 +16,8 @@ from trackbench.types import COMMON_STATE, Array
 
 ALL_RUNS = "all_runs"
 SHOWN_RUN = "shown_run"
+#: Rerun 0.41 has no logarithmic axis, so the errors are also there as decimal logarithms.
+LOG = ("series", "log10")
 
 #: What the line means under which the NIS of a consistent tracker is 95 % of the time.
 SINGLE = "95 % of single innovations"
@@ -31,6 +33,11 @@ def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: dict[
         place = ("series", ALL_RUNS, f"{quantity}_rmse")
         _lines(stream, place, by_tracker, f"{quantity}_rmse_{unit}", colours)
         _bounds(stream, place, "Cramér-Rao bound", by_tracker, (f"{quantity}_bound_{unit}",), colours)
+        columns = (f"{quantity}_rmse_{unit}", f"{quantity}_bound_{unit}")
+        logs = {tracker: _log10(rows, columns) for tracker, rows in by_tracker.items()}
+        log_place = (*LOG, *place[1:])
+        _lines(stream, log_place, logs, columns[0], colours)
+        _bounds(stream, log_place, "Cramér-Rao bound", logs, columns[1:], colours)
     place = ("series", ALL_RUNS, "nees")
     _lines(stream, place, by_tracker, "nees_mean", colours)
     _bounds(stream, place, "95 % bounds", by_tracker, ("nees_low", "nees_high"), colours)
@@ -57,6 +64,8 @@ def send_shown_run(
         error[tracker] = {"time_s": time, "value": np.sqrt(square)}
         nees[tracker] = _mean_with_bounds(rows["time_s"], rows["nees"], len(COMMON_STATE))
     _lines(stream, ("series", SHOWN_RUN, "position_error"), error, "value", colours)
+    logs = {tracker: _log10(rows, ("value",)) for tracker, rows in error.items()}
+    _lines(stream, (*LOG, SHOWN_RUN, "position_error"), logs, "value", colours)
     _with_bounds(stream, ("series", SHOWN_RUN, "nees"), nees, colours)
     for sensor, rows_by_tracker in _by_sensor(shown_nis).items():
         means = {
@@ -71,6 +80,11 @@ def send_shown_run(
             _bounds(stream, nis_place, SINGLE, lined, ("line",), colours)
         else:
             _with_bounds(stream, nis_place, means, colours)
+
+
+def _log10(rows: Columns, names: tuple[str, ...]) -> Columns:
+    """Logarithms of some columns, NaN where there is none."""
+    return {**rows, **{name: np.log10(np.where(rows[name] > 0, rows[name], np.nan)) for name in names}}
 
 
 def _by_sensor(table: pa.Table) -> dict[str, dict[str, Columns]]:

@@ -19,6 +19,8 @@ TRAIL = 0.3
 REACH, MARGIN = 55.0, 7.0
 #: Half the size of a close-up, m, and how many targets have one.
 CLOSE, MOST_CLOSE = 3.0, 6
+#: Names in a row of the legend, and the share of a view's height that a row takes.
+WIDE_ROW, CLOSE_ROW, LEGEND_ROW = 6, 3, 0.1
 BACKGROUND = (16, 18, 22)
 SCALE_COLOUR = "#C8CDD4"
 
@@ -65,6 +67,24 @@ def send_scales(stream: Stream, all_windows: list[Window]) -> None:
             show_labels=True,
         )
         stream.static(path(*FRAMES, window.frame, "scale"), bar)
+
+
+def send_legends(stream: Stream, all_windows: list[Window], colours: dict[str, str]) -> None:
+    """The trackers' names in their colours, in rows at the top of each view."""
+    wide, *close = all_windows
+    for window, in_row in ((wide, WIDE_ROW), *((each, CLOSE_ROW) for each in close)):
+        (left, right), (top, bottom) = window.across, window.down
+        row, place = np.divmod(np.arange(len(colours)), in_row)
+        x, y = left + (place + 0.5) / in_row * (right - left), top + (row + 0.3) * LEGEND_ROW * (bottom - top)
+        names = rr.Points2D(
+            np.stack([x, y], axis=1),
+            labels=list(colours),
+            colors=[rgba(colour) for colour in colours.values()],
+            radii=pixels(2.5),
+            show_labels=True,
+            draw_order=50.0,
+        )
+        stream.static(path(*FRAMES, window.frame, "legend"), names)
 
 
 def scene_views(all_windows: list[Window], sensors: list[str]) -> rrb.Container:

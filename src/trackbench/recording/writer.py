@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import rerun as rr
 
-from trackbench.errors import InputError, TrackbenchError
+from trackbench.errors import InputError
 from trackbench.palette import sensor_colour, tracker_colour
 from trackbench.recording import layout, scene, series, text, views
 from trackbench.recording.data import send_data
 from trackbench.recording.stream import Stream
-from trackbench.results import RunResult
+from trackbench.results import RunResult, write_bytes
 
 
 def write(result: RunResult, path: Path) -> None:
@@ -25,7 +24,7 @@ def write(result: RunResult, path: Path) -> None:
         TrackbenchError: the file cannot be written.
         InputError: the environment switches Rerun off.
     """
-    recording = rr.RecordingStream("trackbench")
+    recording = new_recording(result.summary["scenario"]["name"])
     if not rr.is_enabled(recording):
         raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
     # To memory first: Rerun's own file sink waits for ever on a full disk.
@@ -33,7 +32,12 @@ def write(result: RunResult, path: Path) -> None:
     send(recording, result)
     content = binary.read()
     recording.disconnect()
-    _replace(path, content or b"")
+    write_bytes(path, content or b"")
+
+
+def new_recording(name: str) -> rr.RecordingStream:
+    """A recording of a scenario; the viewer keeps one layout for all of the same scenario."""
+    return rr.RecordingStream(f"trackbench {name}")
 
 
 def send(recording: rr.RecordingStream, result: RunResult) -> None:
@@ -50,6 +54,7 @@ def send(recording: rr.RecordingStream, result: RunResult) -> None:
         stream.static(name, rr.TextDocument(document, media_type=rr.MediaType.MARKDOWN))
     scene.send_roads(stream, tables["roads"])
     views.send_scales(stream, windows)
+    views.send_legends(stream, windows, trackers)
     scene.send_vehicles(stream, tables["truth"])
     scene.send_readings(stream, tables["readings"], sensors)
     slowest = max(1.0 / sensor["rate_hz"] for sensor in summary["sensors"].values())
@@ -68,16 +73,3 @@ def _properties(summary: dict[str, Any]) -> dict[str, Any]:
         "fingerprint": summary["fingerprint"],
         "versions": [f"{name} {version}" for name, version in summary["versions"].items()],
     }
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Put the content under its final name in one step."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        try:
-            temporary.write_bytes(content)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise TrackbenchError(f"cannot write {path}: {error.strerror or error}") from error

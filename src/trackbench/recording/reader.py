@@ -1,0 +1,108 @@
+"""Reads a run back from its recording, or from the tables beside one that cannot be read here."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from trackbench import results
+from trackbench.errors import InputError
+from trackbench.recording.data import read_data
+from trackbench.results import SUMMARY, RunResult
+
+#: The name of a recording in the folder of its run.
+RECORDING = "recording.rrd"
+#: How a file of Rerun begins: four letters, then the version that wrote it; those of before 0.24 have another letter.
+MAGIC, NOW = b"RRF", b"RRF2"
+#: What the last bytes of a whole file hold.
+END = b"RRF2FOOT"
+END_BYTES = 12
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run read back."""
+
+    result: RunResult
+    """Tables ``truth``, ``readings``, ``estimates``, ``shown_nis``, ``steps`` and ``nis``; more from Parquet."""
+    file: Path
+    """What was read: a recording or the folder of a run."""
+    rerun: str | None
+    """The version of Rerun that wrote the recording; None if it was not read."""
+    note: str | None = None
+    """Why the tables were read in place of the recording."""
+
+
+def read(path: Path) -> Recorded:
+    """The run of a recording (.rrd) or of a folder.
+
+    Raises:
+        InputError: there is none, it is not whole, it is not one of trackbench, or it is of a version of Rerun that
+            cannot be read here and has no tables beside it.
+    """
+    if path.is_dir():
+        if (path / RECORDING).exists():
+            return read(path / RECORDING)
+        return Recorded(results.load(path), path, None, "there is no recording in this folder")
+    version = _version(path)
+    try:
+        summary, tables = _read(path)
+    except RuntimeError as error:
+        if version == rr.__version__:
+            cause = "cut off" if "exceeds file size" in str(error) else "damaged"
+            raise InputError(f"this recording is {cause}: it cannot be read to its end", file=path) from error
+        return _beside(path, f"it is of Rerun {version or 'before 0.24'}, which Rerun {rr.__version__} cannot read")
+    if summary is None:
+        return _beside(path, "it holds no run of trackbench, or one of an earlier version of trackbench")
+    return Recorded(RunResult(summary, tables), path, version)
+
+
+def _version(path: Path) -> str | None:
+    """The version of Rerun that wrote a file; None if it is one that did not say so in this way.
+
+    Raises:
+        InputError: it is no whole recording.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(8)
+            size = file.seek(0, 2)
+            file.seek(max(0, size - END_BYTES))
+            tail = file.read()
+    except FileNotFoundError as error:
+        raise InputError("no such recording", file=path) from error
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+    if not head.startswith(MAGIC):
+        raise InputError("not a Rerun recording (.rrd)", file=path)
+    if not head.startswith(NOW):
+        return None
+    version = ".".join(str(number) for number in head[4:7])
+    if len(head) < 8 or (END not in tail and version == rr.__version__):
+        raise InputError("this recording is cut off: its end is missing", file=path)
+    return version
+
+
+def _read(path: Path) -> tuple[dict[str, object] | None, dict[str, object]]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
+        reader = RrdReader(path)
+        if not reader.recordings():
+            return None, {}
+        return read_data(reader.stream())
+
+
+def _beside(path: Path, cause: str) -> Recorded:
+    """The run from the tables in the folder of a recording.
+
+    Raises:
+        InputError: there are none.
+    """
+    folder = path.parent
+    if not (folder / SUMMARY).is_file():
+        raise InputError(f"{cause}, and there is no {SUMMARY} beside it to read instead", file=path)
+    return Recorded(results.load(folder), folder, None, f"{path}: {cause}")
