@@ -81,6 +81,7 @@ def _place(connect: str | None, host: str | None) -> tuple[str, Viewer | None]:
         click.echo(f"the run is shown at {page}", err=True)
         return served.url, served
     started = viewer.start()
+    started.wait()
     return started.url, started
 
 

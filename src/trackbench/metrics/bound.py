@@ -10,7 +10,7 @@ from trackbench import linalg
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.readings import IdealSensor
-from trackbench.types import Array, Truth
+from trackbench.types import Array, Indices, Truth
 
 #: Standard deviation of the position before the first reading, m: no information.
 UNKNOWN_POSITION = 1e6
@@ -39,7 +39,7 @@ def cramer_rao(
     rates: dict[str, Array],
     acceleration_sigma: float,
     prior: Prior,
-    instants: Array,
+    instants: Indices,
 ) -> Array:
     """Bound of the covariance of px, py, vx, vy for targets that move with white acceleration, along the truth.
 

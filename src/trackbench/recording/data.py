@@ -43,9 +43,9 @@ def send_data(stream: Stream, result: RunResult) -> None:
     for table, keys in KEYS.items():
         for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
             entity = path(DATA, table, *values)
-            named = dict(zip(keys, values, strict=True))
-            stream.static(entity, rr.AnyValues(**{TABLE: table, GROUP: group, **named}))
-            numbers = {name: column for name, column in rows.items() if name not in keys}
+            about: dict[str, Any] = {TABLE: table, GROUP: group, **dict(zip(keys, values, strict=True))}
+            stream.static(entity, rr.AnyValues(**about))
+            numbers: dict[str, Any] = {name: column for name, column in rows.items() if name not in keys}
             stream.columns(entity, rows["time_s"], rr.AnyValues.columns(**numbers))
 
 

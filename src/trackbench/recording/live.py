@@ -1,8 +1,8 @@
 """A run shown while it goes on: what is observed goes to a process of its own, which talks to the viewer.
 
-Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it lives in another
-process, to which a thread of this one writes. The run only puts references into a queue that forgets the oldest:
-whatever becomes of the thread, the process or the viewer, the run does not wait for it.
+Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it lives in
+another process, to which a thread of this one writes. The run only puts references into a queue that forgets the
+oldest: whatever becomes of the thread, the process or the viewer, the run does not wait for it.
 """
 
 from __future__ import annotations

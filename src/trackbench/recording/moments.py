@@ -33,7 +33,7 @@ def scene_at(result: RunResult, shown: ShownRun, time: float) -> Json:
         if rows["alive"][step]:
             motion = {key: float(rows[key][step]) for key in MOTION}
             vehicles.append({"name": name, "role": role, **motion})
-    present = {vehicle["name"] for vehicle in vehicles}
+    present = {name for (_, name), rows in truth.items() if rows["alive"][step]}
     return {
         "time_s": float(clock[step]),
         "vehicles": vehicles,

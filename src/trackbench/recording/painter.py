@@ -29,17 +29,22 @@ class Painter:
 
     def take(self, batch: Iterable[Scene | list[Scan] | Observation | RunResult]) -> None:
         """Draw what was observed, in the order in which it was."""
-        for kind, items in groupby(batch, key=type):
-            for item in items:
-                if isinstance(item, Scene):
-                    self.finish()
-                    self._run = _Run(self._url, item)
-                elif self._run is not None and isinstance(item, list):
-                    self._run.sense(item)
-                elif self._run is not None and isinstance(item, RunResult):
-                    send(self._run.recording, item)
-                elif self._run is not None and kind is Observation:
-                    self._run.estimate([item, *items])
+        for _, items in groupby(batch, key=type):
+            alike = list(items)
+            observations = [item for item in alike if isinstance(item, Observation)]
+            if observations and self._run is not None:
+                self._run.estimate(observations)
+            for item in alike:
+                self._change(item)
+
+    def _change(self, item: Scene | list[Scan] | Observation | RunResult) -> None:
+        if isinstance(item, Scene):
+            self.finish()
+            self._run = _Run(self._url, item)
+        elif isinstance(item, RunResult) and self._run is not None:
+            send(self._run.recording, item)
+        elif isinstance(item, list) and self._run is not None:
+            self._run.sense(item)
 
     def finish(self) -> None:
         """Wait until the viewer has everything."""

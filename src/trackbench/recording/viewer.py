@@ -9,11 +9,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 from urllib.parse import quote
 
 from rerun.experimental import ViewerClient
@@ -22,6 +23,7 @@ from trackbench.errors import InputError, TrackbenchError
 from trackbench.recording.stream import TIMELINE
 
 LOOPBACK = "127.0.0.1"
+EVERYWHERE = ("0.0.0.0", "::")
 #: For how long a viewer may take to start, to load a file and to draw it, s.
 PATIENCE = 30.0
 #: Pixels of a picture.
@@ -36,28 +38,44 @@ NO_DRIVER = (
 )
 
 
+Answer = TypeVar("Answer")
+
+
 @dataclass
 class Viewer:
     """A viewer that was started here and listens on a port."""
 
     process: subprocess.Popen[bytes]
+    host: str
     port: int
     log: IO[bytes]
 
     @property
     def url(self) -> str:
         """Where it takes data and commands."""
-        return grpc_url(LOOPBACK, self.port)
+        return grpc_url(LOOPBACK if self.host in EVERYWHERE else self.host, self.port)
+
+    def wait(self) -> ViewerClient:
+        """Wait until it draws and takes commands; to listen at its port is not enough.
+
+        Raises:
+            InputError: it ended, for want of a screen or of a driver.
+            TrackbenchError: it does not answer.
+        """
+        client = self._patiently(lambda: ViewerClient.connect(self.url))
+        self._patiently(client.get_state)
+        return client
 
     def open(self, files: Sequence[Path], at: float | None = None) -> ViewerClient:
         """Load recordings, show the first one, and pause at a time (s) if one is given.
 
         Raises:
-            TrackbenchError: the viewer ends, or does not load them in time.
+            InputError: it ended, for want of a screen or of a driver.
+            TrackbenchError: it does not load them in time.
         """
-        client = ViewerClient.connect(self.url)
+        client = self.wait()
         for file in reversed(files):
-            self._patiently(lambda file=file: client.open(str(file.resolve())))  # type: ignore[misc]
+            self._patiently(partial(client.open, str(file.resolve())))
         self._patiently(lambda: client.get_state().loading == [] or None)
         if at is not None:
             self._patiently(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
@@ -71,14 +89,15 @@ class Viewer:
         self.process.wait()
         self.log.close()
 
-    def _patiently(self, ask: object) -> None:
+    def _patiently(self, ask: Callable[[], Answer | None]) -> Answer:
         """Ask until there is an answer: a viewer that starts or loads does not answer at once."""
         limit = time.monotonic() + PATIENCE
         while True:
             cause = ""
             try:
-                if ask() is not None:  # type: ignore[operator]
-                    return
+                answer = ask()
+                if answer is not None:
+                    return answer
             except (ConnectionError, RuntimeError) as error:
                 cause = f": {error}"
             if self.process.poll() is not None:
@@ -97,16 +116,16 @@ def start(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewe
         InputError: it cannot start here.
     """
     port = port or free_port(host)
-    log = tempfile.TemporaryFile()
+    log = tempfile.TemporaryFile()  # noqa: SIM115 (the viewer writes to it, and may outlive this process)
     command = [sys.executable, "-m", "rerun", "--bind", host, "--port", str(port), "--hide-welcome-screen", *options]
     process = subprocess.Popen(
         command,
         env={"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ},
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True,
     )  # fmt: skip
-    viewer = Viewer(process, port, log)
+    viewer = Viewer(process, host, port, log)
     limit = time.monotonic() + PATIENCE
-    while not listens(host, port):
+    while not listens(LOOPBACK if host in EVERYWHERE else host, port):
         if process.poll() is not None:
             raise ended(log)
         if time.monotonic() > limit:
@@ -129,7 +148,7 @@ def serve(host: str) -> tuple[Viewer, str]:
     options = ["--serve-web", "--web-viewer-port", str(page)]
     name = host
     if host != LOOPBACK:
-        name = socket.gethostname() if host in ("0.0.0.0", "::") else host
+        name = socket.gethostname() if host in EVERYWHERE else host
         # Rerun lets pages of this machine alone read its data.
         options += ["--cors-allow-origin", f"http://*:{page}"]
     viewer = start(*options, host=host, port=port)
