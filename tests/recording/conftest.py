@@ -142,10 +142,9 @@ def _readings(rng: np.random.Generator, truth: dict[str, dict[str, Any]], name: 
     number = len(rows["time_s"])
     valid = rows["alive"] & (rng.random(number) < 0.9)
     x, y = (np.where(valid, rows[axis] + 0.4 * rng.standard_normal(number), np.nan) for axis in ("px_m", "py_m"))
-    return {"sensor": [sensor] * number, "object": [name] * number, "time_s": rows["time_s"], "valid": valid} | {
-        "x_m": x,
-        "y_m": y,
-    }
+    kind = [_summary()["sensors"][sensor]["kind"]] * number
+    names = {"sensor": [sensor] * number, "kind": kind, "object": [name] * number}
+    return {**names, "time_s": rows["time_s"], "valid": valid, "x_m": x, "y_m": y}
 
 
 def _table(parts: list[dict[str, Any]]) -> pa.Table:

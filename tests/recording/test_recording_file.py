@@ -56,7 +56,7 @@ def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result:
     steps = [row for row in result.tables["steps"].to_pylist() if row["tracker"] == "ekf_cv"]
     rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
     assert [rmse[round(row["time_s"], 9)] for row in steps] == [[row["position_rmse_m"]] for row in steps]
-    bounds = {entity for entity in read.entities() if "/bounds/" in entity and "/all_runs/" in entity}
+    bounds = {entity for entity in read.entities() if "/bounds/" in entity and entity.startswith("/series/all_runs/")}
     assert {entity.removeprefix("/series/all_runs/") for entity in bounds} == {
         "position_rmse/bounds/position_bound_m_1",
         "velocity_rmse/bounds/velocity_bound_mps_1",

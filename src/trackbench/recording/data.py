@@ -45,7 +45,12 @@ def send_data(stream: Stream, result: RunResult) -> None:
             entity = path(DATA, table, *values)
             about: dict[str, Any] = {TABLE: table, GROUP: group, **dict(zip(keys, values, strict=True))}
             stream.static(entity, rr.AnyValues(**about))
-            numbers: dict[str, Any] = {name: column for name, column in rows.items() if name not in keys}
+            # Rerun keeps the type that a component had first: all numbers are of one type.
+            numbers: dict[str, Any] = {
+                name: column if column.dtype == bool else column.astype(float)
+                for name, column in rows.items()
+                if name not in keys
+            }
             stream.columns(entity, rows["time_s"], rr.AnyValues.columns(**numbers))
 
 
@@ -67,8 +72,9 @@ def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str,
         elif not entity.startswith(path(DATA) + "/"):
             continue
         elif chunk.is_static:
-            values = chunk.to_record_batch().to_pylist()[-1]
-            static.setdefault(entity, {}).update((name, value[0]) for name, value in values.items() if value)
+            (values,) = chunk.to_record_batch().to_pylist()
+            known = static.setdefault(entity, {})
+            known.update((name, value[0]) for name, value in values.items() if isinstance(value, list))
         else:
             parts.setdefault(entity, []).append(chunk.to_record_batch())
     groups: dict[str, dict[int, dict[str, npt.NDArray[Any]]]] = {}

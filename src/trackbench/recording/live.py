@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
@@ -116,6 +117,8 @@ class Live:
                 self._closing.wait(PERIOD)
         except OSError:
             self.lost = True
+            with suppress(OSError):
+                self._pipe.close()
 
     def _batch(self) -> Any:
         """Everything that waits, in order."""

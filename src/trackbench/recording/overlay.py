@@ -84,11 +84,12 @@ def _joined(tables: dict[str, pa.Table], column: str) -> pa.Table:
         if table.num_rows:
             names = pa.array([_named(str(name), label) for name in table.column(column).to_pylist()])
             plain = table.set_column(table.schema.get_field_index(column), column, names)
-            texts = {name: pa.string() for name in plain.column_names if pa.types.is_dictionary(plain[name].type)}
-            for name, kind in texts.items():
-                plain = plain.set_column(plain.schema.get_field_index(name), name, plain[name].cast(kind))
-            parts.append(plain)
-    return pa.concat_tables(parts) if parts else pa.table({})
+            parts.append({name: _undictionaried(plain[name]) for name in sorted(plain.column_names)})
+    return pa.concat_tables([pa.table(part) for part in parts]) if parts else pa.table({})
+
+
+def _undictionaried(column: pa.ChunkedArray) -> pa.ChunkedArray:
+    return column.cast(pa.string()) if pa.types.is_dictionary(column.type) else column
 
 
 def _same_readings(a: RunResult, b: RunResult) -> bool:

@@ -16,11 +16,13 @@ from trackbench.results import SUMMARY, RunResult
 
 #: The name of a recording in the folder of its run.
 RECORDING = "recording.rrd"
-#: How a file of Rerun begins: four letters, then the version that wrote it; those of before 0.24 have another letter.
+#: How a file of Rerun begins: four letters, then the version that wrote it;
+#: the fourth letter of early versions is another one.
 MAGIC, NOW = b"RRF", b"RRF2"
 #: What the last bytes of a whole file hold.
 END = b"RRF2FOOT"
 END_BYTES = 12
+CUT_OFF = "this recording is cut off: its end is missing"
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def read(path: Path) -> Recorded:
         if version == rr.__version__:
             cause = "cut off" if "exceeds file size" in str(error) else "damaged"
             raise InputError(f"this recording is {cause}: it cannot be read to its end", file=path) from error
-        return _beside(path, f"it is of Rerun {version or 'before 0.24'}, which Rerun {rr.__version__} cannot read")
+        return _beside(path, f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, which Rerun {rr.__version__} cannot read")
     if summary is None:
         return _beside(path, "it holds no run of trackbench, or one of an earlier version of trackbench")
     return Recorded(RunResult(summary, tables), path, version)
@@ -79,11 +81,13 @@ def _version(path: Path) -> str | None:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
     if not head.startswith(MAGIC):
         raise InputError("not a Rerun recording (.rrd)", file=path)
+    if size < len(NOW) + END_BYTES:
+        raise InputError(CUT_OFF, file=path)
     if not head.startswith(NOW):
         return None
     version = ".".join(str(number) for number in head[4:7])
-    if len(head) < 8 or (END not in tail and version == rr.__version__):
-        raise InputError("this recording is cut off: its end is missing", file=path)
+    if END not in tail and version == rr.__version__:
+        raise InputError(CUT_OFF, file=path)
     return version
 
 

@@ -79,7 +79,7 @@ def send_legends(stream: Stream, all_windows: list[Window], colours: dict[str, s
         names = rr.Points2D(
             np.stack([x, y], axis=1),
             labels=list(colours),
-            colors=[rgba(colour) for colour in colours.values()],
+            colors=np.array([rgba(colour) for colour in colours.values()], dtype=np.uint32),
             radii=pixels(2.5),
             show_labels=True,
             draw_order=50.0,

@@ -68,7 +68,7 @@ def _properties(summary: dict[str, Any]) -> dict[str, Any]:
     return {
         "scenario": summary["scenario"]["name"],
         "seed": summary["seed"],
-        "runs": summary["runs"],
+        "runs": str(summary["runs"]),
         "shown_run": summary["shown_run"],
         "fingerprint": summary["fingerprint"],
         "versions": [f"{name} {version}" for name, version in summary["versions"].items()],

@@ -1,0 +1,171 @@
+"""A run is shown while it goes on, and does not notice what becomes of the viewer."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from trackbench.recording import live, painter
+from trackbench.recording.live import Live, Scene
+from trackbench.recording.painter import Painter
+from trackbench.results import RunResult
+from trackbench.runner.block import Observation
+from trackbench.runner.run import run
+from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario.truth import truth_of
+from trackbench.truth import LoadedTruth
+
+
+@pytest.fixture
+def scene(tiny: Path) -> tuple[LoadedScenario, LoadedTruth]:
+    loaded = load_scenario(tiny)
+    return loaded, truth_of(loaded)
+
+
+@pytest.fixture
+def deaf() -> Iterator[str]:
+    """A viewer that takes connections and reads nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy"
+
+
+ABSENT = "rerun+http://127.0.0.1:9/proxy"
+
+
+def stop(viewer: Live) -> None:
+    viewer._process.kill()
+    viewer._process.wait()
+
+
+@pytest.mark.parametrize("url", [None, ABSENT])
+def test_a_run_hands_over_what_it_finds_and_never_waits(
+    scene: tuple[LoadedScenario, LoadedTruth], deaf: str, url: str | None
+) -> None:
+    loaded, truth = scene
+    viewer = Live(url or deaf)
+    try:
+        viewer.begin(loaded, truth.truth)
+        observation = Observation("ekf", 0, np.zeros((4, 500)), np.zeros((4, 4, 500)))
+        # Six hundred megabytes, which no pipe and no connection takes.
+        longest = 0.0
+        for _ in range(10_000):
+            start = time.perf_counter()
+            viewer.observe(observation)
+            longest = max(longest, time.perf_counter() - start)
+        assert longest < 0.5
+        result = run(loaded, truth, observer=viewer.observe)
+        viewer.end(result)
+        start = time.perf_counter()
+        viewer.close()
+        assert time.perf_counter() - start < live.PARTING + 1.0
+    finally:
+        stop(viewer)
+
+
+def test_what_waits_is_bounded_and_the_oldest_goes_first(
+    scene: tuple[LoadedScenario, LoadedTruth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "WAITING", 3)
+    monkeypatch.setattr(threading.Thread, "start", lambda self: None)
+    viewer = Live(ABSENT)
+    try:
+        viewer.begin(scene[0], scene[1].truth)
+        for instant in range(10):
+            viewer.observe(Observation("ekf", instant, np.zeros((4, 2)), np.zeros((4, 4, 2))))
+        about, *kept = viewer._batch()
+        assert isinstance(about, Scene)
+        assert [item.instant for item in kept] == [7, 8, 9]
+    finally:
+        stop(viewer)
+
+
+def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario, LoadedTruth]) -> None:
+    loaded, truth = scene
+    viewer = Live(ABSENT)
+    stop(viewer)
+    viewer.begin(loaded, truth.truth)
+    result = run(loaded, truth, observer=viewer.observe)
+    viewer.end(result)
+    viewer.close()
+    assert viewer.lost
+    assert result.summary["trackers"][0]["failed"] is None
+
+
+def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
+    scene: tuple[LoadedScenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rerun itself would wait for ever."""
+    from trackbench.recording import forward
+
+    code = f"from trackbench.recording import forward; forward.STALLED = 2; forward.main({deaf!r})"
+    assert forward.STALLED > 2
+    begin = subprocess.Popen
+    monkeypatch.setattr(live.subprocess, "Popen", lambda command, **rest: begin([command[0], "-c", code], **rest))
+    viewer = Live(deaf)
+    monkeypatch.undo()
+    try:
+        viewer.begin(scene[0], scene[1].truth)
+        viewer.end(run(*scene))
+        viewer.close()
+        assert viewer._process.wait(timeout=30) != 0
+    finally:
+        stop(viewer)
+
+
+def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
+    scene: tuple[LoadedScenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+) -> None:
+    loaded, truth = scene
+    monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
+    seen: list[Any] = []
+    result = run(loaded, truth, observer=seen.append)
+
+    def draw(name: str, batches: list[list[Any]]) -> Any:
+        drawing = Painter(name)
+        for batch in batches:
+            drawing.take(batch)
+        drawing.finish()
+        return read_file(tmp_path / f"{name}.rrd")
+
+    about = Scene("tiny", ["raw", "ekf"], ["radar", "lidar"], 0.2, truth.truth)
+    going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
+    half = draw("half", [[about, *seen[:6]]])
+    whole = draw("whole", [[about, result]])
+    entities = [
+        ("/world/vehicles/v1", "Boxes2D:half_sizes"),
+        ("/world/readings/radar", "Points2D:positions"),
+        ("/world/estimates/ekf/v1/covariance", "Ellipses2D:half_sizes"),
+        ("/series/shown_run/position_error/ekf", "Scalars:scalars"),
+    ]
+    for entity, component in entities:
+        expected = {time: value for time, value in whole(entity, component).items() if value}
+        assert {time: value for time, value in going(entity, component).items() if value} == expected
+    times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
+    assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the first tracker has come"
+    assert "/data/result" not in half.entities()
+
+
+def test_only_the_shown_run_of_random_motion_is_sent(run_tiny: Callable[..., RunResult], tiny: Path) -> None:
+    loaded = load_scenario(tiny, ["recording.run=3"])
+    truth = truth_of(loaded).truth
+    several = np.repeat(truth.px, 5, axis=2) + np.arange(5.0)
+    from dataclasses import replace
+
+    sent = live._of_run(replace(truth, px=several), 3)
+    assert sent.px.shape[2] == sent.py.shape[2] == 1
+    np.testing.assert_array_equal(sent.px[..., 0], several[..., 3])
+
+
+def test_painter_leaves_out_what_has_no_beginning(tmp_path: Path) -> None:
+    drawing = painter.Painter(ABSENT)
+    drawing.take([Observation("ekf", 0, np.zeros((4, 2)), np.zeros((4, 4, 2)))])
+    drawing.finish()

@@ -1,0 +1,76 @@
+"""Runs laid over each other, and what is given to the viewer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trackbench import recording, results
+from trackbench.errors import InputError
+from trackbench.recording.overlay import labels, laid_over, same_traffic
+from trackbench.recording.play import playable
+from trackbench.recording.reader import read
+from trackbench.results import RunResult
+
+
+@pytest.fixture(scope="module")
+def pair(run_tiny: Callable[..., RunResult]) -> dict[str, RunResult]:
+    return {"old": run_tiny("trackers.ekf.acceleration_sigma_mps2=9"), "new": run_tiny("monte_carlo.runs=6")}
+
+
+def test_runs_are_called_by_what_tells_their_paths_apart() -> None:
+    assert labels([Path("a/highway"), Path("b/highway")]) == ["a", "b"]
+    assert labels([Path("r/highway/recording.rrd"), Path("r/merge/recording.rrd")]) == ["highway", "merge"]
+    assert labels([Path("x.rrd"), Path("y.rrd")]) == ["x", "y"]
+    assert len(set(labels([Path("x.rrd"), Path("x.rrd")]))) == 2
+
+
+def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, RunResult], tmp_path: Path, read_file: Any) -> None:
+    recording.write(laid_over(pair), tmp_path / "both.rrd")
+    read_back = read_file(tmp_path / "both.rrd")
+    drawn = {entity for entity in read_back.entities() if entity.startswith("/series/all_runs/nees/")}
+    names = {f"{name}\\ \\({label}\\)" for name in ("raw", "ekf") for label in pair}
+    assert names <= {entity.removeprefix("/series/all_runs/nees/") for entity in drawn}
+    (ranking,) = read_back("/ranking", "TextDocument:text")[None]
+    assert "All 4 and 6 runs" in ranking
+    assert "ekf (old)" in ranking
+    # The recorded run has the same readings in both, so they are drawn once.
+    assert {e for e in read_back.entities() if e.startswith("/world/readings/")} == {
+        "/world/readings/radar",
+        "/world/readings/lidar",
+    }
+
+
+def test_other_readings_are_drawn_beside(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult]) -> None:
+    both = laid_over({"old": pair["old"], "new": run_tiny("monte_carlo.seed=8")})
+    assert set(both.summary["sensors"]) == {f"{s} ({label})" for s in ("radar", "lidar") for label in ("old", "new")}
+
+
+def test_other_traffic_is_not_laid_over(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult]) -> None:
+    assert same_traffic(list(pair.values()))
+    assert not same_traffic([pair["old"], run_tiny("truth.seed=5")])
+
+
+def test_what_the_viewer_gets(
+    pair: dict[str, RunResult], run_tiny: Callable[..., RunResult], tmp_path: Path
+) -> None:
+    everything = {**pair, "other": run_tiny("truth.seed=5")}
+    for name, result in everything.items():
+        writers = {} if name == "new" else {"recording.rrd": lambda path, result=result: recording.write(result, path)}
+        results.save(result, tmp_path / name, writers)
+    old, new, other = (tmp_path / name for name in everything)
+    with playable([old]) as ready:
+        assert (ready.files, ready.notes) == ([old / "recording.rrd"], [])
+    with playable([old, new]) as ready:
+        (file,) = ready.files
+        assert "tables" in ready.notes[0]
+        assert {entry["name"] for entry in read(file).result.summary["trackers"]} >= {"ekf (old)", "ekf (new)"}
+    assert not file.exists()
+    with playable([old, other]) as ready:
+        assert ready.files == [old / "recording.rrd", other / "recording.rrd"]
+        assert "not show the same traffic" in ready.notes[0]
+    with pytest.raises(InputError, match="goes from"), playable([old], at=3.0):
+        pass
