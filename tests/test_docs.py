@@ -44,6 +44,12 @@ def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callabl
     assert run_page(DOCS / "compare.md", tmp_path) >= 7
 
 
+def test_the_page_on_recordings_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    (tmp_path / "scenarios").mkdir()
+    shutil.copy(DOCS.parent / "scenarios" / "highway.yaml", tmp_path / "scenarios")
+    assert run_page(DOCS / "reading-a-recording.md", tmp_path) >= 6
+
+
 def test_the_page_shows_the_files(fenced: Fenced) -> None:
     shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
     assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("alpha_beta*.py")}

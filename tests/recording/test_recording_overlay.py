@@ -54,9 +54,7 @@ def test_other_traffic_is_not_laid_over(pair: dict[str, RunResult], run_tiny: Ca
     assert not same_traffic([pair["old"], run_tiny("truth.seed=5")])
 
 
-def test_what_the_viewer_gets(
-    pair: dict[str, RunResult], run_tiny: Callable[..., RunResult], tmp_path: Path
-) -> None:
+def test_what_the_viewer_gets(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult], tmp_path: Path) -> None:
     everything = {**pair, "other": run_tiny("truth.seed=5")}
     for name, result in everything.items():
         writers = {} if name == "new" else {"recording.rrd": lambda path, result=result: recording.write(result, path)}

@@ -53,7 +53,7 @@ def laid_over(named: dict[str, RunResult]) -> RunResult:
         **first.summary,
         "scenario": {**first.summary["scenario"], "name": " over ".join(named)},
         "runs": " and ".join(runs),
-        "command": "trackbench view " + " ".join(named),
+        "command": "; ".join(str(summary["command"]) for summary in summaries.values()),
         "sensors": sensors,
         "trackers": trackers,
         "ranking": [tracker["name"] for tracker in sorted(trackers, key=_error)],

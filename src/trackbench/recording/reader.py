@@ -57,7 +57,10 @@ def read(path: Path) -> Recorded:
         if version == rr.__version__:
             cause = "cut off" if "exceeds file size" in str(error) else "damaged"
             raise InputError(f"this recording is {cause}: it cannot be read to its end", file=path) from error
-        return _beside(path, f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, which Rerun {rr.__version__} cannot read")
+        return _beside(
+            path,
+            f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, which Rerun {rr.__version__} cannot read",
+        )
     if summary is None:
         return _beside(path, "it holds no run of trackbench, or one of an earlier version of trackbench")
     return Recorded(RunResult(summary, tables), path, version)

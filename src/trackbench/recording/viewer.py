@@ -180,8 +180,9 @@ def picture(files: Sequence[Path], at: float) -> bytes:
 
 def ended(log: IO[bytes]) -> InputError:
     """Why a viewer ended by itself, and what to do about it."""
-    log.seek(0)
-    text = log.read().decode(errors="replace")
+    with log:
+        log.seek(0)
+        text = log.read().decode(errors="replace")
     if "WAYLAND_DISPLAY" in text or "DISPLAY is set" in text:
         return InputError(NO_SCREEN)
     if "render context" in text or "graphics adapter" in text or "Vulkan" in text:
