@@ -159,7 +159,7 @@ def test_a_damaged_recording_is_one_message(folder: Path, tmp_path: Path) -> Non
     middle = len(content) // 2
     content[middle : middle + 4000] = bytes(4000)
     (tmp_path / "damaged.rrd").write_bytes(content)
-    with pytest.raises(InputError, match="damaged|cut off"):
+    with pytest.raises(InputError, match=r"damaged|cut off"):
         read(tmp_path / "damaged.rrd")
 
 
