@@ -22,9 +22,9 @@ from trackbench.cli.view import open_viewer
 def inspect_command(
     run: Path, at: float | None, worst: int | None, tracker: str | None, opened: bool, as_json: bool
 ) -> None:
-    """Read a recording (.rrd) or the folder of a run, without a viewer.
+    """Read a recording without a viewer.
 
-    The scores are computed afresh from the truth and the estimates in it.
+    RUN is a recording (.rrd) or the folder of a run; its scores are computed afresh from the truth and the estimates.
 
     \b
     Examples:

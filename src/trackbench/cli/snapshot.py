@@ -14,7 +14,7 @@ from trackbench import results
 @click.argument("out", type=click.Path(path_type=Path, dir_okay=False), metavar="OUT.png")
 @click.option("--at", type=float, required=True, metavar="T", help="The time to show, in seconds.")
 def snapshot_command(runs: tuple[Path, ...], out: Path, at: float) -> None:
-    """Save a picture of what the Rerun viewer shows of a recording.
+    """Save a picture of a run in the viewer.
 
     It needs no screen, but a Vulkan driver. RUN is a recording (.rrd) or the folder of a run.
 

@@ -11,9 +11,9 @@ import click
 @click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN...")
 @click.option("--at", type=float, metavar="T", help="Stop at this time, in seconds.")
 def view_command(runs: tuple[Path, ...], at: float | None) -> None:
-    """Open recordings (.rrd) or folders of runs in the Rerun viewer.
+    """Open runs in the Rerun viewer.
 
-    Several runs of the same traffic are laid over each other.
+    RUN is a recording (.rrd) or the folder of a run; several of the same traffic are laid over each other.
 
     \b
     Examples:
