@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.sensing.readings import IdealSensor
-from trackbench.types import Array, Mask, Truth
+from trackbench.types import Array, Indices, Mask, Truth
 
 #: An object is in one of these at each instant: the last that applies.
 MANOEUVRES = ("straight", "accelerating", "braking", "turning", "sensor gap")
@@ -27,7 +27,7 @@ T = TypeVar("T", bound=np.generic)
 Classes = npt.NDArray[np.int8]
 
 
-def conditions(truth: Truth, instants: Array, sensors: Sequence[IdealSensor], runs: range) -> Classes:
+def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], runs: range) -> Classes:
     """``(instants, objects, runs or 1)`` the class of each object: its place in ``MANOEUVRES`` times ``BANDS``, plus
     that of its range band.
 
@@ -56,7 +56,7 @@ def conditions(truth: Truth, instants: Array, sensors: Sequence[IdealSensor], ru
     return np.asarray(manoeuvre * BANDS + np.digitize(distance, BAND_EDGES), dtype=np.int8)
 
 
-def _in_gap(time: Array, instants: Array, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Mask:
+def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Mask:
     """Where no sensor could have seen the object for too long; chance misses do not count."""
     latest: Array = np.array(-np.inf)
     for sensor, visible in sensors:

@@ -62,7 +62,10 @@ def _readings(rows: dict[str, Columns], shown: ShownRun, dof: int) -> dict[int, 
 
 def _scores(tracker: str, shown: ShownRun, readings: dict[str, dict[int, Array]]) -> Json:
     track = shown.tracks[tracker]
-    scorer = Scorer(shown.target, {sensor: len(items) for sensor, items in readings.items()}, keep_spread=False)
+    counts = {sensor: len(items) for sensor, items in readings.items()}
+    # What the sensors could see is not recorded, so that nothing is broken down by it.
+    alike = np.zeros((len(shown.target.time), len(shown.objects), 1), dtype=np.int8)
+    scorer = Scorer(shown.target, alike, counts, keep_spread=False)
     try:
         for instant, time in enumerate(shown.target.time):
             estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
