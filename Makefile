@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: demo test lint types contracts docs unit install benchmark reference recorded clean $(GENERATED)
+.PHONY: demo doctor-rates test lint types contracts docs unit install benchmark reference recorded clean $(GENERATED)
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
 demo: $(VENV)/.installed
@@ -64,6 +64,10 @@ docs/command-line.md: $(VENV)/.installed
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/speed.py
+
+# How often the doctor is right; half an hour on two cores.
+doctor-rates: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/doctor_rates.py
 
 clean:
 	rm -rf $(VENV) build dist src/*.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -18,7 +18,7 @@ from trackbench.units import wrap_angle
 #: Distance from the answer of the turned target, in standard deviations of the prediction.
 FAR = 3.0
 #: Part of the turned target's answer by which the two may differ, where that answer is felt at all.
-LOST, FELT = 0.5, 0.05
+LOST, FELT = 0.5, 0.3
 #: By how much the target is turned for comparison, rad: well away from where any angle is pi.
 TURN = -1.9
 
