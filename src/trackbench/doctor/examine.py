@@ -5,11 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from trackbench.doctor.bench import Bench
+from trackbench.doctor.breaks import broken_findings, require_runnable
 from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
 from trackbench.doctor.checks.gain import gain
@@ -20,15 +22,17 @@ from trackbench.doctor.checks.process_noise import process_noise
 from trackbench.doctor.checks.soundness import repeatability, vital_signs
 from trackbench.doctor.checks.start import confidence, first_position
 from trackbench.doctor.checks.wrapping import wrapping
-from trackbench.doctor.drives import courses
+from trackbench.doctor.drives import Course, courses
 from trackbench.doctor.exhibits import Exhibit, exhibit
 from trackbench.doctor.findings import Check, Finding, Outcome
-from trackbench.doctor.following import follow
+from trackbench.doctor.following import Track, follow
+from trackbench.doctor.session import Broken
 from trackbench.doctor.stations import Stations, varied
 from trackbench.doctor.weighing import weigh
 from trackbench.sensing.config import Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
+from trackbench.types import Progress, untold
 
 #: In this order; the vital signs last, when all answers have been seen.
 PARTS: tuple[Callable[[Bench], Outcome], ...] = (
@@ -98,25 +102,45 @@ class Doctor:
         self._stations = Stations() if seed is None else varied(np.random.default_rng(seed))
         self._seed = seed or 0
         self.sensors = {name: _plain(sensor) for name, sensor in sensors.items()}
-        self._courses = [(course, follow(reference, course.scans)) for course in courses(self.sensors, self._seed)]
 
-    def examine(self, name: str, make: Callable[[], Tracker]) -> Examination:
+    @cached_property
+    def _courses(self) -> list[tuple[Course, Track]]:
+        """The drives, each with the reference's track."""
+        return [(course, follow(reference, course.scans)) for course in courses(self.sensors, self._seed)]
+
+    def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = untold) -> Examination:
         """Take a tracker through the whole battery.
 
         Args:
             name: what it is called in the results.
             make: gives a fresh one.
+            progress: told after each part how many are done, and of how many.
+
+        Raises:
+            CannotRun: the tracker breaks where nothing is out of the ordinary.
         """
-        bench = Bench(make, self.sensors, self._courses, self._stations, self._seed)
         # What a faulty tracker divides by zero is seen in its answers.
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            outcomes = [part(bench) for part in PARTS if not (part in OF_FILTERS and bench.memoryless)]
-        return Examination(
-            name,
-            weigh(finding for outcome in outcomes for finding in outcome.findings),
-            [check for outcome in outcomes for check in outcome.checks],
-        )
+            return self._examine(name, make, progress)
+
+    def _examine(self, name: str, make: Callable[[], Tracker], progress: Progress) -> Examination:
+        require_runnable(self._bench(make, []))
+        bench = self._bench(make, self._courses)
+        outcomes = []
+        for done, part in enumerate(PARTS, start=1):
+            try:
+                if not (part in OF_FILTERS and bench.memoryless):
+                    outcomes.append(part(bench))
+            except Broken as broken:
+                bench.broken.append((part.__name__, broken))
+            progress(done, len(PARTS))
+        findings = [finding for outcome in outcomes for finding in outcome.findings]
+        findings += broken_findings(bench, findings)
+        return Examination(name, weigh(findings), [check for outcome in outcomes for check in outcome.checks])
+
+    def _bench(self, make: Callable[[], Tracker], courses: list[tuple[Course, Track]]) -> Bench:
+        return Bench(make, self.sensors, courses, self._stations, self._seed)
 
     def exhibits(self, examination: Examination, make: Callable[[], Tracker]) -> list[Exhibit]:
         """What shows the roots among the findings; of a healthy tracker, a drive in which most could go wrong."""
