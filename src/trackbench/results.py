@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,22 @@ def save(result: RunResult, folder: Path, artifacts: Mapping[str, Callable[[Path
     Raises:
         TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
     """
+    summary = {SUMMARY: partial(_write_text, to_json(result.summary))}
+    tables = {f"{name}.parquet": partial(_write_table, table) for name, table in result.tables.items()}
+    save_files({**summary, **tables, **artifacts}, folder, SUMMARY)
+
+
+def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark: str) -> None:
+    """Write a folder: under a temporary name beside it, and renamed when it is complete.
+
+    Args:
+        files: by name, a function that writes the file.
+        folder: the final name; an earlier one with the file ``mark`` is replaced.
+        mark: name of the file by which such a folder is known.
+
+    Raises:
+        TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+    """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
@@ -61,13 +78,10 @@ def save(result: RunResult, folder: Path, artifacts: Mapping[str, Callable[[Path
         raise InputError(f"cannot write to {folder.parent}: {error.strerror}") from error
     try:
         temporary.chmod(0o755)
-        (temporary / SUMMARY).write_text(to_json(result.summary), encoding="utf-8")
-        for name, table in result.tables.items():
-            pq.write_table(table, temporary / f"{name}.parquet", compression="zstd")
-        for name, write in artifacts.items():
+        for name, write in files.items():
             write(temporary / name)
         written = [f"{file.name} {file.stat().st_size / 1000:.0f} kB" for file in sorted(temporary.iterdir())]
-        _put(temporary, folder)
+        _put(temporary, folder, mark)
     except (OSError, TrackbenchError) as error:
         # A reader knows the folder by its final name.
         cause = error if isinstance(error, OSError) else error.__cause__
@@ -116,15 +130,20 @@ def require_file(path: Path, key: str) -> None:
         raise InputError(f"cannot write {path}: {error.strerror or error}", key=key) from error
 
 
-def require_replaceable(folder: Path) -> None:
-    """Make sure that a run's folder can take this name: it is free, empty, or that of an earlier run.
+def require_replaceable(folder: Path, mark: str = SUMMARY) -> None:
+    """Make sure that a folder can take this name: it is free, empty, or an earlier one of its kind.
+
+    Args:
+        folder: its name.
+        mark: name of the file by which its kind is known; that of a run unless given.
 
     Raises:
         InputError: something else is there, which is not to be lost.
     """
     free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
-    if not free and not (folder / SUMMARY).is_file():
-        raise InputError("there already, and not the folder of a run: not replaced", file=folder)
+    if not free and not (folder / mark).is_file():
+        kind = "the folder of a run" if mark == SUMMARY else f"a folder with {mark}"
+        raise InputError(f"there already, and not {kind}: not replaced", file=folder)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -182,12 +201,20 @@ def load(folder: Path, tables: Sequence[str] | None = None) -> RunResult:
     return RunResult(summary, found)
 
 
-def _put(temporary: Path, folder: Path) -> None:
+def _write_text(text: str, path: Path) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _write_table(table: pa.Table, path: Path) -> None:
+    pq.write_table(table, path, compression="zstd")
+
+
+def _put(temporary: Path, folder: Path, mark: str) -> None:
     """Rename; a folder that is there already steps aside first, and comes back if the rename fails."""
     if not folder.exists():
         os.replace(temporary, folder)
         return
-    require_replaceable(folder)
+    require_replaceable(folder, mark)
     aside = temporary.with_suffix(".replaced")
     os.replace(folder, aside)
     try:
