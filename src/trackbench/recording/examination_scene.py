@@ -1,0 +1,76 @@
+"""A drive of an examination seen from above: truth, tracker and reference with their ellipses, readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+
+from trackbench.doctor.exhibits import Exhibit
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.palette import OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colour
+from trackbench.recording.scene import ellipse
+from trackbench.recording.stream import Stream, path, pixels, rgba
+from trackbench.types import Array
+
+#: Colour of the tracker and of the reference, as in the report.
+COLOURS = {"tracker": TRACKER_COLOURS[4], "reference": TRACKER_COLOURS[5]}
+
+
+def frame(course: str) -> tuple[str, ...]:
+    """The frame of the scene in which y is down, as Rerun's 2D views have it, so that a left turn goes left."""
+    return course, "world", "frame"
+
+
+def readings(course: str, sensor: str) -> tuple[str, ...]:
+    """Where a sensor's readings lie."""
+    return course, "world", "readings", sensor
+
+
+def send_scene(stream: Stream, exhibit: Exhibit) -> None:
+    """Everything that lies in the fixed frame."""
+    world = (exhibit.course, "world")
+    stream.static(path(*frame(exhibit.course)), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
+    _send_path(stream, (*world, "truth"), exhibit.time, exhibit.target[:2], TRUTH_COLOUR, 5.0)
+    sensors = np.array([scan.sensor_pose[:2] for scan in exhibit.scans]).T
+    _send_path(stream, (*world, "sensors"), exhibit.time, sensors, OBSERVER_COLOUR, 4.0)
+    tracks = {
+        "reference": (exhibit.reference_mean, exhibit.reference_covariance),
+        "tracker": (exhibit.mean, exhibit.covariance),
+    }
+    for name, (mean, covariance) in tracks.items():
+        known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
+        at, time, p = mean[:2, known], exhibit.time[known], covariance[:, :, known]
+        _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
+        _send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name])
+    _send_readings(stream, exhibit)
+
+
+def _send_path(stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float) -> None:
+    """Where something is, and the whole of its way."""
+    entity = path(*place)
+    stream.columns(entity, time, rr.Points2D.columns(positions=position.T))
+    stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=20.0))
+    way = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(0.75), draw_order=5.0)
+    stream.static(path(*place, "way"), way)
+
+
+def _send_ellipses(stream: Stream, entity: str, time: Array, at: Array, p: Array, colour: str) -> None:
+    half, rotation = ellipse(p[0, 0], p[0, 1], p[1, 1])
+    zero = np.zeros_like(rotation)
+    turned = np.stack([zero, zero, np.sin(rotation / 2), np.cos(rotation / 2)], axis=1)
+    stream.columns(
+        entity,
+        time,
+        rr.Transform3D.columns(translation=np.stack([*at, zero], axis=1), quaternion=turned),
+        rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half)),
+    )
+    stream.static(entity, rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=15.0))
+
+
+def _send_readings(stream: Stream, exhibit: Exhibit) -> None:
+    for sensor, colour in sensor_colour(dict.fromkeys(scan.sensor for scan in exhibit.scans)).items():
+        scans = [scan for scan in exhibit.scans if scan.sensor == sensor and scan.valid]
+        entity = path(*readings(exhibit.course, sensor))
+        points = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2)
+        stream.columns(entity, np.array([scan.time for scan in scans]), rr.Points2D.columns(positions=points))
+        stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(2.0), draw_order=10.0))
