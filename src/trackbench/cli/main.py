@@ -12,6 +12,7 @@ import click
 from trackbench import __version__
 from trackbench.cli.compare import compare_command
 from trackbench.cli.completion import completion_command
+from trackbench.cli.doctor import doctor_command
 from trackbench.cli.inspect import inspect_command
 from trackbench.cli.listing import list_command
 from trackbench.cli.run import run_command
@@ -50,6 +51,7 @@ def cli() -> None:
 for _command in (
     run_command,
     compare_command,
+    doctor_command,
     list_command,
     check_command,
     schema_command,

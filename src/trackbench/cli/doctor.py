@@ -1,0 +1,137 @@
+"""``trackbench doctor``"""
+
+from __future__ import annotations
+
+import re
+import sys
+import textwrap
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from trackbench import results
+from trackbench.cli.progress import progress
+from trackbench.errors import InputError
+from trackbench.scenario.source import parse
+
+if TYPE_CHECKING:
+    from trackbench.doctor.examine import Examination
+    from trackbench.doctor.exhibits import Exhibit
+    from trackbench.doctor.subject import Subject
+
+FOUND = 1
+CANNOT_RUN = 3
+EXAMINATION = "examination.json"
+
+
+@click.command("doctor")
+@click.argument("tracker", metavar="TRACKER")
+@click.option("--option", "options", multiple=True, metavar="KEY=VALUE", help="An argument of the tracker's class.")
+@click.option(
+    "--scenario",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Examine it with the sensors of this scenario.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="Folder of the files.  [default: results/doctor/TRACKER]",
+)
+@click.option("-v", "--verbose", is_flag=True, help="Show what every check saw.")
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
+def doctor_command(
+    tracker: str, options: tuple[str, ...], scenario: Path | None, out: Path | None, verbose: bool, as_json: bool
+) -> None:
+    """Say what is wrong with a tracker, and show it.
+
+    TRACKER is SCENARIO.yaml#NAME, module:Class or a published name. It is taken through drives and situations that
+    each bring out one kind of fault, and held against a reference.
+
+    \b
+    Examples:
+      trackbench doctor scenarios/highway.yaml#ekf_cv
+      trackbench doctor my_tracker:Tracker --option sigma=3
+
+    \b
+    Exit status:
+      0 healthy   1 faults found   2 bad input   3 the tracker cannot be run
+    """
+    from trackbench.doctor.breaks import CannotRun
+    from trackbench.doctor.subject import subject
+    from trackbench.report.examination_text import text
+
+    with _apart():
+        examined = subject(tracker, dict(_option(item) for item in options), scenario)
+    folder = out or Path("results", "doctor", _file_name(examined.name))
+    results.require_replaceable(folder, EXAMINATION)
+    results.require_writable(folder.parent)
+    for note in examined.notes:
+        click.echo(f"{examined.name}: {note}", err=True)
+    try:
+        with _apart():
+            examination, exhibits = _examine(examined)
+    except CannotRun as error:
+        click.echo(f"{examined.name} cannot be examined: {error}", err=True)
+        raise click.exceptions.Exit(CANNOT_RUN) from error
+    written = _save(examination, exhibits, folder)
+    if as_json:
+        click.echo(results.to_json(examination.json()), nl=False)
+    else:
+        click.echo(text(examination, every_check=verbose))
+        files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
+        click.echo(f"\n{files}")
+    raise click.exceptions.Exit(0 if examination.healthy else FOUND)
+
+
+def _examine(examined: Subject) -> tuple[Examination, list[Exhibit]]:
+    from trackbench.doctor.examine import Doctor
+
+    doctor = Doctor(examined.sensors)
+    with progress(f"examining {examined.name}", "parts") as advance:
+        examination = doctor.examine(examined.name, examined.make, advance)
+        return examination, doctor.exhibits(examination, examined.make)
+
+
+def _save(examination: Examination, exhibits: Sequence[Exhibit], folder: Path) -> list[str]:
+    from trackbench.recording import examination as recording
+    from trackbench.report import examination as report
+
+    files = {
+        EXAMINATION: partial(_write, results.to_json(examination.json())),
+        "report.html": partial(_write, report.render(examination, exhibits)),
+        "recording.rrd": partial(recording.write, examination, exhibits),
+    }
+    results.save_files(files, folder, EXAMINATION)
+    return list(files)
+
+
+def _write(text: str, path: Path) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _option(item: str) -> tuple[str, Any]:
+    key, equals, value = item.partition("=")
+    if not equals or not key.isidentifier():
+        raise InputError(f"write KEY=VALUE, such as sigma=3, not {item!r}", key="--option")
+    return key, parse(value, f"--option {item}").value
+
+
+def _file_name(name: str) -> str:
+    """A name for a folder on any system."""
+    return re.sub(r"[^\w.-]+", "_", name).strip(".") or "tracker"
+
+
+@contextmanager
+def _apart() -> Iterator[None]:
+    """What a tracker prints is no part of the result, and its warnings are no news: faults are what is looked for."""
+    with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        yield
