@@ -1,0 +1,26 @@
+"""Draws the figure of docs/doctor.md: the radar's innovations where the student's tracker loses its target."""
+
+import sys
+from pathlib import Path
+
+from trackbench.doctor.examine import Doctor
+from trackbench.doctor.subject import subject
+from trackbench.report.examination_figures import innovation_drawing
+from trackbench.report.svg import standalone
+
+DOCS = Path(__file__).parent
+ALTERNATIVE = "Azimuth innovation of the radar over time, as the tracker takes it and as it should be"
+
+
+def main() -> None:
+    sys.path.insert(0, str(DOCS / "examples"))
+    examined = subject("sensor_fusion_student:Tracker", {})
+    doctor = Doctor(examined.sensors)
+    exhibit = doctor.exhibits(doctor.examine(examined.name, examined.make), examined.make)[0]
+    radar = next(one for one in exhibit.innovations if one.sensor == "radar")
+    drawn = standalone(innovation_drawing(exhibit, radar), ALTERNATIVE)
+    (DOCS / "images" / "doctor-innovation.svg").write_text(drawn, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
