@@ -45,10 +45,10 @@ EXAMINATION = "examination.json"
     metavar="DIR",
     help="Folder of the files.  [default: results/doctor/TRACKER]",
 )
-@click.option("-v", "--verbose", is_flag=True, help="Show what every check saw.")
+@click.option("--all-checks", is_flag=True, help="Show what every check saw.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
 def doctor_command(
-    tracker: str, options: tuple[str, ...], scenario: Path | None, out: Path | None, verbose: bool, as_json: bool
+    tracker: str, options: tuple[str, ...], scenario: Path | None, out: Path | None, all_checks: bool, as_json: bool
 ) -> None:
     """Say what is wrong with a tracker, and show it.
 
@@ -85,7 +85,7 @@ def doctor_command(
     if as_json:
         click.echo(results.to_json(examination.json()), nl=False)
     else:
-        click.echo(text(examination, every_check=verbose))
+        click.echo(text(examination, every_check=all_checks))
         files = textwrap.fill(f"{folder}/: {', '.join(written)}", 80, break_long_words=False, break_on_hyphens=False)
         click.echo(f"\n{files}")
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
