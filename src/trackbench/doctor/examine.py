@@ -29,7 +29,7 @@ from trackbench.doctor.following import Track, follow
 from trackbench.doctor.session import Broken
 from trackbench.doctor.stations import Stations, varied
 from trackbench.doctor.weighing import weigh
-from trackbench.sensing.config import Sensor
+from trackbench.sensing.config import Mount, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, untold
@@ -93,8 +93,8 @@ class Doctor:
     """Examines trackers with some sensors.
 
     Args:
-        sensors: by name. Only their kinds, noise and mounting count: every examination has the same rates and sees
-            all around.
+        sensors: by name. Only their kinds and noise count: in every examination they sit at the observer's centre,
+            see all around, and have the same rates.
         seed: of the noise, and of other stations than the usual ones; None for those.
     """
 
@@ -162,5 +162,11 @@ def _plain(sensor: Sensor) -> Sensor:
     """The sensor without anything that would hide a target or shift a reading."""
     biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
     rate = 10.0 if sensor.type == "lidar" else 20.0
-    sees: dict[str, Any] = {"fov_deg": 360.0, "max_range_m": None, "detection_probability": 1.0, "dropouts": []}
+    sees: dict[str, Any] = {
+        "mount": Mount(),
+        "fov_deg": 360.0,
+        "max_range_m": None,
+        "detection_probability": 1.0,
+        "dropouts": [],
+    }
     return sensor.model_copy(update={**biases, **sees, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0.0})

@@ -130,7 +130,7 @@ def _jacobian(sensor: str, rows: Sequence[Row]) -> list[Finding]:
         )
         share = max(float(np.mean(turned)), float(np.mean(scaled)))
         found.append(
-            Finding("jacobian_wrong", 0.75 + 0.2 * share, text, sensor=sensor, station=worst.reply.station.name)
+            Finding("jacobian_wrong", 0.8 + 0.15 * share, text, sensor=sensor, station=worst.reply.station.name)
         )
     return found[:1] if len(found) < 2 else [max(found, key=lambda finding: finding.confidence)]
 

@@ -18,7 +18,10 @@ from trackbench.units import wrap_angle
 #: Distance from the answer of the turned target, in standard deviations of the prediction.
 FAR = 3.0
 #: Part of the turned target's answer by which the two may differ, where that answer is felt at all.
-LOST, FELT = 0.5, 0.3
+LOST, FELT = 0.5, 0.6
+#: Difference of logarithms of two variances that are as good as equal.
+ALIKE = 0.2
+PARTS = (slice(0, 2), slice(2, 4))
 #: By how much the target is turned for comparison, rad: well away from where any angle is pi.
 TURN = -1.9
 
@@ -26,14 +29,15 @@ TURN = -1.9
 def wrapping(bench: Bench) -> Outcome:
     """Nudge the reading of a target at the azimuth of pi, and of one whose course is pi."""
     outcome = Outcome()
-    for angle, stations, question in (
-        ("azimuth", bench.stations.axes, "Does a target that crosses the azimuth of pi stay where it is?"),
-        ("course", (bench.stations.course_axis,), "Does a target whose course is pi stay where it is?"),
+    polar = [name for name, sensor in bench.sensors.items() if sensor.type != "lidar"]
+    for angle, stations, asked, question in (
+        ("azimuth", bench.stations.axes, polar, "Does a target that crosses the azimuth of pi stay where it is?"),
+        ("course", (bench.stations.course_axis,), bench.sensors, "Does a target whose course is pi stay where it is?"),
     ):
         jumps = [
             jump
             for station in stations
-            for name in bench.sensors
+            for name in asked
             for by in bench.kinds()
             for jump in _jumps(bench, station, name, by)
         ]
@@ -64,9 +68,18 @@ def _jumps(bench: Bench, station: Station, name: str, by: tuple[str, ...]) -> li
         apart, usual = np.abs(one - back @ other) / here.spread, np.abs(back @ other) / here.spread
         size = float(np.max(apart))
         # A gain that is lost there is as wrong as a jump.
-        lost = float(np.max(apart)) > LOST * float(np.max(usual)) > LOST * FELT
+        lost = float(np.max(apart)) > LOST * float(np.max(usual)) > LOST * FELT and _alike(here, there)
         found.append((max(size, FAR) if lost else size, _words(here, side, size), name))
     return found
+
+
+def _alike(here: Reply, there: Reply) -> bool:
+    """Whether both know as much of their targets, so that their gains can be compared."""
+    ratios = (
+        np.trace(here.predicted.covariance[part, part]) / np.trace(there.predicted.covariance[part, part])
+        for part in PARTS
+    )
+    return all(abs(np.log(ratio)) < ALIKE for ratio in ratios)
 
 
 def _moved(reply: Reply, side: float) -> Array | None:
