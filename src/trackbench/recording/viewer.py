@@ -103,6 +103,7 @@ class Viewer:
             if self.process.poll() is not None:
                 raise ended(self.log)
             if time.monotonic() > limit:
+                self.stop()
                 raise TrackbenchError(f"the viewer did not answer within {PATIENCE:g} s{cause}")
             time.sleep(0.1)
 
