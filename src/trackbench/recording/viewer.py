@@ -186,7 +186,7 @@ def ended(log: IO[bytes]) -> InputError:
         text = log.read().decode(errors="replace")
     if "WAYLAND_DISPLAY" in text or "DISPLAY is set" in text:
         return InputError(NO_SCREEN)
-    if "render context" in text or "graphics adapter" in text or "Vulkan" in text:
+    if "render context" in text or "graphics adapter" in text:
         return InputError(NO_DRIVER)
     said = [line for line in text.splitlines() if line.startswith(("Error", "thread"))]
     return InputError(f"the viewer ended: {said[0] if said else 'it gave no reason'}")
