@@ -9,7 +9,7 @@ GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 demo: $(VENV)/.installed
 	$(BIN)/trackbench run scenarios/highway.yaml
 	@echo "Open results/highway/report.html in a browser, and the recording with:"
-	@echo "  $(BIN)/rerun results/highway/recording.rrd"
+	@echo "  $(BIN)/trackbench view results/highway"
 
 # Everything that must hold of a commit.
 test: $(VENV)/.installed-dev lint types contracts docs unit
