@@ -15,6 +15,7 @@ from trackbench.doctor.breaks import broken_findings, require_runnable
 from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
 from trackbench.doctor.checks.gain import gain
+from trackbench.doctor.checks.innovations import innovations
 from trackbench.doctor.checks.models import models
 from trackbench.doctor.checks.output import output
 from trackbench.doctor.checks.prediction import prediction, spreading
@@ -47,13 +48,14 @@ PARTS: tuple[Callable[[Bench], Outcome], ...] = (
     models,
     wrapping,
     process_noise,
+    innovations,
     drives,
     vital_signs,
 )
 
 
 #: What only makes sense of a tracker that predicts, and weighs readings against its prediction.
-OF_FILTERS = (prediction, spreading, expectation, gain, wrapping, process_noise)
+OF_FILTERS = (prediction, spreading, expectation, gain, wrapping, process_noise, innovations)
 
 #: The drive that is shown where no other shows more.
 USUAL = "azimuth_crossing"

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from trackbench import linalg
 from trackbench.doctor.bench import Reply
 from trackbench.doctor.drives import Course
 from trackbench.doctor.findings import Finding
@@ -34,6 +36,8 @@ class Innovations:
     """``(m, k)`` the innovation that explains how far each reading moved the estimate; NaN where it moved nothing."""
     sound: Array
     """``(m, k)`` the reading less what the tracker's own prediction leads to expect."""
+    white: Array
+    """``(m, k)`` the latter in standard deviations of the prediction and the sensor; NaN where there is no such."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +65,42 @@ class Exhibit:
     innovations: list[Innovations]
 
 
+class Watched(NamedTuple):
+    """A tracker on one run of a drive."""
+
+    scans: list[Scan]
+    """Without batch axes."""
+    mean: Array
+    """``(4, scans)``, NaN where there is no estimate."""
+    covariance: Array
+    """``(4, 4, scans)``"""
+    innovations: list[Innovations]
+
+
 def exhibit(make: Callable[[], Tracker], course: Course, reference: Track, findings: list[Finding]) -> Exhibit:
+    """What one run of a drive shows of a tracker."""
+    watched = watch(make, course)
+    target = np.broadcast_to(course.target, (*course.target.shape[:2], max(1, course.target.shape[2])))[..., 0]
+    return Exhibit(
+        course.name,
+        course.drive.purpose,
+        findings,
+        watched.scans,
+        course.time,
+        target,
+        watched.mean,
+        watched.covariance,
+        reference.mean[..., 0],
+        reference.covariance[..., 0],
+        watched.innovations,
+    )
+
+
+def watch(make: Callable[[], Tracker], course: Course) -> Watched:
     """Take a fresh tracker through the first run of a drive, and ask it about every reading."""
     scans = [one_run(scan, 0) for scan in course.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
-    seen: dict[str, list[tuple[float, Array, Array]]] = {}
+    seen: dict[str, list[Surprise]] = {}
     session = Session(make)
     begun = False
     for k, scan in enumerate(scans):
@@ -73,34 +108,28 @@ def exhibit(make: Callable[[], Tracker], course: Course, reference: Track, findi
         if not begun:
             continue
         try:
-            if scan.valid:
-                surprise = _surprise(session, scan, course.name)
-                if surprise is not None:
-                    seen.setdefault(scan.sensor, []).append(surprise)
+            surprise = _surprise(session, scan, course.name) if scan.valid else None
+            if surprise is not None:
+                seen.setdefault(scan.sensor, []).append(surprise)
             answer = session.step(scan)
         except Broken:
             break
         if answer is not None:
             mean[:, k], covariance[:, :, k] = answer.mean, answer.covariance
     kinds = {scan.sensor: scan for scan in scans}
-    innovations = [_gathered(kinds[name], parts) for name, parts in seen.items()]
-    target = np.broadcast_to(course.target, (*course.target.shape[:2], max(1, course.target.shape[2])))[..., 0]
-    return Exhibit(
-        course.name,
-        course.drive.purpose,
-        findings,
-        scans,
-        course.time,
-        target,
-        mean,
-        covariance,
-        reference.mean[..., 0],
-        reference.covariance[..., 0],
-        innovations,
-    )
+    return Watched(scans, mean, covariance, [_gathered(kinds[name], parts) for name, parts in seen.items()])
 
 
-def _surprise(session: Session, scan: Scan, where: str) -> tuple[float, Array, Array] | None:
+class Surprise(NamedTuple):
+    """One reading, as it surprises a tracker and as it should."""
+
+    time: float
+    taken: Array
+    sound: Array
+    white: Array
+
+
+def _surprise(session: Session, scan: Scan, where: str) -> Surprise | None:
     predicted = session.peek(blind(scan))
     if predicted is None:
         return None
@@ -110,11 +139,14 @@ def _surprise(session: Session, scan: Scan, where: str) -> tuple[float, Array, A
     effect = reply.effect(scan.reading)
     taken = np.full(len(scan.reading), np.nan) if effect is None else effect.surprise * reply.sigma
     sound = difference(scan.reading, reply.expected, SENSOR_MODELS[scan.kind].angular)
-    return scan.time, taken, sound
+    spread = linalg.quadratic(reply.jacobian, linalg.symmetrise(predicted.covariance)) + scan.noise
+    factor = linalg.cholesky(spread)
+    white = factor.whiten(sound) if factor.positive else np.full(len(sound), np.nan)
+    return Surprise(scan.time, taken, sound, white)
 
 
-def _gathered(scan: Scan, parts: list[tuple[float, Array, Array]]) -> Innovations:
-    time, taken, sound = zip(*parts, strict=True)
+def _gathered(scan: Scan, parts: list[Surprise]) -> Innovations:
+    time, taken, sound, white = zip(*parts, strict=True)
     return Innovations(
         scan.sensor,
         scan.kind,
@@ -123,4 +155,5 @@ def _gathered(scan: Scan, parts: list[tuple[float, Array, Array]]) -> Innovation
         np.array(time),
         np.stack(taken, axis=1),
         np.stack(sound, axis=1),
+        np.stack(white, axis=1),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from trackbench.doctor.bench import Bench
@@ -42,11 +44,17 @@ def first_position(bench: Bench) -> Outcome:
     return outcome
 
 
-class Begun(tuple[Station, Scan, Answer, Array]):
-    """Station, the scan that began the track, the first answer, and the truth ``(4,)`` at that time."""
+class Begun(NamedTuple):
+    """A track at its first estimate."""
+
+    station: Station
+    scan: Scan
+    answer: Answer
+    truth: Array
+    """``(4,)`` at that time."""
 
 
-def _begin(bench: Bench, station: Station, name: str) -> tuple[Station, Scan, Answer, Array] | None:
+def _begin(bench: Bench, station: Station, name: str) -> Begun | None:
     sensor, session = bench.sensors[name], Session(bench.make)
     rate = min(sensor.rate_hz, 20.0)
     try:
@@ -54,28 +62,28 @@ def _begin(bench: Bench, station: Station, name: str) -> tuple[Station, Scan, An
             scan = station.scan(name, sensor, k / rate)
             answer = session.step(scan)
             if answer is not None:
-                return (station, scan, answer, station.truth(k / rate)) if answer.finite else None
+                return Begun(station, scan, answer, station.truth(k / rate)) if answer.finite else None
     except Broken as broken:
         bench.broken.append((station.name, broken))
     return None
 
 
-def _error(begun: tuple[Station, Scan, Answer, Array]) -> float:
-    _, _, answer, truth = begun
-    return float(np.hypot(*(answer.mean - truth)[:2]))
+def _error(begun: Begun) -> float:
+    return float(np.hypot(*(begun.answer.mean - begun.truth)[:2]))
 
 
-def _allowed(begun: tuple[Station, Scan, Answer, Array]) -> float:
-    _, scan, _, _ = begun
-    position = SENSOR_MODELS[scan.kind].position(scan).covariance
+def _allowed(begun: Begun) -> float:
+    position = SENSOR_MODELS[begun.scan.kind].position(begun.scan).covariance
     return 3.0 * float(np.sqrt(np.trace(position)))
 
 
-def _polar(name: str, begun: list[tuple[Station, Scan, Answer, Array]]) -> list[Finding]:
+def _polar(name: str, begun: list[Begun]) -> list[Finding]:
     """The first two components of the reading where the position should be."""
-    same = [one for one in begun if np.allclose(one[2].mean[:2], one[1].reading[:2], atol=0.2)]
+    same = [one for one in begun if np.allclose(one.answer.mean[:2], one.scan.reading[:2], atol=0.2)]
     moved = [
-        one for one in begun if np.allclose(one[2].mean[:2] - one[1].sensor_pose[:2], one[1].reading[:2], atol=0.2)
+        one
+        for one in begun
+        if np.allclose(one.answer.mean[:2] - one.scan.sensor_pose[:2], one.scan.reading[:2], atol=0.2)
     ]
     best = max(same, moved, key=len)
     if len(best) < 0.7 * len(begun):
@@ -89,13 +97,15 @@ def _polar(name: str, begun: list[tuple[Station, Scan, Answer, Array]]) -> list[
     return [Finding("polar_start", 0.98, text, sensor=name, station=station.name)]
 
 
-def _reversed(name: str, begun: list[tuple[Station, Scan, Answer, Array]]) -> list[Finding]:
+def _reversed(name: str, begun: list[Begun]) -> list[Finding]:
     """Velocities that begin the wrong way round where, and only where, they point backward."""
-    told = [one for one in begun if np.hypot(*one[2].mean[2:]) > 2.0 and _error(one) < 3 * _allowed(one)]
-    wrong = [one for one in told if float(one[2].mean[2:] @ one[3][2:]) < -0.5 * float(one[3][2:] @ one[3][2:])]
-    if len(told) < 4 or len(wrong) < 2 or any(one[3][2] > 0.0 for one in wrong):
+    told = [one for one in begun if np.hypot(*one.answer.mean[2:]) > 2.0 and _error(one) < 3 * _allowed(one)]
+    wrong = [
+        one for one in told if float(one.answer.mean[2:] @ one.truth[2:]) < -0.5 * float(one.truth[2:] @ one.truth[2:])
+    ]
+    if len(told) < 4 or len(wrong) < 2 or any(one.truth[2] > 0.0 for one in wrong):
         return []
-    if any(one[3][2] < 0.0 and one not in wrong for one in told):
+    if any(one.truth[2] < 0.0 and one not in wrong for one in told):
         return []
     station, _, answer, truth = wrong[0]
     text = (
