@@ -21,6 +21,8 @@ from trackbench.errors import InputError, TrackbenchError
 
 SCHEMA_VERSION = 1
 SUMMARY = "result.json"
+#: The same of an examination.
+EXAMINATION = "examination.json"
 
 log = logging.getLogger(__name__)
 

@@ -72,3 +72,11 @@ def test_what_the_viewer_gets(pair: dict[str, RunResult], run_tiny: Callable[...
         assert "not show the same traffic" in ready.notes[0]
     with pytest.raises(InputError, match="goes from"), playable([old], at=3.0):
         pass
+
+
+def test_an_examination_is_opened_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "examination.json").write_text("{}", encoding="utf-8")
+    (tmp_path / "recording.rrd").write_bytes(b"RRF2")
+    for path in (tmp_path, tmp_path / "recording.rrd"):
+        with playable([path]) as ready:
+            assert ready.files == [tmp_path / "recording.rrd"]

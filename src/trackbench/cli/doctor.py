@@ -18,6 +18,7 @@ import numpy as np
 from trackbench import results
 from trackbench.cli.progress import progress
 from trackbench.errors import InputError
+from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 FOUND = 1
 CANNOT_RUN = 3
-EXAMINATION = "examination.json"
 
 
 @click.command("doctor")

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from trackbench.recording import overlay
 from trackbench.recording.moments import require_time
-from trackbench.recording.reader import read
+from trackbench.recording.reader import RECORDING, read
 from trackbench.recording.writer import write
+from trackbench.results import EXAMINATION
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ def playable(paths: Sequence[Path], at: float | None = None) -> Iterator[Playabl
     Raises:
         InputError: one of them cannot be read or lacks that time.
     """
+    examined = _examination(paths[0]) if len(paths) == 1 else None
+    if examined is not None:
+        yield Playable([examined], [])
+        return
     runs = [read(path) for path in paths]
     for run in runs:
         if at is not None:
@@ -59,3 +64,9 @@ def playable(paths: Sequence[Path], at: float | None = None) -> Iterator[Playabl
                 write(run.result, file)
             files.append(file)
         yield Playable(files, notes)
+
+
+def _examination(path: Path) -> Path | None:
+    """The recording of an examination by its file or its folder; None if it is something else."""
+    file = path / RECORDING if path.is_dir() else path
+    return file if file.is_file() and (file.parent / EXAMINATION).is_file() else None
