@@ -1,4 +1,4 @@
-"""The engines that are compared, each from the same beliefs through the same readings."""
+"""The engines that are compared, each from the same beliefs through the same measurements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trackbench.metrics.scorer import Scorer, Target
 from trackbench.models.motion import Kinematics
 from trackbench.runner.adapters import Direct
 from trackbench.runner.allocation import keep_freed_memory
-from trackbench.sensing.readings import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -45,7 +45,7 @@ PEERS: dict[str, dict[str, peers.Peer]] = {
 
 @dataclass(frozen=True)
 class Problem:
-    """The readings of all runs."""
+    """The measurements of all runs."""
 
     truth: Truth
     scans: list[Scan]
@@ -57,7 +57,7 @@ class Problem:
 
 
 def problem(runs: int, steps: int) -> Problem:
-    """Readings made by trackbench's own sensing."""
+    """Measurements made by trackbench's own sensing."""
     # As the runner does for every block.
     keep_freed_memory()
     truth = weaving(steps)
@@ -112,7 +112,7 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
 
 @dataclass(frozen=True)
 class PeerTask:
-    """What a peer is given: the beliefs of some runs and the readings of each, taken apart beforehand."""
+    """What a peer is given: the beliefs of some runs and the measurements of each, taken apart beforehand."""
 
     means: list[Array]
     covariance: Array
@@ -123,11 +123,11 @@ def task(of: Problem, name: str, runs: int) -> PeerTask:
     """The first runs of the problem for a peer."""
     prior = prepared(of, name).prior
     assert prior is not None
-    lanes = [
-        [scan._replace(reading=scan.reading[:, run].copy(), valid=scan.valid[run]) for scan in of.scans]
+    batch = [
+        [scan._replace(measurement=scan.measurement[:, run].copy(), valid=scan.valid[run]) for scan in of.scans]
         for run in range(runs)
     ]
-    return PeerTask([prior.mean[:, run] for run in range(runs)], prior.covariance, lanes)
+    return PeerTask([prior.mean[:, run] for run in range(runs)], prior.covariance, batch)
 
 
 def peer_estimates(peer: peers.Peer, given: PeerTask) -> Array:

@@ -1,4 +1,4 @@
-"""What every engine of the benchmark gets: one target, radar and lidar in turn, the same readings for all."""
+"""What every engine of the benchmark gets: one target, radar and lidar in turn, the same measurements for all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speed of trackbench's filters beside FilterPy and Stone Soup, on the same readings in the same process.
+"""Speed of trackbench's filters beside FilterPy and Stone Soup, on the same measurements in the same process.
 
 Prints a table and writes it to ``results/benchmark.md`` and ``results/benchmark.json``. Every engine runs on one
 thread; the repetitions of all engines alternate, and the best of each counts.

@@ -14,9 +14,9 @@ def markdown(found: dict[str, Any]) -> str:
         "",
         f"Made by `make benchmark`. {machine['cpu']}, one thread, Python {machine['python']}, {versions}.",
         "",
-        f"The same readings for all: {problem['steps']} readings of one weaving target, radar and lidar in turn, in "
-        f"{problem['runs']} Monte-Carlo runs; FilterPy and Stone Soup take the first {problem['peer_runs']} of them. "
-        "A step is the prediction to a reading and the update with it, for one run. Best of "
+        f"The same measurements for all: {problem['steps']} measurements of one weaving target, radar and lidar in "
+        f"turn, in {problem['runs']} Monte-Carlo runs; FilterPy and Stone Soup take the first {problem['peer_runs']} "
+        "of them. A step is the prediction to a measurement and the update with it, for one run. Best of "
         f"{problem['repetitions']} repetitions in which the engines take turns.",
         "",
         "| problem | engine | µs per step of one run |",

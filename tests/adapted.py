@@ -1,4 +1,4 @@
-"""Filters as users of FilterPy and Stone Soup write them, for the tests of the adaptors; and readings for them."""
+"""Filters as users of FilterPy and Stone Soup write them, for the tests of the adaptors; and measurements for them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STATE = ["px", "vx", "py", "vy"]
 TURNING_STATE = ["px", "py", "v", "yaw", "yaw_rate"]
 
 
-def readings(steps: int = 120, uneven: bool = True) -> Iterator[Scan]:
+def measurements(steps: int = 120, uneven: bool = True) -> Iterator[Scan]:
     """Radar and lidar, of a target that weaves around a moving sensor; some missed, some at one instant."""
     random = np.random.default_rng(8)
     x, y, time = 12.0, 6.0, 0.0

@@ -182,7 +182,7 @@ def make_summary() -> dict[str, Any]:
             "front_radar": {"kind": "radar", "dof": 3, "rate_hz": 20.0, "preset": "bosch_lrr3", "detection_rate": 0.93},
             "roof_lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10.0, "preset": None, "detection_rate": None},
         },
-        "shown_run": 0,
+        "recorded_run": 0,
         "trackers": [*(tracker(name, i) for i, name in enumerate(reversed(names))), failed_tracker()],
         "ranking": [*names, "mine"],
         "differences": differences,

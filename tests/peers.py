@@ -1,4 +1,4 @@
-"""FilterPy and Stone Soup on the readings of one target, as their documentation uses them.
+"""FilterPy and Stone Soup on the measurements of one target, as their documentation uses them.
 
 The radar is at rest at the origin and looks along x; instants are ``dt`` apart, the first belief is of the first one.
 Each function returns the estimates ``(steps, n)``.
@@ -92,9 +92,9 @@ def filterpy_ekf_cv(mean: Array, covariance: Array, scans: Sequence[Scan], dt: f
         if k > 0:
             kalman.predict()
         if scan.kind == "radar":
-            kalman.update(scan.reading, radar_slope, radar, R=scan.noise, residual=radar_residual)
+            kalman.update(scan.measurement, radar_slope, radar, R=scan.noise_covariance, residual=radar_residual)
         else:
-            kalman.update(scan.reading, lambda _: select, lambda x: x[:2], R=scan.noise)
+            kalman.update(scan.measurement, lambda _: select, lambda x: x[:2], R=scan.noise_covariance)
         found[k] = kalman.x
     return found
 
@@ -132,10 +132,10 @@ def filterpy_ukf_ctrv(mean: Array, covariance: Array, scans: Sequence[Scan], dt:
         kalman.predict(dt if k > 0 else 0.0)
         if scan.kind == "radar":
             kalman.z_mean, kalman.residual_z = mean_of(1), wrapped(1)
-            kalman.update(scan.reading, R=scan.noise)
+            kalman.update(scan.measurement, R=scan.noise_covariance)
         else:
             kalman.z_mean, kalman.residual_z = None, np.subtract
-            kalman.update(scan.reading, R=scan.noise, hx=lambda x: x[:2])
+            kalman.update(scan.measurement, R=scan.noise_covariance, hx=lambda x: x[:2])
         found[k] = kalman.x
     return found
 
@@ -212,7 +212,7 @@ def _stonesoup(mean, covariance, scans, dt, predictor, updater, models) -> Array
     begin = datetime(2000, 1, 1)
     # Stone Soup's order is bearing, range, range rate.
     order = {"radar": [1, 0, 2], "lidar": [0, 1]}
-    noise = {scan.kind: scan.noise[np.ix_(order[scan.kind], order[scan.kind])] for scan in scans}
+    noise = {scan.kind: scan.noise_covariance[np.ix_(order[scan.kind], order[scan.kind])] for scan in scans}
     models = {kind: models[kind](noise[kind]) for kind in noise}
     state = GaussianState(mean[:, None], covariance, timestamp=begin)
     found = np.empty((len(scans), len(mean)))
@@ -223,10 +223,10 @@ def _stonesoup(mean, covariance, scans, dt, predictor, updater, models) -> Array
             prediction = predictor.predict(state, timestamp=time, **yaw)
         else:
             prediction = GaussianStatePrediction(state.state_vector, state.covar, timestamp=begin)
-        reading = scan.reading[order[scan.kind]].astype(object)
+        measurement = scan.measurement[order[scan.kind]].astype(object)
         if scan.kind == "radar":
-            reading[0] = Bearing(reading[0])
-        detection = Detection(reading[:, None], timestamp=time, measurement_model=models[scan.kind])
+            measurement[0] = Bearing(measurement[0])
+        detection = Detection(measurement[:, None], timestamp=time, measurement_model=models[scan.kind])
         state = updater.update(SingleHypothesis(prediction, detection))
         found[k] = state.state_vector[:, 0]
     return found

@@ -56,7 +56,7 @@ def sigma_points(x, p, spread):
 
 
 def weights(n, alpha, beta, kappa):
-    """Spread in standard deviations, weights of the mean, weights of the covariance (scaled sigma points)."""
+    """InitialSigmas in standard deviations, weights of the mean, weights of the covariance (scaled sigma points)."""
     lam = alpha**2 * (n + kappa) - n
     mean = np.full(2 * n + 1, 0.5 / (n + lam))
     mean[0] = lam / (n + lam)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.runner.block import Work
 from trackbench.sensing.config import LidarConfig, RadarConfig
-from trackbench.sensing.readings import ideal_sensors
+from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -50,32 +50,32 @@ def tracker(**keys: object) -> FilterTracker:
 def scan(
     kind: str,
     time: float,
-    reading: Array,
+    measurement: Array,
     valid: Array | bool = True,
     noise: Array | None = None,
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
     velocity: tuple[float, float] = (0.0, 0.0),
 ) -> Scan:
-    """A scan whose ``reading`` ``(m, ...)`` is made NaN where it is not valid."""
-    reading = np.asarray(reading, dtype=float)
-    valid = np.broadcast_to(np.asarray(valid), reading.shape[1:]).copy()
+    """A scan whose ``measurement`` ``(m, ...)`` is made NaN where it is not valid."""
+    measurement = np.asarray(measurement, dtype=float)
+    valid = np.broadcast_to(np.asarray(valid), measurement.shape[1:]).copy()
     default = RADAR_NOISE if kind == "radar" else LIDAR_NOISE
     return Scan(
         time=time,
         sensor=kind,
         kind=kind,
-        reading=np.where(valid, reading, np.nan),
+        measurement=np.where(valid, measurement, np.nan),
         valid=valid,
-        noise=default if noise is None else noise,
+        noise_covariance=default if noise is None else noise,
         sensor_pose=np.array(pose),
         sensor_velocity=np.array(velocity),
         arrival_time=time,
     )
 
 
-def lane(of: Scan, index: int) -> Scan:
-    """The scan of one lane, without a batch axis."""
-    return of._replace(reading=of.reading[:, index].copy(), valid=of.valid[index])
+def member(of: Scan, index: int) -> Scan:
+    """The scan of one member, without a batch axis."""
+    return of._replace(measurement=of.measurement[:, index].copy(), valid=of.valid[index])
 
 
 def fixed_observer(steps: int, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Observer:

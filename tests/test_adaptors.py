@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.adapted import STATE, TURNING_STATE, readings
+from tests.adapted import STATE, TURNING_STATE, measurements
 from tests.peers import ACCELERATION_SIGMA, YAW_ACCELERATION_SIGMA
 from tests.scenes import tracker
 
@@ -123,7 +123,7 @@ def estimates(of: Tracker, scans: list[Scan]) -> list[Estimate | None]:
 @pytest.mark.filterwarnings("ignore::scipy.linalg.LinAlgWarning")
 def test_the_estimates_are_those_of_the_built_in_filter(case: str, initial: str) -> None:
     make, options, keys = CASES[case]
-    scans = list(readings())
+    scans = list(measurements())
     theirs = estimates(make(**options, initial=initial), scans)
     ours = estimates(tracker(**keys, initial=initial), scans)
     assert sum(answer is not None for answer in theirs) >= len(scans) - 2
@@ -172,7 +172,7 @@ def test_the_models_that_are_shown_have_the_slopes_that_are_shown(case: str) -> 
     of = make(**options, initial="two_readings")
     shown = [f"{name}_jacobian" for name in ("transition", "measurement") if hasattr(of, f"{name}_jacobian")]
     assert len(shown) == (0 if case.startswith("ukf") else 2)
-    for before, now, seen in in_motion(of, list(readings(40))):
+    for before, now, seen in in_motion(of, list(measurements(40))):
         dt = seen.time - before.time
         for name, argument in (("transition", dt), ("measurement", seen)):
             if f"{name}_jacobian" in shown:
@@ -185,11 +185,11 @@ def test_the_models_that_are_shown_have_the_slopes_that_are_shown(case: str) -> 
 def test_the_models_that_are_shown_are_those_that_run(case: str) -> None:
     make, options, _ = CASES[case]
     of = make(**options, initial="two_readings")
-    for before, now, seen in in_motion(of, list(readings(40))):
+    for before, now, seen in in_motion(of, list(measurements(40))):
         x = of.transition(now.state, seen.time - before.time)
         predicted = of.step(before, seen._replace(valid=np.array(False)))[1]
         np.testing.assert_allclose(predicted.state, x, atol=1e-9)
         if seen.valid and case in ("ekf", "ekf_own", "ekf_turning", "pair"):
             expected, angular = of.measurement(x, seen), (1,) if seen.kind == "radar" else ()
             innovation = of.step(before, seen)[1].innovation
-            np.testing.assert_allclose(innovation, difference(seen.reading, expected, angular), atol=1e-9)
+            np.testing.assert_allclose(innovation, difference(seen.measurement, expected, angular), atol=1e-9)

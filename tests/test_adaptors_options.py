@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests import adapted
-from tests.adapted import STATE, readings
+from tests.adapted import STATE, measurements
 from tests.scenes import scan
 
 from trackbench.adaptors.published import filterpy
@@ -30,7 +30,7 @@ PAIR = {"pair": "tests.adapted:pair", "state": STATE, "initial": "two_readings"}
 
 
 def positions(steps: int = 30, every: float = 0.05, missed: tuple[int, ...] = (4, 5, 17)) -> list[Scan]:
-    """A lidar at the origin, whose readings are positions in the fixed frame."""
+    """A lidar at the origin, whose measurements are positions in the fixed frame."""
     random = np.random.default_rng(2)
     times = every * np.arange(steps)
     track = np.array([12 - 6 * times, 6 + 4 * times]) + random.normal(0, 0.15, (2, steps))
@@ -40,14 +40,14 @@ def positions(steps: int = 30, every: float = 0.05, missed: tuple[int, ...] = (4
 @pytest.mark.parametrize("columns", [True, False])
 @pytest.mark.parametrize("noise", ["stated", "own"])
 def test_a_filter_as_it_is_set_runs_as_in_a_loop_of_filterpy(columns: bool, noise: str) -> None:
-    sensors = {"lidar": {"reading": ["x", "y"], "R": noise}}
+    sensors = {"lidar": {"measurement": ["x", "y"], "R": noise}}
     tracker = create("filterpy", {**FIXED, "sensors": sensors, "filter_options": {"columns": columns}})()
     by_hand, state = adapted.kf_fixed(columns=columns), None
     for k, seen in enumerate(positions()):
         if k > 0:
             by_hand.predict()
         if seen.valid:
-            by_hand.update(seen.reading, R=seen.noise if noise == "stated" else None)
+            by_hand.update(seen.measurement, R=seen.noise_covariance if noise == "stated" else None)
         state, estimate = tracker.step(state, seen)
         order = [0, 2, 1, 3]
         np.testing.assert_array_equal(estimate.state, by_hand.x.reshape(-1))
@@ -106,14 +106,14 @@ def test_each_track_has_a_copy_of_an_object() -> None:
     one, two = create("filterpy", MOVING)(), create("filterpy", MOVING)()
     for tracker in (one, two):
         state = None
-        for seen in readings(20):
+        for seen in measurements(20):
             state, _ = tracker.step(state, seen)
     np.testing.assert_array_equal(adapted.ekf.x, before)
 
 
 def test_a_first_covariance_that_is_stated_is_in_the_filter_s_order() -> None:
     initial = {"from": "first_reading", "covariance_diag": [1, 2, 3, 4]}
-    _, estimate = filterpy(**{**MOVING, "initial": initial}).step(None, next(readings()))
+    _, estimate = filterpy(**{**MOVING, "initial": initial}).step(None, next(measurements()))
     np.testing.assert_array_equal(np.diag(estimate.state_covariance), [1, 2, 3, 4])
     np.testing.assert_array_equal(np.diag(estimate.covariance), [1, 3, 2, 4])
 
@@ -122,7 +122,7 @@ def test_a_component_that_trackbench_does_not_know_starts_as_the_filter_has_it()
     """And the others start as they do in the built-in filters."""
     given = {**PAIR, "initial": "first_reading"}
     space = {"pair": "tests.adapted:pair_in_space", "state": [*STATE, "other", "other"]}
-    first = next(readings())
+    first = next(measurements())
     with_other = create("stonesoup", {**given, **space})().step(None, first)[1]
     without = create("stonesoup", given)().step(None, first)[1]
     np.testing.assert_array_equal(with_other.mean, without.mean)
@@ -132,7 +132,7 @@ def test_a_component_that_trackbench_does_not_know_starts_as_the_filter_has_it()
 def test_only_the_named_sensors_start_a_track() -> None:
     tracker = filterpy(**{**MOVING, "initial": {"from": "first_reading", "sensors": ["lidar"]}})
     state, answers = None, []
-    for seen in readings(4):
+    for seen in measurements(4):
         state, answer = tracker.step(state, seen)
         answers.append(answer)
     assert [answer is None for answer in answers] == [True, False, False, False]
@@ -140,7 +140,7 @@ def test_only_the_named_sensors_start_a_track() -> None:
 
 def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
     tracker = filterpy(**{**MOVING, "initial": {"from": "two_readings", "waiting": "at_rest"}})
-    _, estimate = tracker.step(None, next(readings()))
+    _, estimate = tracker.step(None, next(measurements()))
     np.testing.assert_array_equal(estimate.mean[2:], 0)
 
 
@@ -154,7 +154,7 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("filterpy", {"state": ["px", "py", "v", "vx"]}, "vy is missing"),
         ("filterpy", {"state": ["px", "py", "v", "yaw", "ax"]}, "state: ax does not go with v and yaw"),
         ("filterpy", {"state": [*STATE, "ax"]}, "names 5 components, but the filter's x has 4"),
-        ("filterpy", {"initial": "two_reading"}, "initial: did you mean 'two_readings'?"),
+        ("filterpy", {"initial": "two_measurement"}, "initial: did you mean 'two_readings'?"),
         ("filterpy", {"initial": "truth"}, "initial: choose from: first_reading, own, two_readings"),
         ("filterpy", {"initial": {"from": "truth"}}, "initial.from: choose from: first_reading, two_readings"),
         ("filterpy", {"initial": {"yaw_sigma_rad": 1}}, "initial.yaw_sigma_rad: the state has no yaw"),
@@ -202,15 +202,19 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
             {"sensors": {"radar": {"z_mean": "a:b", "hx": "a:b"}}},
             "z_mean: not used with ExtendedKalmanFilter",
         ),
-        ("filterpy", {"sensors": {"radar": {"reading": ["rang"]}}}, "no sensor reads 'rang': did you mean 'range'?"),
-        ("filterpy", {"sensors": {"lidar": {"reading": ["range"]}}}, "a lidar reads no range"),
-        ("filterpy", {"sensors": {"lidar": {"reading": "x"}}}, "write position, or a list of components"),
-        ("filterpy", {"sensors": {"radar": {"reading": ["elevation", "range"]}}}, "use R: own"),
+        (
+            "filterpy",
+            {"sensors": {"radar": {"measurement": ["rang"]}}},
+            "no sensor reads 'rang': did you mean 'range'?",
+        ),
+        ("filterpy", {"sensors": {"lidar": {"measurement": ["range"]}}}, "a lidar reads no range"),
+        ("filterpy", {"sensors": {"lidar": {"measurement": "x"}}}, "write position, or a list of components"),
+        ("filterpy", {"sensors": {"radar": {"measurement": ["elevation", "range"]}}}, "use R: own"),
         ("filterpy", {"sensors": {"radar": {"args": ["pose"], "hx": "a:b"}}}, "a scan has no 'pose': did you mean"),
         ("filterpy", {"sensors": {"radar": {"R": "mine"}}}, "sensors.radar.R: Input should be 'stated' or 'own'"),
         (
             "filterpy",
-            {"filter": "tests.adapted:kf", "sensors": {"radar": {"reading": ["range"]}}},
+            {"filter": "tests.adapted:kf", "sensors": {"radar": {"measurement": ["range"]}}},
             "its H has the shape (2, 4), not (1, 4), which maps the state to range",
         ),
         ("stonesoup", {"pair": "tests.adapted:ekf"}, "gives ExtendedKalmanFilter, not a KalmanPredictor"),
@@ -222,17 +226,21 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("stonesoup", {"sensors": {"radar": {"measurement_model": "own"}}}, "the updater has none of its own"),
         (
             "stonesoup",
-            {"sensors": {"radar": {"measurement_model": "tests.adapted:radar_model", "reading": ["range", "azimuth"]}}},
-            "sensors.radar.reading: a CartesianToBearingRangeRate2D measures azimuth, range, range_rate, in this order",
+            {
+                "sensors": {
+                    "radar": {"measurement_model": "tests.adapted:radar_model", "measurement": ["range", "azimuth"]}
+                }
+            },
+            "sensors.radar.measurement: a CartesianToBearingRangeRate2D measures azimuth, range, range_rate, in this",
         ),
         (
             "stonesoup",
             {"sensors": {"radar": {"measurement_model": "tests.adapted:unknown_model"}}},
-            "sensors.radar.reading: missing: what a TurningRadar measures, in its order, is not known",
+            "sensors.radar.measurement: missing: what a TurningRadar measures, in its order, is not known",
         ),
         (
             "stonesoup",
-            {"sensors": {"lidar": {"measurement_model": "tests.adapted:lidar_model", "reading": ["x", "y"]}}},
+            {"sensors": {"lidar": {"measurement_model": "tests.adapted:lidar_model", "measurement": ["x", "y"]}}},
             "sensors.lidar.pose: 'tests.adapted:lidar_model' cannot be put where the sensor is: use pose: own",
         ),
         (
@@ -264,7 +272,7 @@ def test_nothing_is_taken_for_granted(key: str) -> None:
 
 def test_a_sensor_without_an_entry_is_named() -> None:
     tracker = filterpy(**{**MOVING, "initial": "first_reading", "sensors": {"lidar": {}, "front_radr": {}}})
-    first, lidar, radar = list(readings(3))
+    first, lidar, radar = list(measurements(3))
     state, _ = tracker.step(None, first)
     state, _ = tracker.step(state, lidar)
     with pytest.raises(TrackbenchError, match=r"no entry for front_radar \(radar\).*did you mean 'front_radr'"):
@@ -272,8 +280,8 @@ def test_a_sensor_without_an_entry_is_named() -> None:
 
 
 def test_a_component_that_a_sensor_of_its_own_name_does_not_read() -> None:
-    tracker = filterpy(**{**MOVING, "initial": "own", "sensors": {"front": {"reading": ["range"]}}})
-    lidar = list(readings(2))[1]
+    tracker = filterpy(**{**MOVING, "initial": "own", "sensors": {"front": {"measurement": ["range"]}}})
+    lidar = list(measurements(2))[1]
     with pytest.raises(TrackbenchError, match="the lidar front reads no range"):
         tracker.step(None, lidar._replace(sensor="front"))
 

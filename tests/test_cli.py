@@ -23,9 +23,9 @@ TABLES = {
     "breakdown",
     "autocorrelation",
     "truth",
-    "readings",
+    "measurements",
     "estimates",
-    "shown_nis",
+    "recorded_nis",
     "roads",
 }
 
@@ -131,7 +131,7 @@ def test_options_change_the_run(cli: Cli, tiny: Path, tmp_path: Path) -> None:
     assert summary["scenario"]["overrides"] == [setting, "monte_carlo.runs=3", "monte_carlo.seed=9"]
     assert "recording" not in summary["artifacts"]
     assert not (tmp_path / "deep" / "er" / "tiny" / "recording.rrd").exists()
-    # The command that the result states gives the same readings again.
+    # The command that the result states gives the same measurements again.
     again = summary["command"].split()[1:]
     assert cli(*again, "--no-recording").status == 0
     assert result(tmp_path / "results" / "tiny")["fingerprint"] == summary["fingerprint"]

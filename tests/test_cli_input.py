@@ -46,7 +46,7 @@ BAD_SCENARIO = [
     ("vehicles_count: 4", "vehicles_count: 0", "10: truth.targets: there is no vehicle to track in highway-v0"),
     ("range_sigma_m: 0.3", "range_sigma_m: -0.3", "12: sensors.radar.range_sigma_m: "),
     ("rate_hz: 5", "rate_hz: 3", "13: sensors.lidar.rate_hz: 3 Hz does not divide truth.rate_hz, which is 10"),
-    ("rate_hz: 5", "rate_hz: 0.2, phase_s: 4", "13: sensors.lidar.phase_s: the first reading is after the end"),
+    ("rate_hz: 5", "rate_hz: 0.2, phase_s: 4", "13: sensors.lidar.phase_s: the first measurement is after the end"),
     ("use: raw", "use: raw, sensors: [ldar]", "15: trackers.raw.sensors.0: the scenario has no sensor 'ldar'; did you"),
     ("use: raw", "use: rw", "15: trackers.raw.use: no tracker is published as 'rw': did you mean 'raw'?"),
     ("use: raw", "use: raw, options: {a: 1}", "15: trackers.raw.use: 'raw' does not start with these options: Type"),

@@ -55,7 +55,7 @@ def test_inspect_prints_what_is_in_a_recording(cli: Cli, folder: Path) -> None:
     assert any(line.startswith("results/tiny/recording.rrd: written by Rerun 0.41") for line in lines)
     assert {"raw", "ekf"} <= {line.split()[0] for line in lines if line}
     assert lines[-1] == "results/tiny/runs.parquet: the same"
-    assert max(len(line) for line in lines if not line.startswith(("python", "readings:"))) <= 80
+    assert max(len(line) for line in lines if not line.startswith(("python", "measurements:"))) <= 80
     of_folder = cli("inspect", "results/tiny")
     assert of_folder.out == done.out
 

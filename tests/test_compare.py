@@ -75,7 +75,7 @@ def test_every_metric_comes_back_from_the_table_of_the_runs(keep: Keep, metric: 
     assert interval.ci95 == pytest.approx(node["ci95"], rel=1e-6)
 
 
-def test_equal_readings_are_paired_and_what_did_not_change_is_the_same(keep: Keep) -> None:
+def test_equal_measurements_are_paired_and_what_did_not_change_is_the_same(keep: Keep) -> None:
     base, later = keep(), keep(WORSE_EKF)
     assert grounds(base, later).paired
     found = {item.entrant.tracker: item for item in differences.compare([base, later], ["position_rmse"]).differences}
@@ -155,7 +155,7 @@ def test_random_motion_may_differ_with_the_seed(keep: Keep) -> None:
     assert grounds(base, keep(RANDOM, "monte_carlo.seed=8")).reason == "seed 8 here and 7 there"
 
 
-def test_equal_seeds_are_not_taken_for_equal_readings(keep: Keep, tmp_path: Path) -> None:
+def test_equal_seeds_are_not_taken_for_equal_measurements(keep: Keep, tmp_path: Path) -> None:
     base = keep()
     versions = {**base.summary.versions, "numpy": "1.0"}
     found = grounds(base, stored.load(changed(base, tmp_path / "run", fingerprint="sha256:0", versions=versions)))

@@ -50,7 +50,7 @@ def test_two_runs_in_a_terminal(cli: Cli, two: Path) -> None:
     lines = done.out.splitlines()
     assert max(map(len, lines)) <= 80
     assert "\x1b" not in done.out
-    assert "   paired: the fingerprints of all readings are equal" in lines
+    assert "   paired: the fingerprints of all measurements are equal" in lines
     rows = {line.split()[0]: line for line in lines if line.split()[1:3] == ["B", "A"]}
     assert rows["ekf"].rstrip().endswith("worse")
     assert rows["raw"].rstrip().endswith("0.0 no difference shown")

@@ -99,7 +99,9 @@ def test_filters_of_radar_and_lidar_are_consistent_and_efficient():
 def test_a_filter_told_the_wrong_sensor_noise_is_found_out(told, verdict):
     of = random_walk(RUNS, STEPS, 0.1, SIGMA, 2, START)
     whole = work(of, {"lidar": LIDAR}, {"kf": config("kf")}, RUNS)
-    whole = replace(whole, sensors=[replace(sensor, noise=told**2 * sensor.noise) for sensor in whole.sensors])
+    whole = replace(
+        whole, sensors=[replace(sensor, noise_covariance=told**2 * sensor.noise_covariance) for sensor in whole.sensors]
+    )
     found = metrics(run_block(whole, range(RUNS)).scores["kf"], Bound(float("nan"), float("nan")), RUNS)
     assert found["nees"]["verdict"] == verdict
     assert found["nis"]["lidar"]["verdict"] == verdict
@@ -124,7 +126,7 @@ def test_a_bias_that_no_model_knows_is_optimistic_and_coloured():
     assert found["position_efficiency"]["ci95"][0] > 1.5
 
 
-def test_missed_readings_leave_a_filter_consistent():
+def test_missed_measurements_leave_a_filter_consistent():
     missing = LIDAR.model_copy(update={"detection_probability": 0.5})
     found = summaries(*scores_of({"lidar": missing}, {"kf": config("kf")}, dt=0.1))["kf"]
     assert near(found["nees"]["ci95"], 4.0)

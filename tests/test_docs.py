@@ -78,7 +78,7 @@ def test_the_example_is_honest_and_worth_it() -> None:
 
 def test_every_field_of_a_scan_is_explained() -> None:
     text = PAGE.read_text(encoding="utf-8")
-    section = text[text.index("`scan` is one sensor's reading") : text.index("## What `step` returns")]
+    section = text[text.index("`scan` is one sensor's measurement") : text.index("## What `step` returns")]
     assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == list(Scan._fields)
 
 

@@ -132,7 +132,7 @@ def test_gains_give_jacobian_and_noise_of_a_linear_filter_away() -> None:
         tracker = ekf(motion="cv", acceleration_sigma_mps2=3.0)
 
         def step(self, state, scan):
-            return self.tracker.step(state, scan._replace(noise=scan.noise * 0.4))
+            return self.tracker.step(state, scan._replace(noise_covariance=scan.noise_covariance * 0.4))
 
     bench = Bench(Halved, SENSORS, [], Stations(), 0)
     found = gain(bench).findings
@@ -150,7 +150,7 @@ def test_asking_changes_nothing(name: str) -> None:
         scan = station.scan("lidar", sensor, 0.1 * k)
         if k:
             asked.peek(blind(scan))
-            asked.peek(scan._replace(reading=scan.reading + 3.0))
+            asked.peek(scan._replace(measurement=scan.measurement + 3.0))
         one, other = asked.step(scan), left.step(scan)
         assert one is not None
         assert other is not None

@@ -146,7 +146,15 @@ def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
     assert taken[first] == pytest.approx(-2 * np.pi, abs=0.1)
     assert sound[first] == pytest.approx(0.0, abs=0.1)
     entities = {chunk.schema.metadata[b"rerun:entity_path"].decode() for chunk in chunks}
-    scene = {"truth", "sensors", "tracker", "tracker/covariance", "reference", "readings/radar", "readings/lidar"}
+    scene = {
+        "truth",
+        "sensors",
+        "tracker",
+        "tracker/covariance",
+        "reference",
+        "measurements/radar",
+        "measurements/lidar",
+    }
     assert {f"/azimuth_crossing/world/{name}" for name in scene} <= entities
     assert "azimuth_not_wrapped" in "".join(texts)
     assert len(reader.blueprints()) == 1
@@ -165,13 +173,16 @@ def test_a_healthy_tracker_ends_with_0(cli: Callable[..., Any], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Raises", "KeyError: 'rho' (at -0.95 s of ahead_left, at a reading of radar)"),
-        ("Shape", "the mean has the shape (4, 1), where (4,) is needed (at -3 s of ahead_left, at a reading of lidar)"),
+        ("Raises", "KeyError: 'rho' (at -0.95 s of ahead_left, at a measurement of radar)"),
+        (
+            "Shape",
+            "the mean has the shape (4, 1), where (4,) is needed (at -3 s of ahead_left, at a measurement of lidar)",
+        ),
         (
             "Kind",
-            "step must return (state, estimate), not str 'estimate' (at -3 s of ahead_left, at a reading of lidar)",
+            "step must return (state, estimate), not str 'estimate' (at -3 s of ahead_left, at a measurement of lidar)",
         ),
-        ("Missed", "ValueError: nothing to read (at 0 s of ahead_left, at a missed reading of lidar)"),
+        ("Missed", "ValueError: nothing to read (at 0 s of ahead_left, at a missed measurement of lidar)"),
     ],
 )
 def test_what_cannot_run_ends_with_3(

@@ -33,7 +33,7 @@ LIDAR_ALONE = drive(["lidar"] * 60, [0.05 * i for i in range(60)])
 
 def behind_the_sensor() -> list[Scan]:
     """A target that falls back behind a moving sensor and crosses the line on which the azimuth jumps; uneven steps,
-    some of no time, and a missed reading."""
+    some of no time, and a missed measurement."""
     random = np.random.default_rng(5)
     own, yaw = np.array([5.0, 3.0]), 0.4
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
@@ -43,18 +43,18 @@ def behind_the_sensor() -> list[Scan]:
         pose = np.array([4.0 + own[0] * time, -3.0 + own[1] * time, yaw])
         position = pose[:2] + turn @ [-16.0 - 10.0 * time, 0.4 - 0.6 * time]
         noise = NOISE[kind]
-        reading = SENSOR_MODELS[kind].measure(np.array([*position, *(own + turn @ [-10.0, -0.6])]), pose, own)
-        reading = reading + np.sqrt(np.diag(noise)) * random.standard_normal(len(reading))
+        measurement = SENSOR_MODELS[kind].measure(np.array([*position, *(own + turn @ [-10.0, -0.6])]), pose, own)
+        measurement = measurement + np.sqrt(np.diag(noise)) * random.standard_normal(len(measurement))
         valid = np.array(number != 20)
-        scans.append(Scan(time, kind, kind, np.where(valid, reading, np.nan), valid, noise, pose, own, time))
+        scans.append(Scan(time, kind, kind, np.where(valid, measurement, np.nan), valid, noise, pose, own, time))
     return scans
 
 
-def meeting_the_sensor(readings: int = 2) -> list[Scan]:
+def meeting_the_sensor(measurements: int = 2) -> list[Scan]:
     """A target that a lidar sees exactly where a radar stands, which then sees it at the same instant."""
     pose, own = np.zeros(3), np.zeros(2)
-    kinds = [*["lidar"] * readings, "radar"]
-    times = [*(0.5 * number for number in range(readings)), 0.5 * (readings - 1)]
+    kinds = [*["lidar"] * measurements, "radar"]
+    times = [*(0.5 * number for number in range(measurements)), 0.5 * (measurements - 1)]
     return [
         Scan(time, kind, kind, np.zeros(len(NOISE[kind])), np.array(True), NOISE[kind], pose, own, time)
         for kind, time in zip(kinds, times, strict=True)
@@ -68,7 +68,7 @@ def follow(tracker: Any, scans: Sequence[Scan]) -> tuple[Array, Array]:
     means, covariances = np.full((len(scans), 4), np.nan), np.full((len(scans), 4, 4), np.nan)
     for number, scan in enumerate(scans):
         if batched:
-            scan = scan._replace(reading=scan.reading[:, None], valid=np.array([scan.valid]))
+            scan = scan._replace(measurement=scan.measurement[:, None], valid=np.array([scan.valid]))
         state, answer = tracker.step(state, scan)
         if answer is not None:
             means[number] = np.reshape(answer[0], 4)
@@ -120,7 +120,7 @@ def test_the_correct_keep_the_contract(name: str) -> None:
 
 @pytest.mark.parametrize("start", ["first_reading", "two_readings"])
 def test_the_ekf_agrees(start: str) -> None:
-    # With a lidar reading first, since the built-in start takes the bias of a polar reading off.
+    # With a lidar measurement first, since the built-in start takes the bias of a polar measurement off.
     scans = LIDAR_FIRST if start == "first_reading" else [*LIDAR_ALONE[:10], *LIDAR_FIRST[10:]]
     assert_same(PlainEkf(start), ekf_cv(start), scans, 1e-9)
     assert_same(FilterPyEkf(start=start), ekf_cv(start), scans, 1e-9)
@@ -129,7 +129,7 @@ def test_the_ekf_agrees(start: str) -> None:
 @pytest.mark.parametrize("start", ["first_reading", "two_readings"])
 def test_the_kf_agrees(start: str) -> None:
     assert_same(PlainKf(start), kf_cv(start), LIDAR_ALONE, 1e-9)
-    # The plain one converts a radar's reading to first order.
+    # The plain one converts a radar's measurement to first order.
     plain, built_in = follow(PlainKf(start), LIDAR_FIRST)[0], follow(kf_cv(start), LIDAR_FIRST)[0]
     np.testing.assert_allclose(plain[10:], built_in[10:], atol=0.02)
 
@@ -180,7 +180,7 @@ def test_each_chance_mutant_differs_from_itself(name: str) -> None:
 
 
 CIRCUMSTANCES: dict[str, Callable[[], list[Scan]]] = {
-    "missed_reading": behind_the_sensor,
+    "missed_measurement": behind_the_sensor,
     "dt_in_noise": behind_the_sensor,
     "dt_in_start": behind_the_sensor,
     "yaw_rate": behind_the_sensor,
@@ -200,7 +200,7 @@ def test_each_nonfinite_mutant_is_so_under_its_circumstance(mutant: Mutant) -> N
     state: Any = None
     for number, scan in enumerate(scans):
         if batched:
-            scan = scan._replace(reading=scan.reading[:, None], valid=np.array([scan.valid]))
+            scan = scan._replace(measurement=scan.measurement[:, None], valid=np.array([scan.valid]))
         state, answer = tracker.step(state, scan)
         if answer is not None and number >= begun and not np.isfinite(np.sum(answer[0]) + np.sum(answer[1])):
             return

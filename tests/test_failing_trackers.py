@@ -25,8 +25,8 @@ class Counts:
         return number, self.answer(number, scan)
 
 def usual(scan):
-    lanes = np.shape(scan.valid)
-    return np.ones((4, *lanes)), np.broadcast_to(np.eye(4).reshape(4, 4, *[1] * len(lanes)), (4, 4, *lanes)).copy()
+    batch = np.shape(scan.valid)
+    return np.ones((4, *batch)), np.broadcast_to(np.eye(4).reshape(4, 4, *[1] * len(batch)), (4, 4, *batch)).copy()
 
 """
 
@@ -63,8 +63,8 @@ ANSWERS = {
     "none_later": ("return usual(scan) if number < 3 else None", "it gave None after an estimate", THIRD),
     "never": ("return None", "it gave no estimate at all", {"step": 20, "time_s": 2.0, "run": None, "object": None}),
     "repaired": ("return Estimate(*usual(scan), repaired=np.zeros(3))", "repaired has the shape (3,), where ()", FIRST),
-    "writes_reading": ("scan.reading[:] = 0\nreturn usual(scan)", READ_ONLY, FIRST),
-    "writes_noise": ("scan.noise[:] = 0\nreturn usual(scan)", READ_ONLY, FIRST),
+    "writes_measurement": ("scan.measurement[:] = 0\nreturn usual(scan)", READ_ONLY, FIRST),
+    "writes_noise": ("scan.noise_covariance[:] = 0\nreturn usual(scan)", READ_ONLY, FIRST),
     "writes_pose": ("scan.sensor_pose[0] += 5\nreturn usual(scan)", READ_ONLY, FIRST),
 }
 WHOLE = {
@@ -129,7 +129,7 @@ def test_the_cause_is_reported(outcome: RunResult, name: str) -> None:
 
 
 def test_the_lane_of_a_batch_is_named(outcome: RunResult) -> None:
-    # Lanes are runs within objects: of 2 objects and 4 runs, lane 6 is run 2 of the second object.
+    # Members are runs within objects: of 2 objects and 4 runs, member 6 is run 2 of the second object.
     failed = entry(outcome, "batch_nan")["failed"]
     assert (failed["run"], failed["object"], failed["step"]) == (2, outcome.summary["truth"]["objects"][1], 1)
 

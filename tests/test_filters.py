@@ -35,15 +35,15 @@ def start(motion) -> Belief:
 
 
 def scans(motion, steps: int = 30, dt: float = 0.1):
-    """Alternating radar and lidar readings of a target that moves as the model says, the course passing pi."""
+    """Alternating radar and lidar measurements of a target that moves as the model says, the course passing pi."""
     random = np.random.default_rng(11)
     x = start(motion).mean
     for k in range(steps):
         x = motion.transition(x, dt)
         kind, noise = ("radar", RADAR_NOISE) if k % 2 else ("lidar", LIDAR_NOISE)
         exact = SENSOR_MODELS[kind].measure(motion.to_cartesian(x), np.array(POSE), np.array(OWN))
-        reading = exact + random.multivariate_normal(np.zeros(len(noise)), noise)
-        yield scan(kind, (k + 1) * dt, reading, pose=POSE, velocity=OWN), dt
+        measurement = exact + random.multivariate_normal(np.zeros(len(noise)), noise)
+        yield scan(kind, (k + 1) * dt, measurement, pose=POSE, velocity=OWN), dt
 
 
 def observation(motion, kind: str):
@@ -65,15 +65,17 @@ def assert_same(found, mean, covariance, angular=(), tolerance=1e-9):
 
 
 def test_scalar_kalman_filter_in_closed_form():
-    # A target known to stand still: the variance of the mean of k readings is r / k, the estimate their mean.
+    # A target known to stand still: the variance of the mean of k measurements is r / k, the estimate their mean.
     motion = MOTION_MODELS["cv"](0.0)
-    readings = np.random.default_rng(0).normal(5.0, 2.0, size=(2, 10))
+    measurements = np.random.default_rng(0).normal(5.0, 2.0, size=(2, 10))
     noise = 4.0 * np.eye(2)
-    belief = Belief(np.array([*readings[:, 0], 0.0, 0.0]), np.diag([4.0, 4.0, 1e-30, 1e-30]))
+    belief = Belief(np.array([*measurements[:, 0], 0.0, 0.0]), np.diag([4.0, 4.0, 1e-30, 1e-30]))
     kalman = KalmanFilter(motion)
     for k in range(1, 10):
-        belief = kalman.update(kalman.predict(belief, 0.1), scan("lidar", k * 0.1, readings[:, k], noise=noise)).belief
-        np.testing.assert_allclose(belief.mean[:2], readings[:, : k + 1].mean(axis=1), rtol=1e-12)
+        belief = kalman.update(
+            kalman.predict(belief, 0.1), scan("lidar", k * 0.1, measurements[:, k], noise=noise)
+        ).belief
+        np.testing.assert_allclose(belief.mean[:2], measurements[:, : k + 1].mean(axis=1), rtol=1e-12)
         np.testing.assert_allclose(np.diag(belief.covariance)[:2], 4.0 / (k + 1), rtol=1e-12)
 
 
@@ -116,8 +118,8 @@ def test_extended_kalman_filter_is_the_textbook_one(motion):
         h, slope = observation(motion, seen.kind)
         f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)
         x, p = reference.predict(x, p, lambda s, dt=dt: motion.transition(s, dt), f, q)
-        innovation = reference.residual(SENSOR_MODELS[seen.kind].angular)(seen.reading, h(x))
-        x, p, s = reference.update(x, p, innovation, slope(x), seen.noise)
+        innovation = reference.residual(SENSOR_MODELS[seen.kind].angular)(seen.measurement, h(x))
+        x, p, s = reference.update(x, p, innovation, slope(x), seen.noise_covariance)
         result = extended.update(extended.predict(belief, dt), seen)
         belief = result.belief
         assert_same(belief, x, p, motion.angular)
@@ -130,9 +132,9 @@ def test_iterated_filter_finds_the_most_probable_state(motion):
     belief = start(motion)
     x, p = belief.mean, belief.covariance * 0.1
     h, slope = observation(motion, "radar")
-    reading = h(x) + np.array([0.8, 0.03, -0.6])
-    expected = reference.most_probable(x, p, reading, h, RADAR_NOISE, reference.residual((1,)))
-    seen = scan("radar", 0.1, reading, pose=POSE, velocity=OWN)
+    measurement = h(x) + np.array([0.8, 0.03, -0.6])
+    expected = reference.most_probable(x, p, measurement, h, RADAR_NOISE, reference.residual((1,)))
+    seen = scan("radar", 0.1, measurement, pose=POSE, velocity=OWN)
     found = IteratedExtendedKalmanFilter(motion, 50).update(Belief(x, p), seen)
     np.testing.assert_allclose(reference.residual(motion.angular)(found.belief.mean, expected), 0, atol=1e-6)
     # Its covariance is that of the linearisation at the estimate, its innovation that of the prediction.
@@ -184,9 +186,9 @@ def test_unscented_filter_is_the_textbook_one(motion, augmented, rule):
             x,
             p,
             points,
-            seen.reading,
+            seen.measurement,
             h,
-            seen.noise,
+            seen.noise_covariance,
             subtract,
             reference.residual(SENSOR_MODELS[seen.kind].angular),
             rule,
@@ -210,8 +212,8 @@ def test_all_filters_are_one_on_a_linear_problem(motion):
     }
     kalman, belief = KalmanFilter(motion), start(motion)
     beliefs = dict.fromkeys(others, belief)
-    readings = [(seen, dt) for seen, dt in scans(motion) if seen.kind == "lidar"]
-    for seen, dt in readings:
+    measurements = [(seen, dt) for seen, dt in scans(motion) if seen.kind == "lidar"]
+    for seen, dt in measurements:
         expected = kalman.update(kalman.predict(belief, dt), seen)
         belief = expected.belief
         for name, other in others.items():

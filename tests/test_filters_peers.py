@@ -1,14 +1,14 @@
-"""The same readings through FilterPy and Stone Soup."""
+"""The same measurements through FilterPy and Stone Soup."""
 
 import numpy as np
 import pytest
 from tests import peers, reference
-from tests.scenes import LIDAR_NOISE, RADAR_NOISE, lane, scan, tracker
+from tests.scenes import LIDAR_NOISE, RADAR_NOISE, member, scan, tracker
 
 from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import SENSOR_MODELS
 
-DT, STEPS, LANES = 0.05, 200, 3
+DT, STEPS, BATCH_SIZE = 0.05, 200, 3
 NOISE = {"acceleration_sigma_mps2": peers.ACCELERATION_SIGMA}
 YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}
 SPREAD = {"from": "truth", "position_sigma_m": 0.5, "velocity_sigma_mps": 1.0}
@@ -18,7 +18,7 @@ def course(time):
     return 2.4 + 0.6 * time + 0.3 * np.sin(time)
 
 
-def readings():
+def measurements():
     """Alternating radar and lidar of a target that weaves around the sensor, its azimuth and course passing pi."""
     random = np.random.default_rng(4)
     x, y = 12.0, 6.0
@@ -27,7 +27,7 @@ def readings():
         vx, vy = 8 * np.cos(course(k * DT)), 8 * np.sin(course(k * DT))
         kind, noise = ("lidar", LIDAR_NOISE) if k % 2 else ("radar", RADAR_NOISE)
         exact = SENSOR_MODELS[kind].measure(np.array([x, y, vx, vy]), pose, still)
-        error = random.multivariate_normal(np.zeros(len(noise)), noise, LANES).T
+        error = random.multivariate_normal(np.zeros(len(noise)), noise, BATCH_SIZE).T
         yield scan(kind, k * DT, exact[:, None] + error)
         x, y = x + DT * vx, y + DT * vy
 
@@ -43,18 +43,18 @@ def readings():
     ids=lambda value: value.__name__ if callable(value) else "",
 )
 def test_estimates_agree_to_four_digits(peer, keys):
-    scans = list(readings())
+    scans = list(measurements())
     yaw = {"yaw_sigma_rad": 0.1, "yaw_rate_sigma_radps": 0.1} if keys["motion"] == "ctrv" else {}
-    start = Kinematics(*(np.full(LANES, value) for value in (12.0, 6.0, 8.0, course(0.0), 0.0, 0.9)))
-    normal = np.random.default_rng(9).normal(size=(6, LANES))
-    ours = tracker(**keys, initial={**SPREAD, **yaw}).with_prior(np.zeros(LANES), start, normal)
+    start = Kinematics(*(np.full(BATCH_SIZE, value) for value in (12.0, 6.0, 8.0, course(0.0), 0.0, 0.9)))
+    normal = np.random.default_rng(9).normal(size=(6, BATCH_SIZE))
+    ours = tracker(**keys, initial={**SPREAD, **yaw}).with_prior(np.zeros(BATCH_SIZE), start, normal)
     state, found = None, []
     for seen in scans:
         state, estimate = ours.step(state, seen)
         found.append(estimate.state)
     angular = ours.filter.motion.angular
-    for i in range(LANES):
-        theirs = peer(ours.prior.mean[:, i], ours.prior.covariance, [lane(seen, i) for seen in scans], DT)
+    for i in range(BATCH_SIZE):
+        theirs = peer(ours.prior.mean[:, i], ours.prior.covariance, [member(seen, i) for seen in scans], DT)
         for k in range(STEPS):
             miss = reference.residual(angular)(found[k][:, i], theirs[k])
             np.testing.assert_allclose(miss, 0, atol=1e-4)

@@ -1,10 +1,10 @@
-"""What holds for every filter and motion model, whatever the readings."""
+"""What holds for every filter and motion model, whatever the measurements."""
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from tests.scenes import LIDAR_NOISE, RADAR_NOISE, TRACKERS, lane, scan, tracker
+from tests.scenes import LIDAR_NOISE, RADAR_NOISE, TRACKERS, member, scan, tracker
 
 from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import SENSOR_MODELS
@@ -14,11 +14,11 @@ TRUTH_START = {"from": "truth", "position_sigma_m": 0.5, "velocity_sigma_mps": 1
 POSE, OWN = (1.0, -2.0, 0.3), (5.0, 1.0)
 
 
-def readings(lanes: int, steps: int, seed: int, detection: float = 0.8):
+def measurements(batch: int, steps: int, seed: int, detection: float = 0.8):
     """Radar and lidar at irregular times, some of them together, of targets in ordinary traffic motion."""
     random = np.random.default_rng(seed)
-    position = random.uniform([20, -10], [60, 30], (lanes, 2)).T
-    speed, course, turn = random.uniform(5, 25, lanes), random.uniform(-4, 4, lanes), random.uniform(-0.4, 0.4, lanes)
+    position = random.uniform([20, -10], [60, 30], (batch, 2)).T
+    speed, course, turn = random.uniform(5, 25, batch), random.uniform(-4, 4, batch), random.uniform(-0.4, 0.4, batch)
     time = 0.0
     for _ in range(steps):
         dt = random.choice([0.0, 0.05, 0.1, 0.4])
@@ -27,8 +27,8 @@ def readings(lanes: int, steps: int, seed: int, detection: float = 0.8):
         position = position + dt * velocity
         kind, noise = ("radar", RADAR_NOISE) if random.random() < 0.5 else ("lidar", LIDAR_NOISE)
         exact = SENSOR_MODELS[kind].measure(np.concatenate([position, velocity]), np.array(POSE), np.array(OWN))
-        reading = exact + random.multivariate_normal(np.zeros(len(noise)), noise, lanes).T
-        yield scan(kind, time, reading, valid=random.random(lanes) < detection, pose=POSE, velocity=OWN)
+        measurement = exact + random.multivariate_normal(np.zeros(len(noise)), noise, batch).T
+        yield scan(kind, time, measurement, valid=random.random(batch) < detection, pose=POSE, velocity=OWN)
 
 
 def through(made, scans):
@@ -43,7 +43,7 @@ def smallest_eigenvalue(covariance):
     return np.linalg.eigvalsh(np.moveaxis(covariance, (0, 1), (-2, -1)))[..., 0]
 
 
-def assert_lane_is(batch, single, index, tolerance):
+def assert_member_is(batch, single, index, tolerance):
     for name in ("mean", "covariance", "innovation", "innovation_covariance"):
         whole, alone = getattr(batch, name), getattr(single, name)
         if alone is None or (name.startswith("innovation") and np.isnan(single.innovation).any()):
@@ -53,43 +53,45 @@ def assert_lane_is(batch, single, index, tolerance):
 
 @every_tracker
 @pytest.mark.parametrize("initial", ["first_reading", "two_readings", "truth"])
-def test_a_batch_is_the_loop_over_its_lanes(keys, initial):
-    lanes = 4
-    scans = list(readings(lanes, 14, seed=3))
-    # One lane is seen late, one not at all.
+def test_a_batch_is_the_loop_over_its_members(keys, initial):
+    size = 4
+    scans = list(measurements(size, 14, seed=3))
+    # One member is seen late, one not at all.
     late = np.array([True, True, False, False])
     scans[:6] = [
-        seen._replace(valid=seen.valid & late, reading=np.where(seen.valid & late, seen.reading, np.nan))
+        seen._replace(valid=seen.valid & late, measurement=np.where(seen.valid & late, seen.measurement, np.nan))
         for seen in scans[:6]
     ]
     never = np.array([True, True, True, False])
-    scans = [s._replace(valid=s.valid & never, reading=np.where(s.valid & never, s.reading, np.nan)) for s in scans]
+    scans = [
+        s._replace(valid=s.valid & never, measurement=np.where(s.valid & never, s.measurement, np.nan)) for s in scans
+    ]
     start = TRUTH_START if initial == "truth" else {"from": initial}
     made = tracker(**keys, initial=start)
-    alone = [made] * lanes
+    alone = [made] * size
     if initial == "truth":
-        motion = Kinematics(*(np.linspace(a, a + 1, lanes) for a in (30.0, 10.0, 12.0, 3.0, 0.5, 0.2)))
+        motion = Kinematics(*(np.linspace(a, a + 1, size) for a in (30.0, 10.0, 12.0, 3.0, 0.5, 0.2)))
         times = np.array([scans[0].time, scans[2].time, scans[6].time, np.inf])
-        normal = np.random.default_rng(0).normal(size=(6, lanes))
+        normal = np.random.default_rng(0).normal(size=(6, size))
         alone = [
-            made.with_prior(times[i], Kinematics(*(value[i] for value in motion)), normal[:, i]) for i in range(lanes)
+            made.with_prior(times[i], Kinematics(*(value[i] for value in motion)), normal[:, i]) for i in range(size)
         ]
         made = made.with_prior(times, motion, normal)
     # Gauss-Newton steps from a course of which nothing is known enlarge the rounding of the last bit.
     loose = initial == "first_reading" and keys["filter"] == "iekf" and not made.filter.motion.linear
     batch = through(made, scans)
-    for i in range(lanes):
-        for whole, single in zip(batch, through(alone[i], [lane(seen, i) for seen in scans]), strict=True):
-            assert_lane_is(whole, single, i, 1e-9 if loose else 1e-12)
+    for i in range(size):
+        for whole, single in zip(batch, through(alone[i], [member(seen, i) for seen in scans]), strict=True):
+            assert_member_is(whole, single, i, 1e-9 if loose else 1e-12)
     assert np.isfinite(batch[-1].mean[:, :3]).all()
     assert np.isnan(batch[-1].mean[:, 3]).all()
 
 
 @every_tracker
 def test_batch_axes_of_any_shape(keys):
-    scans = list(readings(6, 8, seed=5, detection=1.0))
+    scans = list(measurements(6, 8, seed=5, detection=1.0))
     flat = through(tracker(**keys), scans)[-1]
-    square = [s._replace(reading=s.reading.reshape(-1, 2, 3), valid=s.valid.reshape(2, 3)) for s in scans]
+    square = [s._replace(measurement=s.measurement.reshape(-1, 2, 3), valid=s.valid.reshape(2, 3)) for s in scans]
     found = through(tracker(**keys), square)[-1]
     np.testing.assert_allclose(found.mean.reshape(4, 6), flat.mean, rtol=1e-12)
     np.testing.assert_allclose(found.covariance.reshape(4, 4, 6), flat.covariance, rtol=1e-12, atol=1e-12)
@@ -99,7 +101,7 @@ def test_batch_axes_of_any_shape(keys):
 @given(seed=st.integers(0, 2**32 - 1), initial=st.sampled_from(["first_reading", "two_readings"]))
 @settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_covariances_stay_symmetric_and_positive_definite(keys, seed, initial):
-    for estimate in through(tracker(**keys, initial=initial), readings(5, 25, seed)):
+    for estimate in through(tracker(**keys, initial=initial), measurements(5, 25, seed)):
         started = np.isfinite(estimate.mean[0])
         for covariance in (estimate.covariance, estimate.state_covariance):
             np.testing.assert_allclose(covariance, np.swapaxes(covariance, 0, 1), rtol=1e-12, atol=1e-12)
@@ -109,8 +111,8 @@ def test_covariances_stay_symmetric_and_positive_definite(keys, seed, initial):
 
 
 @every_tracker
-def test_a_missed_reading_only_predicts(keys):
-    scans = list(readings(2, 6, seed=8, detection=1.0))
+def test_a_missed_measurement_only_predicts(keys):
+    scans = list(measurements(2, 6, seed=8, detection=1.0))
     made = tracker(**keys)
     state = None
     for seen in scans:
@@ -127,7 +129,7 @@ def test_a_missed_reading_only_predicts(keys):
 def test_no_time_means_no_prediction(keys):
     made = tracker(**keys)
     state = None
-    for seen in readings(3, 6, seed=2, detection=1.0):
+    for seen in measurements(3, 6, seed=2, detection=1.0):
         state, before = made.step(state, seen)
     nothing = scan("lidar", state.time, np.zeros((2, 3)), valid=False)
     _, after = made.step(state, nothing)
@@ -135,13 +137,13 @@ def test_no_time_means_no_prediction(keys):
     np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-9, atol=1e-11)
 
 
-# The Kalman filter on a radar is left out: the unbiased conversion moves a noiseless reading.
+# The Kalman filter on a radar is left out: the unbiased conversion moves a noiseless measurement.
 NOISELESS = [(name, kind) for name in TRACKERS for kind in ("radar", "lidar") if name.startswith(("ekf", "iekf"))]
 NOISELESS += [("kf-cv", "lidar"), ("kf-ca", "lidar")]
 
 
 @pytest.mark.parametrize(("name", "kind"), NOISELESS)
-def test_noiseless_readings_of_the_models_own_motion_give_no_error(name, kind):
+def test_noiseless_measurements_of_the_models_own_motion_give_no_error(name, kind):
     keys = TRACKERS[name]
     made = tracker(**keys, initial=TRUTH_START)
     start = Kinematics(*(np.full(1, value) for value in (30.0, 5.0, 12.0, 3.0, 0.4, 0.3)))
@@ -157,7 +159,7 @@ def test_noiseless_readings_of_the_models_own_motion_give_no_error(name, kind):
 
 
 @pytest.mark.parametrize("name", [name for name in TRACKERS if name.startswith(("ukf", "ckf"))])
-def test_sigma_points_on_nearly_noiseless_readings_err_in_second_order_only(name):
+def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(name):
     keys = {key: 1e-3 if "sigma_" in key and "points" not in key else value for key, value in TRACKERS[name].items()}
     small = {"position_sigma_m": 1e-3, "velocity_sigma_mps": 1e-3}
     if keys["motion"] in ("ca", "ctra"):

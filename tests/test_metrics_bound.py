@@ -9,7 +9,7 @@ from trackbench.metrics.bound import Prior, cramer_rao, typical_acceleration
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.config import LidarConfig, Mount, RadarConfig
-from trackbench.sensing.readings import ideal_sensors
+from trackbench.sensing.scans import ideal_sensors
 
 LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.15)
 RADAR = RadarConfig(
@@ -53,7 +53,7 @@ def test_on_a_linear_problem_it_is_the_covariance_of_the_kalman_filter():
             np.testing.assert_allclose(found[row, i], np.diag(belief.covariance), rtol=1e-9)
 
 
-def test_of_nonlinear_readings_it_is_the_covariance_of_an_extended_filter_that_knows_the_truth():
+def test_of_nonlinear_measurements_it_is_the_covariance_of_an_extended_filter_that_knows_the_truth():
     of = moving()
     found, ideal, instants = bound(of, {"radar": RADAR, "lidar": LIDAR})
     extended = ExtendedKalmanFilter(ConstantVelocity(2.0))
@@ -68,13 +68,15 @@ def test_of_nonlinear_readings_it_is_the_covariance_of_an_extended_filter_that_k
                     pose, own = sensor.pose[:, k], sensor.velocity[:, k]
                     exact = SENSOR_MODELS[sensor.name].measure(belief.mean, pose, own)
                     seen = scan(sensor.name, 0.0, exact, pose=tuple(pose), velocity=tuple(own))
-                    np.testing.assert_allclose(sensor.noise, RADAR_NOISE if sensor.name == "radar" else LIDAR_NOISE)
+                    np.testing.assert_allclose(
+                        sensor.noise_covariance, RADAR_NOISE if sensor.name == "radar" else LIDAR_NOISE
+                    )
                     belief = extended.update(belief, seen).belief
             covariance = belief.covariance
             np.testing.assert_allclose(found[row, i], np.diag(covariance), rtol=1e-8)
 
 
-def test_before_the_first_reading_there_is_no_bound_and_then_that_of_the_reading():
+def test_before_the_first_reading_there_is_no_bound_and_then_that_of_the_measurement():
     alive = np.ones((41, 2), dtype=bool)
     alive[:10, 1] = False
     found, _, instants = bound(moving(alive=alive), {"lidar": LIDAR}, Prior(velocity_sigma=20.0))
@@ -84,7 +86,7 @@ def test_before_the_first_reading_there_is_no_bound_and_then_that_of_the_reading
     assert np.isfinite(found[:, 0]).all()
 
 
-def test_rarer_readings_loosen_it_and_more_sensors_tighten_it():
+def test_rarer_measurements_loosen_it_and_more_sensors_tighten_it():
     of = moving()
     full, half = bound(of, {"lidar": LIDAR})[0], bound(of, {"lidar": LIDAR}, rate=0.5)[0]
     assert np.all(half[:, :, :2] > full[:, :, :2])

@@ -13,7 +13,7 @@ from trackbench.metrics.intervals import ratio, root
 from trackbench.metrics.scorer import Scorer
 from trackbench.runner.block import run_block
 from trackbench.sensing.config import LidarConfig
-from trackbench.sensing.readings import ideal_sensors
+from trackbench.sensing.scans import ideal_sensors
 
 LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.1)
 
@@ -94,7 +94,7 @@ def test_each_run_has_its_own_classes_where_its_motion_is_its_own():
 
 
 def scored(errors, codes, runs, covariance=None):
-    """Estimates with errors ``(instants, 4, lanes)`` of an object that stays at the origin."""
+    """Estimates with errors ``(instants, 4, batch)`` of an object that stays at the origin."""
     of = target(np.zeros((4, len(errors), 1)), runs)
     made = Scorer(of, np.asarray(codes, dtype=np.int8), {}, keep_spread=False)
     for error in errors:
@@ -133,11 +133,11 @@ def test_errors_of_each_class_by_hand(own):
 
 def test_parts_of_the_nees_agree_with_numpy():
     random = np.random.default_rng(1)
-    lanes = 7
-    factor = random.normal(size=(lanes, 4, 4))
+    batch = 7
+    factor = random.normal(size=(batch, 4, 4))
     covariance = factor @ np.swapaxes(factor, 1, 2) + 0.2 * np.eye(4)
-    error = random.normal(size=(1, 4, lanes))
-    found = breakdown(scored(error, np.zeros((1, 1, 1)), lanes, np.moveaxis(covariance, 0, -1)).classes)["all"]
+    error = random.normal(size=(1, 4, batch))
+    found = breakdown(scored(error, np.zeros((1, 1, 1)), batch, np.moveaxis(covariance, 0, -1)).classes)["all"]
     for name, part in (("nees_position", slice(0, 2)), ("nees_velocity", slice(2, 4)), ("nees", slice(0, 4))):
         pairs = zip(error[0].T, covariance, strict=True)
         expected = [e[part] @ np.linalg.solve(p[part, part], e[part]) for e, p in pairs]

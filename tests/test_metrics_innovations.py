@@ -11,7 +11,7 @@ from trackbench.metrics.scores import LAGS
 
 
 def by_hand(white, used):
-    """Sums for each lag of innovations ``(readings, m, lanes)`` that count where ``used`` ``(readings, lanes)``."""
+    """Sums for each lag of innovations ``(times, m, batch)`` that count where ``used`` ``(times, batch)``."""
     found = np.zeros((3, LAGS + 1))
     for later in range(len(white)):
         for lag in range(min(LAGS, later) + 1):
@@ -22,7 +22,7 @@ def by_hand(white, used):
 
 
 @pytest.mark.parametrize("chunk", [1, 3, 8, 20, 8000])
-@pytest.mark.parametrize("share", [1.0, 0.7], ids=["every reading", "some missing"])
+@pytest.mark.parametrize("share", [1.0, 0.7], ids=["every measurement", "some missing"])
 def test_every_lag_has_the_sums_of_all_pairs(chunk, share):
     random = np.random.default_rng(3)
     white, used = random.normal(size=(45, 2, 6)), random.random((45, 6)) < share
@@ -38,7 +38,7 @@ def test_every_lag_has_the_sums_of_all_pairs(chunk, share):
     np.testing.assert_allclose(found.per_run[:2].sum(axis=1), expected[[0, 2], 0], rtol=1e-12)
 
 
-def test_a_reading_without_an_innovation_counts_in_no_pair():
+def test_a_measurement_without_an_innovation_counts_in_no_pair():
     random = np.random.default_rng(4)
     white, used = random.normal(size=(31, 2, 4)), np.ones((31, 4), dtype=bool)
     missing = [0, 1, 12]

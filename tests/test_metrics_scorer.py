@@ -13,7 +13,7 @@ from trackbench.metrics.scores import merge
 from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
 from trackbench.runner.block import Failure, run_block
 from trackbench.sensing.config import LidarConfig, RadarConfig
-from trackbench.sensing.readings import sense
+from trackbench.sensing.scans import sense
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Estimate
 
@@ -38,7 +38,7 @@ def target(state, runs, *, alive=None, start=0.0, divergence=10.0):
 
 
 def estimate(mean, covariance=None, **more):
-    """With the lanes last."""
+    """With the batch last."""
     mean = np.asarray(mean, dtype=float)
     identity = np.broadcast_to(np.eye(4)[..., None], (4, 4, mean.shape[1]))
     return Estimate(mean, identity if covariance is None else covariance, **more)
@@ -90,12 +90,12 @@ def test_errors_by_hand():
 
 def test_nees_with_a_full_covariance_agrees_with_numpy():
     random = np.random.default_rng(0)
-    lanes = 6
-    root = random.normal(size=(lanes, 4, 4))
+    batch = 6
+    root = random.normal(size=(batch, 4, 4))
     covariance = root @ np.swapaxes(root, 1, 2) + 0.5 * np.eye(4)
-    mean = random.normal(size=(4, lanes))
+    mean = random.normal(size=(4, batch))
     state = np.array([0.5, -0.2, 3.0, 1.0]).reshape(4, 1, 1)
-    scores = scored(target(state, lanes), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
+    scores = scored(target(state, batch), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
     error = mean.T - state[:, 0, 0]
     expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
     np.testing.assert_allclose(scores.per_run[5], expected, rtol=1e-12)
@@ -172,7 +172,7 @@ def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause, ba
     good = estimate(np.zeros((4, 2)))
     with pytest.raises(Fault, match=cause) as fault:
         scored(target(np.zeros((4, 5, 1)), 2), [([], good), ([], good), ([], bad), ([], good), ([], good)])
-    assert (fault.value.instant, fault.value.lane) == (2, 1)
+    assert (fault.value.instant, fault.value.member) == (2, 1)
 
 
 @pytest.mark.parametrize("batch", [2, 8000], ids=["one by one", "all at once"])
@@ -181,7 +181,7 @@ def test_a_track_that_is_lost_again_is_a_fault_while_another_still_waits(batch, 
     one, none = estimate(np.array([[0.0, np.nan]] * 4)), estimate(np.full((4, 2), np.nan))
     with pytest.raises(Fault, match=NOT_FINITE) as fault:
         scored(target(np.zeros((4, 4, 1)), 2), [([], none), ([], one), ([], none), ([], one)])
-    assert (fault.value.instant, fault.value.lane) == (2, 0)
+    assert (fault.value.instant, fault.value.member) == (2, 0)
 
 
 def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
@@ -204,7 +204,7 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(monkeypatc
 
 
 def test_innovations_by_hand():
-    # Two runs, three readings of a lidar; the second run misses the second one.
+    # Two runs, three measurements of a lidar; the second run misses the second one.
     spread = np.broadcast_to((4.0 * np.eye(2))[..., None], (2, 2, 2))
     innovations = [np.array([[2.0, 4], [0, 6]]), np.array([[2.0, np.nan], [2, np.nan]]), np.array([[-4.0, 2], [0, 0]])]
     valid = [[True, True], [True, False], [True, True]]
@@ -223,7 +223,7 @@ def test_innovations_by_hand():
     assert found["dof"] == 2
     low, high = stats.chi2.ppf([0.025, 0.975], 2 * 2) / 2
     assert found["bounds95"] == pytest.approx([low, high])
-    # Successive readings of run 0 alone: (1, 0) . (1, 1) + (1, 1) . (-2, 0), over the squares of the later ones.
+    # Successive measurements of run 0 alone: (1, 0) . (1, 1) + (1, 1) . (-2, 0), over the squares of the later ones.
     white = summary(scores, 2)["whiteness"]["lidar"]
     assert white["value"] == pytest.approx((1 - 2) / (2 + 4))
     assert white["bounds95"] == pytest.approx([-1.96 / 2, 1.96 / 2])
@@ -243,7 +243,7 @@ def test_repairs_are_counted_where_the_object_is_scored():
     given = estimate(np.zeros((4, 4)), repaired=np.array([True, False, True, True]))
     of = target(np.zeros((4, 2, 2)), 2, alive=[[True, True], [True, False]])
     scores = scored(of, [([seen], given), ([seen], given)], {"lidar": 2})
-    # Lanes are object 0 runs 0 and 1, object 1 runs 0 and 1.
+    # Members are object 0 runs 0 and 1, object 1 runs 0 and 1.
     np.testing.assert_array_equal(scores.repaired, [3, 1])
     assert health(scores)["repaired_covariances"] == 4
     assert health(scores)["repaired_runs"] == 2
@@ -307,7 +307,7 @@ def test_merged_blocks_are_one_block(own):
 
 
 def test_a_block_scores_what_the_tracker_says_of_the_truth():
-    # Readings without noise: the raw tracker's position is exact, and its velocity that of constant motion.
+    # Measurements without noise: the raw tracker's position is exact, and its velocity that of constant motion.
     time = np.arange(20) * 0.1
     of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
     exact = {"lidar": LidarConfig(rate_hz=10, position_sigma_m=1e-6)}
@@ -325,13 +325,13 @@ def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over()
     scores = run_block(whole, range(40)).scores["raw"]
     valid = np.stack([seen.valid for seen in sense(whole.sensors, 1, "test", range(40)).scans])
     first = np.argmax(valid, axis=0)
-    # Thirty readings, 0.1 s apart.
+    # Thirty measurements, 0.1 s apart.
     np.testing.assert_array_equal(scores.present, np.maximum(30 - (first + 10), 0))
 
 
-def test_the_shown_run_is_the_same_in_whichever_block_it_is():
+def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
     of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
-    whole = replace(work(of, SENSORS, TWO, 6), shown_run=4)
+    whole = replace(work(of, SENSORS, TWO, 6), recorded_run=4)
     one, other = run_block(whole, range(6)), run_block(whole, range(3, 6))
     assert run_block(whole, range(3)).scans is None
     for name in TWO:
@@ -339,7 +339,7 @@ def test_the_shown_run_is_the_same_in_whichever_block_it_is():
         np.testing.assert_allclose(one.traces[name].covariance, other.traces[name].covariance, rtol=1e-12, atol=1e-12)
         assert one.traces[name].mean.shape == (4, 30, 1)
     for a, b in zip(one.scans, other.scans, strict=True):
-        np.testing.assert_array_equal(a.reading, b.reading)
+        np.testing.assert_array_equal(a.measurement, b.measurement)
 
 
 class Faulty:
@@ -369,7 +369,7 @@ class Faulty:
 
 
 @pytest.mark.parametrize(
-    ("how", "cause", "lane"),
+    ("how", "cause", "member"),
     [
         ("raises", "ValueError: no such luck", False),
         ("nan", NOT_FINITE, True),
@@ -379,7 +379,7 @@ class Faulty:
         ("silent", "it gave no estimate at all", False),
     ],
 )
-def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, lane):
+def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, member):
     of = random_walk(6, 20, 0.1, 1.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
     trackers = {"bad": PluginConfig(use=f"{__name__}:Faulty", options={"how": how}), "good": TWO["ekf"]}
     block = run_block(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
@@ -389,4 +389,4 @@ def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, lane):
     assert not isinstance(block.scores["good"], Failure)
     if how != "silent":
         assert (failure.step, failure.time_s) == (3, pytest.approx(0.3))
-    assert (failure.run, failure.object) == ((5, "v1") if lane else (None, None))
+    assert (failure.run, failure.object) == ((5, "v1") if member else (None, None))

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import spherical_jn
 from tests.scenes import NOISE
 
-from trackbench.models.motion import MOTION_MODELS, Kinematics, Spread, process_noise, turning
+from trackbench.models.motion import MOTION_MODELS, InitialSigmas, Kinematics, process_noise, turning
 from trackbench.models.motion.base import UNKNOWN_ANGLE
 from trackbench.types import Gaussian
 
@@ -164,7 +164,7 @@ def test_a_cartesian_belief_survives_the_way_into_a_state_and_back(model, data):
     mean = np.array([10.0, -20.0, speed * np.cos(course), speed * np.sin(course)])
     root = np.random.default_rng(data.draw(st.integers(0, 1000))).normal(size=(4, 4)) * 0.01
     covariance = root @ root.T + 1e-4 * np.eye(4)
-    belief = model.from_cartesian(Gaussian(mean, covariance), Spread(acceleration=2.0, yaw_rate=0.1))
+    belief = model.from_cartesian(Gaussian(mean, covariance), InitialSigmas(acceleration=2.0, yaw_rate=0.1))
     back = model.cartesian_belief(belief)
     np.testing.assert_allclose(back.mean, mean, atol=1e-9)
     np.testing.assert_allclose(back.covariance, covariance, rtol=1e-2, atol=1e-6)
@@ -174,7 +174,7 @@ def test_a_cartesian_belief_survives_the_way_into_a_state_and_back(model, data):
 @turning_models
 def test_a_belief_at_rest_knows_nothing_of_the_course(model):
     at_rest = Gaussian(np.array([1.0, 2.0, 0.0, 0.0]), np.diag([0.1, 0.1, 400.0, 400.0]))
-    belief = model.from_cartesian(at_rest, Spread(acceleration=2.0, yaw_rate=0.1))
+    belief = model.from_cartesian(at_rest, InitialSigmas(acceleration=2.0, yaw_rate=0.1))
     assert np.isfinite(belief.covariance).all()
     assert np.sqrt(belief.covariance[3, 3]) == pytest.approx(UNKNOWN_ANGLE)
     assert np.linalg.eigvalsh(model.cartesian_belief(belief).covariance).min() > 0

@@ -15,8 +15,8 @@ from trackbench.scenario.truth import truth_of
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_the_shown_run_is_observed_whole_whichever_process_makes_it(tiny: Path, workers: int) -> None:
-    # Two blocks, the shown run in the second one.
+def test_the_recorded_run_is_observed_whole_whichever_process_makes_it(tiny: Path, workers: int) -> None:
+    # Two blocks, the recorded run in the second one.
     loaded = load_scenario(tiny, ["monte_carlo.runs=1500", "recording.run=1400"])
     truth = truth_of(loaded)
     seen: list[Any] = []

@@ -15,7 +15,7 @@ from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing.config import LidarConfig, RadarConfig
-from trackbench.sensing.readings import IdealSensor, ideal_sensors
+from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.truth import Draw, load_truth
 from trackbench.types import Array, Truth
 
@@ -88,7 +88,7 @@ def test_a_doubled_process_noise_variance_is_told_from_the_right_one() -> None:
     assert {metrics["nees"]["verdict"] for metrics in found.values()} == {"pessimistic"}
 
 
-def test_the_shown_run_is_shown_as_it_moved() -> None:
+def test_the_recorded_run_is_shown_as_it_moved() -> None:
     """Run 3 of the tables is run 3 of the truth, and its estimates are near it."""
     settings = ("monte_carlo.runs=5", "recording.run=3")
     loaded = load_scenario(SCENARIOS / "own_model.yaml", settings)
@@ -108,7 +108,7 @@ def two_runs(second: tuple[float, float]) -> Truth:
 
 def information(sensor: IdealSensor, place: tuple[float, float]) -> Array:
     h = SENSOR_MODELS[sensor.config.type].jacobian(np.array([*place, 0, 0]), sensor.pose[:, 0], sensor.velocity[:, 0])
-    return np.asarray(h.T @ np.linalg.inv(sensor.noise) @ h)
+    return np.asarray(h.T @ np.linalg.inv(sensor.noise_covariance) @ h)
 
 
 def bound(of: Truth, sensor: IdealSensor, rate: float) -> Array:

@@ -38,7 +38,7 @@ def test_raw_error_is_that_of_the_closed_form(project, case, velocity, steps):
     found = project.result(
         case, "monte_carlo.runs=400", "expect=[]", "trackers={raw: {use: raw, sensors: [speed_radar]}}"
     )
-    # The raw tracker gives its first estimate, with a velocity, at the second reading.
+    # The raw tracker gives its first estimate, with a velocity, at the second measurement.
     x, y = (3000 + v * np.arange(1, steps) for v in velocity)
     along, across = np.full(len(x), 30.0), 0.009 * np.hypot(x, y)
     bearing = np.arctan2(y, x)
@@ -47,7 +47,7 @@ def test_raw_error_is_that_of_the_closed_form(project, case, velocity, steps):
         np.sqrt(np.mean((along * np.sin(bearing)) ** 2 + (across * np.cos(bearing)) ** 2)),
     ]
     rmse = found.summary["trackers"][0]["metrics"]["rmse"]
-    # Of 400 runs of some 100 readings each, the RMSE is known to half a per cent.
+    # Of 400 runs of some 100 measurements each, the RMSE is known to half a per cent.
     np.testing.assert_allclose([rmse["px"]["value"], rmse["py"]["value"]], expected, rtol=0.015)
 
 

@@ -57,9 +57,9 @@ def problems(file: Path) -> str:
     return str(caught.value)
 
 
-def test_recorded_readings_reach_the_trackers_unchanged(tmp_path: Path) -> None:
+def test_recorded_measurements_reach_the_trackers_unchanged(tmp_path: Path) -> None:
     found = result(write(tmp_path, UDACITY))
-    rows = found.tables["readings"].to_pydict()
+    rows = found.tables["measurements"].to_pydict()
     assert len(rows["time_s"]) == len(LINES)
     for row, line in enumerate(LINES):
         values = [float(value) for value in line.split()[1:3]]
@@ -73,7 +73,7 @@ def test_recorded_readings_reach_the_trackers_unchanged(tmp_path: Path) -> None:
 
 def test_a_dropout_silences_a_recorded_sensor(tmp_path: Path) -> None:
     sensors = {"lidar": {**LIDAR, "dropouts": [{"from_s": 1, "to_s": 2}]}, "radar": RADAR}
-    rows = result(write(tmp_path, {**UDACITY, "sensors": sensors})).tables["readings"].to_pydict()
+    rows = result(write(tmp_path, {**UDACITY, "sensors": sensors})).tables["measurements"].to_pydict()
     silent = [
         time for time, valid, sensor in zip(rows["time_s"], rows["valid"], rows["sensor"], strict=True) if not valid
     ]
@@ -81,23 +81,23 @@ def test_a_dropout_silences_a_recorded_sensor(tmp_path: Path) -> None:
     assert all(1 <= time < 2 for time in silent)
 
 
-def test_truth_alone_gets_synthetic_readings_at_its_own_irregular_times(tmp_path: Path) -> None:
+def test_truth_alone_gets_synthetic_measurements_at_its_own_irregular_times(tmp_path: Path) -> None:
     scenario = {**UDACITY, "truth": TABLE, "monte_carlo": {"runs": 20}}
     found = result(write(tmp_path, scenario))
     entries = {item["name"]: item for item in found.summary["trackers"]}
     assert entries["ekf"]["metrics"]["position_rmse"]["value"] < 0.3
     times = found.tables["truth"].to_pydict()["time_s"]
-    read = found.tables["readings"].to_pydict()["time_s"]
+    read = found.tables["measurements"].to_pydict()["time_s"]
     assert set(read) <= set(times)
-    # At least a period lies between two readings, but for the rounding up to a recorded time.
+    # At least a period lies between two measurements, but for the rounding up to a recorded time.
     assert len(set(read)) == pytest.approx(10 * max(times), abs=2)
 
 
-def test_recorded_and_synthetic_readings_mix(tmp_path: Path) -> None:
+def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
     truth = {**TABLE, "readings": {"lidar": {"x": "a", "y": "b"}}}
     found = result(write(tmp_path, {**UDACITY, "truth": truth, "monte_carlo": {"runs": 5}}))
     assert found.summary["truth"]["recorded"] == ["lidar"]
-    rows = found.tables["readings"].to_pydict()
+    rows = found.tables["measurements"].to_pydict()
     lidar = [i for i, name in enumerate(rows["sensor"]) if name == "lidar"]
     np.testing.assert_allclose([rows["z1"][i] for i in lidar], [10 - rows["z0"][i] / 3 for i in lidar])
     assert len(lidar) < len(rows["sensor"])
@@ -106,11 +106,14 @@ def test_recorded_and_synthetic_readings_mix(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"monte_carlo": {"runs": 5}}, "monte_carlo.runs: must be 1, not 5: all readings are recorded, so every run"),
+        (
+            {"monte_carlo": {"runs": 5}},
+            "monte_carlo.runs: must be 1, not 5: all measurements are recorded, so every run",
+        ),
         ({"sensors": {"one": LIDAR, "two": LIDAR}}, "sensors.two: the recording has one lidar, and it feeds one"),
         (
             {"sensors": {"lidar": {**LIDAR, "detection_probability": 0.5}}},
-            "sensors.lidar.detection_probability: the readings of lidar are recorded and taken as they are",
+            "sensors.lidar.detection_probability: the measurements of lidar are recorded and taken as they are",
         ),
         (
             {"truth": {**TABLE, "readings": {"lidr": {"x": "a", "y": "b"}}}},

@@ -25,7 +25,7 @@ ROWS = [
 ]
 COLUMNS = {"time": "t_ms", "object": "who", "px": "x_km", "py": "y_km", "speed": "v_kmph", "course": "course_deg"}
 UNITS = {"time": "ms", "length": "km", "speed": "kmph", "angle": "deg"}
-READINGS = {"front": {"range": "r_km", "azimuth": "az_deg", "range_rate": "rr_kmph"}}
+MEASUREMENTS = {"front": {"range": "r_km", "azimuth": "az_deg", "range_rate": "rr_kmph"}}
 
 
 def write(file: Path, rows: list[list[object]] = ROWS, head: list[str] = HEAD) -> None:
@@ -39,7 +39,7 @@ def write(file: Path, rows: list[list[object]] = ROWS, head: list[str] = HEAD) -
 
 def load(file: Path, **keys: object) -> LoadedTruth:
     form = file.suffix[1:]
-    entry = {"columns": COLUMNS, "units": UNITS, "readings": READINGS, **keys}
+    entry = {"columns": COLUMNS, "units": UNITS, "readings": MEASUREMENTS, **keys}
     config = RecordingTruth.model_validate({"source": "recording", "format": form, "path": file.name, **entry})
     return load_truth(config, Draw(0, "test", 1), folder=file.parent, sensors={"front": "radar", "roof": "lidar"})
 
@@ -66,16 +66,16 @@ def test_objects_are_there_from_their_first_row_to_their_last(file: Path) -> Non
     np.testing.assert_array_equal(load(file).truth.alive, [[1, 0], [1, 1], [1, 1], [0, 1]])
 
 
-def test_empty_cells_are_no_readings(file: Path) -> None:
+def test_empty_cells_are_no_measurements(file: Path) -> None:
     write(file)
-    found = load(file).readings["front"]
+    found = load(file).measurements["front"]
     assert found.steps.tolist() == [0, 1, 2]
     np.testing.assert_array_equal(found.valid, [[1, 0], [0, 1], [1, 0]])
-    np.testing.assert_allclose(found.reading[:, 0, 0], [21, np.deg2rad(1.5), -5])
-    np.testing.assert_allclose(found.reading[:, 1, 1], [51, np.deg2rad(-170), 1])
+    np.testing.assert_allclose(found.measurement[:, 0, 0], [21, np.deg2rad(1.5), -5])
+    np.testing.assert_allclose(found.measurement[:, 1, 1], [51, np.deg2rad(-170), 1])
 
 
-def test_readings_of_a_second_file_at_times_of_their_own(file: Path) -> None:
+def test_measurements_of_a_second_file_at_times_of_their_own(file: Path) -> None:
     write(file)
     other = file.with_name(f"lidar{file.suffix}")
     write(other, [[1010, "a", 1.0, 2.0], [1100, "b", 3.0, 4.0]], ["stamp", "id", "fore", "left"])
@@ -83,9 +83,9 @@ def test_readings_of_a_second_file_at_times_of_their_own(file: Path) -> None:
     loaded = load(file, readings={"roof": entry})
     np.testing.assert_allclose(loaded.truth.time, [0, 0.01, 0.03, 0.1, 0.25])
     np.testing.assert_allclose(loaded.truth.py[:2, 0, 0], [20, 20.1])
-    found = loaded.readings["roof"]
+    found = loaded.measurements["roof"]
     assert found.steps.tolist() == [1, 3]
-    np.testing.assert_allclose(found.reading[:, 0, 0], [1000, 2000])
+    np.testing.assert_allclose(found.measurement[:, 0, 0], [1000, 2000])
     np.testing.assert_array_equal(found.valid, [[1, 0], [0, 1]])
 
 
@@ -124,9 +124,13 @@ DAMAGED = {
     "empty": (changed(3, "y_km", ""), 3, "y_km is empty, where a number is expected"),
     "backwards": ([ROWS[3], ROWS[0]], 1, "t_ms: time runs backwards, 1000 after 1100"),
     "twice": ([ROWS[0], ROWS[0]], 1, "a second row of a at the same time"),
-    "half a reading": (changed(3, "az_deg", ""), 3, "az_deg is empty, but other columns of the same reading are not"),
+    "half a measurement": (
+        changed(3, "az_deg", ""),
+        3,
+        "az_deg is empty, but other columns of the same measurement are not",
+    ),
     "no name": (changed(2, "who", ""), 2, "who is empty, where the name of an object is expected"),
-    "no reading": ([ROWS[1], ROWS[4]], None, "there is no reading in r_km, az_deg, rr_kmph"),
+    "no measurement": ([ROWS[1], ROWS[4]], None, "there is no measurement in r_km, az_deg, rr_kmph"),
 }
 
 
@@ -197,13 +201,13 @@ def test_text_where_parquet_needs_numbers_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ([[900, "a", 1.0, 2.0]], "a reading of a at -0.1 s, where its truth is not known"),
+        ([[900, "a", 1.0, 2.0]], "a measurement of a at -0.1 s, where its truth is not known"),
         ([[1200, "a", 1.0, 2.0]], "where its truth is not known"),
         ([[1010, "c", 1.0, 2.0]], "the truth has no object 'c'; choose from: a, b"),
-        ([[1010, "a", 1.0, 2.0], [1010, "a", 1.0, 2.0]], "a second reading of a at the same time"),
+        ([[1010, "a", 1.0, 2.0], [1010, "a", 1.0, 2.0]], "a second measurement of a at the same time"),
     ],
 )
-def test_readings_without_truth_are_refused(tmp_path: Path, rows: list[list[object]], message: str) -> None:
+def test_measurements_without_truth_are_refused(tmp_path: Path, rows: list[list[object]], message: str) -> None:
     file, other = tmp_path / "log.csv", tmp_path / "lidar.csv"
     write(file)
     write(other, rows, ["t_ms", "who", "fore", "left"])

@@ -28,7 +28,7 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "log.txt"
 
 
-def test_truth_and_readings_are_those_of_the_lines(file: Path) -> None:
+def test_truth_and_measurements_are_those_of_the_lines(file: Path) -> None:
     file.write_text("\n".join(LINES) + "\n")
     loaded = load(file)
     values = [[float(v) for v in line.split()[1:]] for line in LINES]
@@ -36,12 +36,12 @@ def test_truth_and_readings_are_those_of_the_lines(file: Path) -> None:
     np.testing.assert_allclose(truth.time, 0.05 * np.arange(8), atol=1e-9)
     got = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, :, 0, 0]
     np.testing.assert_allclose(got.T, [row[-4:] for row in values], rtol=1e-12)
-    assert loaded.readings is not None
-    assert loaded.readings["roof"].steps.tolist() == [0, 2, 4, 6]
-    assert loaded.readings["front"].steps.tolist() == [1, 3, 5, 7]
-    np.testing.assert_allclose(loaded.readings["roof"].reading[:, :, 0].T, [row[:2] for row in values[::2]])
-    np.testing.assert_allclose(loaded.readings["front"].reading[:, :, 0].T, [row[:3] for row in values[1::2]])
-    assert all(item.valid.all() for item in loaded.readings.values())
+    assert loaded.measurements is not None
+    assert loaded.measurements["roof"].steps.tolist() == [0, 2, 4, 6]
+    assert loaded.measurements["front"].steps.tolist() == [1, 3, 5, 7]
+    np.testing.assert_allclose(loaded.measurements["roof"].measurement[:, :, 0].T, [row[:2] for row in values[::2]])
+    np.testing.assert_allclose(loaded.measurements["front"].measurement[:, :, 0].T, [row[:3] for row in values[1::2]])
+    assert all(item.valid.all() for item in loaded.measurements.values())
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_white_space_does_not_matter(file: Path, damage) -> None:
     other = load(file)
     np.testing.assert_array_equal(plain.truth.px, other.truth.px)
     for name in KINDS:
-        np.testing.assert_array_equal(plain.readings[name].reading, other.readings[name].reading)
+        np.testing.assert_array_equal(plain.measurements[name].measurement, other.measurements[name].measurement)
 
 
 @pytest.mark.parametrize("extra", [[], ["0.7"], ["0.7", "0.2"]], ids=["vy", "yaw", "yaw rate"])
@@ -80,13 +80,13 @@ def test_azimuths_beyond_half_a_turn_are_wrapped(file: Path) -> None:
     row = LINES[1].split("\t")
     row[2] = "3.190031"
     file.write_text("\n".join([LINES[0], "\t".join(row)]))
-    assert load(file).readings["front"].reading[1, 0, 0] == pytest.approx(3.190031 - 2 * math.pi)
+    assert load(file).measurements["front"].measurement[1, 0, 0] == pytest.approx(3.190031 - 2 * math.pi)
 
 
 def test_sensors_that_the_scenario_does_not_have_leave_the_truth_whole(file: Path) -> None:
     file.write_text("\n".join(LINES))
     loaded = load(file, {"front": "radar"})
-    assert set(loaded.readings) == {"front"}
+    assert set(loaded.measurements) == {"front"}
     assert len(loaded.truth.time) == len(LINES)
 
 

@@ -30,18 +30,18 @@ class Fixed:
         self.gain = gain
 
     def step(self, state, scan):
-        lanes = np.shape(scan.valid)
+        batch = np.shape(scan.valid)
         if state is None:
-            state = np.full((4, *lanes), np.nan)
+            state = np.full((4, *batch), np.nan)
         if scan.kind == "lidar":
             x, y, yaw = scan.sensor_pose
             c, s = np.cos(yaw), np.sin(yaw)
-            u, v = scan.reading
+            u, v = scan.measurement
             seen = np.stack([x + c * u - s * v, y + s * u + c * v, 25 + 0 * u, 0 * u])
             state = np.where(scan.valid, np.where(np.isnan(state), seen, state + self.gain * (seen - state)), state)
-        if not lanes and np.isnan(state).any():
+        if not batch and np.isnan(state).any():
             return state, None
-        return state, (state, 4 * np.broadcast_to(np.eye(4).reshape(4, 4, *[1] * len(lanes)), (4, 4, *lanes)))
+        return state, (state, 4 * np.broadcast_to(np.eye(4).reshape(4, 4, *[1] * len(batch)), (4, 4, *batch)))
 """
 
 
@@ -72,7 +72,7 @@ def column(table: pa.Table, name: str, **where: Any) -> np.ndarray:
 
 def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = run_tiny("monte_carlo.runs=7")
-    monkeypatch.setattr(block, "LANES", 4)  # two objects: two runs to a block, and one in the last
+    monkeypatch.setattr(block, "BATCH_SIZE", 4)  # two objects: two runs to a block, and one in the last
     parts = run_tiny("monte_carlo.runs=7")
     assert parts.summary["fingerprint"] == whole.summary["fingerprint"]
     assert parts.summary["ranking"] == whole.summary["ranking"]
@@ -93,7 +93,7 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block, "LANES", 4)
+    monkeypatch.setattr(block, "BATCH_SIZE", 4)
     one, two = (run_tiny("monte_carlo.runs=5", workers=workers) for workers in (1, 2))
     assert one.summary["fingerprint"] == two.summary["fingerprint"]
     for name in ("raw", "ekf"):
@@ -103,7 +103,7 @@ def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) 
 
 def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:
     few, many = (run_tiny(f"monte_carlo.runs={runs}", "recording.run=2") for runs in (3, 6))
-    assert few.tables["readings"].equals(many.tables["readings"])
+    assert few.tables["measurements"].equals(many.tables["measurements"])
     assert few.tables["estimates"].equals(many.tables["estimates"])
     for name in ("position_rmse_m", "nees_mean"):
         for who in ("raw", "ekf"):
@@ -112,7 +112,7 @@ def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:
     assert few.summary["fingerprint"] != many.summary["fingerprint"]
 
 
-def test_the_fingerprint_is_that_of_the_readings(run_tiny: Run, tiny_result: RunResult) -> None:
+def test_the_fingerprint_is_that_of_the_measurements(run_tiny: Run, tiny_result: RunResult) -> None:
     same = ["score.settle_s=1", "trackers={raw: {use: raw}}", "recording.run=1"]
     other = ["monte_carlo.seed=8", "sensors.lidar.position_sigma_m=0.16", "truth.seed=2", "name: x"]
     print_of = tiny_result.summary["fingerprint"]
@@ -123,13 +123,13 @@ def test_the_fingerprint_is_that_of_the_readings(run_tiny: Run, tiny_result: Run
     assert len(found | {print_of}) == len(other) + 1
 
 
-def test_every_tracker_sees_the_same_readings(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
+def test_every_tracker_sees_the_same_measurements(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
     code = (
         "import numpy as np\nSEEN = []\nclass Spy:\n    batched = True\n    def step(self, state, scan):\n"
-        "        SEEN.append((self.tag, scan.time, scan.sensor, scan.reading.tobytes(), scan.valid.tobytes(),\n"
-        "                     scan.sensor_pose.tobytes(), scan.sensor_velocity.tobytes(), scan.noise.tobytes()))\n"
-        "        lanes = scan.valid.size\n"
-        "        return 1, (np.ones((4, lanes)), np.eye(4)[:, :, None] * np.ones(lanes))\n"
+        "        SEEN.append((self.tag, scan.time, scan.sensor, scan.measurement.tobytes(), scan.valid.tobytes(),\n"
+        "                     scan.sensor_pose.tobytes(), scan.sensor_velocity.tobytes(), "
+        "scan.noise_covariance.tobytes()))\n        batch = scan.valid.size\n"
+        "        return 1, (np.ones((4, batch)), np.eye(4)[:, :, None] * np.ones(batch))\n"
         "    def __init__(self, tag):\n        self.tag = tag\n"
     )
     module = write_module(tmp_path, code)
@@ -196,7 +196,7 @@ def test_diverged_runs_are_counted(run_tiny: Run, tiny_result: RunResult) -> Non
 
 
 def test_coverage_is_the_share_of_the_steps_with_an_estimate(run_tiny: Run, tiny_result: RunResult) -> None:
-    # Both start from two readings, and so have no estimate at the first instant.
+    # Both start from two measurements, and so have no estimate at the first instant.
     count = column(tiny_result.tables["steps"], "count", tracker="ekf")
     assert tracker(tiny_result, "ekf")["metrics"]["coverage"]["value"] == pytest.approx(count.sum() / (21 * 2 * 4))
     first = run_tiny("trackers.ekf.initial=first_reading")
@@ -279,22 +279,22 @@ def test_an_expectation_of_what_is_not_there_fails(tiny_result: RunResult) -> No
 
 def test_the_chosen_run_is_shown(run_tiny: Run, tiny_result: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = run_tiny("recording.run=3")
-    assert (shown.summary["shown_run"], tiny_result.summary["shown_run"]) == (3, 0)
-    assert not shown.tables["readings"].equals(tiny_result.tables["readings"])
+    assert (shown.summary["recorded_run"], tiny_result.summary["recorded_run"]) == (3, 0)
+    assert not shown.tables["measurements"].equals(tiny_result.tables["measurements"])
     # Each run's table of errors agrees with the estimates of the run that is shown.
     for result, run in ((shown, 3), (tiny_result, 0)):
         error = column(result.tables["estimates"], "position_error_m", tracker="ekf")
         rmse = column(result.tables["runs"], "position_rmse_m", tracker="ekf")[run]
         assert np.sqrt(np.nanmean(error**2)) == pytest.approx(rmse, rel=1e-12)
-    monkeypatch.setattr(block, "LANES", 4)
+    monkeypatch.setattr(block, "BATCH_SIZE", 4)
     assert run_tiny("recording.run=3").tables["estimates"].equals(shown.tables["estimates"])
 
 
 def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
     """Two cars before the ego car; the sensors see as far as the nearer one."""
     result = run_tiny("sensors.radar.max_range_m=30", "sensors.lidar.max_range_m=30")
-    readings = result.tables["readings"]
-    seen = {name: column(readings, "valid", object=name).any() for name in result.summary["truth"]["objects"]}
+    measurements = result.tables["measurements"]
+    seen = {name: column(measurements, "valid", object=name).any() for name in result.summary["truth"]["objects"]}
     assert sorted(seen.values()) == [False, True], "the scene does not fit this test"
     hidden = next(name for name, was_seen in seen.items() if not was_seen)
     for name in ("raw", "ekf"):
@@ -338,7 +338,7 @@ def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_pat
     """Innovations of zero have no correlation to speak of; the result stays JSON."""
     code = (
         "import numpy as np\nfrom trackbench.types import Estimate\nclass T:\n    def step(self, state, scan):\n"
-        "        size = len(scan.reading)\n"
+        "        size = len(scan.measurement)\n"
         "        return 1, Estimate(np.ones(4), np.eye(4), None, None, np.zeros(size), np.eye(size))\n"
     )
     result = run_tiny(f"trackers.mine.use={write_module(tmp_path, code)}:T", folder=tmp_path)

@@ -43,13 +43,13 @@ def comparable(result: RunResult) -> dict[str, Any]:
     return {**summary, "command": ""}
 
 
-@pytest.mark.parametrize("lanes", [2000, 90])
+@pytest.mark.parametrize("batch", [2000, 90])
 @pytest.mark.parametrize("overrides", [(), (RANDOM,)], ids=["one motion", "random motion"])
 def test_the_result_is_that_of_as_many_runs_bit_for_bit(
-    tiny: Path, monkeypatch: pytest.MonkeyPatch, lanes: int, overrides: tuple[str, ...]
+    tiny: Path, monkeypatch: pytest.MonkeyPatch, batch: int, overrides: tuple[str, ...]
 ) -> None:
     """In one block that grows, and in several of which the last one is cut short."""
-    monkeypatch.setattr(block, "LANES", lanes)
+    monkeypatch.setattr(block, "BATCH_SIZE", batch)
     found = until(tiny, 0.012, 2000, *overrides)
     runs = found.summary["runs"]
     assert found.summary["precision"]["reached"]
@@ -86,7 +86,7 @@ def test_it_ends_at_the_stated_number(tiny: Path) -> None:
 
 
 def test_any_number_of_workers_gives_the_same(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block, "LANES", 60)
+    monkeypatch.setattr(block, "BATCH_SIZE", 60)
     assert comparable(until(tiny, 0.02, 500, workers=2)) == comparable(until(tiny, 0.02, 500))
 
 
@@ -97,7 +97,7 @@ def test_without_two_scores_it_does_not_go_on(tiny: Path) -> None:
     assert found["precision"]["reached"] is False
 
 
-def test_the_shown_run_is_among_the_first(tiny: Path) -> None:
+def test_the_recorded_run_is_among_the_first(tiny: Path) -> None:
     assert until(tiny, 1.0, 500, "monte_carlo.runs=100", "recording.run=80").summary["runs"] == 81
 
 

@@ -1,4 +1,4 @@
-"""Readings: geometry by hand, visibility, noise, and random streams that depend on nothing else."""
+"""Measurements: geometry by hand, visibility, noise, and random streams that depend on nothing else."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from tests.scenes import fixed_observer, truth
 
 from trackbench.sensing.config import Dropout, LidarConfig, Mount, RadarConfig
 from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.readings import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.streams import stream
 from trackbench.types import Observer
 
@@ -34,9 +34,9 @@ def test_a_mounted_sensor_on_a_turned_observer_by_hand():
     ideal = one(of, LidarConfig(mount=mount, **LIDAR))
     np.testing.assert_allclose(ideal.pose[:, 0], [9, 22, np.pi], atol=1e-12)
     # From (9, 22) looking west, the target at (4, 25) is 5 m ahead and 3 m to the right.
-    np.testing.assert_allclose(ideal.reading[:, 0, 0, 0], [5, -3], atol=1e-12)
+    np.testing.assert_allclose(ideal.measurement[:, 0, 0, 0], [5, -3], atol=1e-12)
     seen = one(of, RadarConfig(mount=mount, **RADAR))
-    np.testing.assert_allclose(seen.reading[:, 0, 0, 0], [np.hypot(5, 3), np.arctan2(-3, 5), 0], atol=1e-12)
+    np.testing.assert_allclose(seen.measurement[:, 0, 0, 0], [np.hypot(5, 3), np.arctan2(-3, 5), 0], atol=1e-12)
 
 
 def test_range_rate_includes_the_observers_velocity_and_the_rotation_of_its_lever_arm():
@@ -51,8 +51,8 @@ def test_range_rate_includes_the_observers_velocity_and_the_rotation_of_its_leve
     ideal = one(of, RadarConfig(mount=Mount(x_m=4), **RADAR))
     np.testing.assert_allclose(ideal.velocity[:, 0], [20, 2])
     # Closing on the car ahead at 5 m/s; the car to the left moves away at 3 m/s, of which the sensor follows 2.
-    np.testing.assert_allclose(ideal.reading[:, 0, 0, 0], [50, 0, -5], atol=1e-12)
-    np.testing.assert_allclose(ideal.reading[:, 0, 1, 0], [30, np.pi / 2, 1], atol=1e-12)
+    np.testing.assert_allclose(ideal.measurement[:, 0, 0, 0], [50, 0, -5], atol=1e-12)
+    np.testing.assert_allclose(ideal.measurement[:, 0, 1, 0], [30, np.pi / 2, 1], atol=1e-12)
 
 
 def test_the_velocity_of_a_sensor_is_the_derivative_of_its_position():
@@ -73,10 +73,10 @@ def test_a_scan_carries_the_pose_the_noise_and_the_latency():
     for seen in scans:
         assert (seen.sensor, seen.kind) == ("front", "radar")
         assert seen.arrival_time == pytest.approx(seen.time + 0.25)
-        np.testing.assert_allclose(seen.noise, np.diag([0.09, np.deg2rad(1) ** 2, 0.04]))
+        np.testing.assert_allclose(seen.noise_covariance, np.diag([0.09, np.deg2rad(1) ** 2, 0.04]))
         np.testing.assert_allclose(seen.sensor_pose, [1, 2, 0.5 + np.deg2rad(10)])
         np.testing.assert_array_equal(seen.sensor_velocity, [0, 0])
-        assert seen.reading.shape == (3, 2)
+        assert seen.measurement.shape == (3, 2)
         assert seen.valid.shape == (2,)
 
 
@@ -84,12 +84,12 @@ def test_noise_and_bias_are_what_the_keys_say():
     of = resting([(30.0, 40.0)], steps=20)
     radar = RadarConfig(range_bias_m=0.5, azimuth_bias_deg=2.0, range_rate_bias_mps=-0.3, **RADAR)
     lidar = LidarConfig(x_bias_m=-0.2, y_bias_m=0.1, **LIDAR)
-    readings = sense(ideal_sensors(of, {"radar": radar, "lidar": lidar}), 3, "test", range(500))
+    measurements = sense(ideal_sensors(of, {"radar": radar, "lidar": lidar}), 3, "test", range(500))
     for kind, expected, sigma in [
         ("radar", [50.5, np.arctan2(40, 30) + np.deg2rad(2), -0.3], [0.3, np.deg2rad(1), 0.2]),
         ("lidar", [29.8, 40.1], [0.15, 0.15]),
     ]:
-        samples = np.concatenate([seen.reading for seen in readings.scans if seen.kind == kind], axis=1)
+        samples = np.concatenate([seen.measurement for seen in measurements.scans if seen.kind == kind], axis=1)
         count = samples.shape[1]
         assert count == 10_000
         standard_error = np.array(sigma) / np.sqrt(count)
@@ -100,8 +100,8 @@ def test_noise_and_bias_are_what_the_keys_say():
 
 
 def test_an_azimuth_stays_in_its_range_behind_the_sensor():
-    readings = sense(ideal_sensors(resting([(-20.0, 0.0)]), {"radar": RadarConfig(**RADAR)}), 1, "test", range(200))
-    azimuths = np.concatenate([seen.reading[1] for seen in readings.scans])
+    measurements = sense(ideal_sensors(resting([(-20.0, 0.0)]), {"radar": RadarConfig(**RADAR)}), 1, "test", range(200))
+    azimuths = np.concatenate([seen.measurement[1] for seen in measurements.scans])
     assert np.all((azimuths > -np.pi) & (azimuths <= np.pi))
     assert azimuths.min() < 0 < azimuths.max()
 
@@ -134,7 +134,7 @@ def test_what_is_not_valid_is_not_a_number():
     of = resting([at(0), at(90)])
     ideal = ideal_sensors(of, {"radar": RadarConfig(fov_deg=90, detection_probability=0.5, **RADAR)})
     for seen in sense(ideal, 1, "test", range(50)).scans:
-        np.testing.assert_array_equal(np.isnan(seen.reading), np.repeat(~seen.valid[None], 3, axis=0))
+        np.testing.assert_array_equal(np.isnan(seen.measurement), np.repeat(~seen.valid[None], 3, axis=0))
         assert not seen.valid.reshape(2, 50)[1].any()
         assert seen.valid.reshape(2, 50)[0].any()
 
@@ -142,8 +142,8 @@ def test_what_is_not_valid_is_not_a_number():
 def test_objects_that_are_not_there_are_not_seen():
     alive = np.array([[True, False], [True, True], [False, True]])
     of = resting([at(0), at(10)], steps=3, alive=alive)
-    readings = sense(ideal_sensors(of, {"lidar": LidarConfig(**LIDAR)}), 1, "test", range(3))
-    for k, seen in enumerate(readings.scans):
+    measurements = sense(ideal_sensors(of, {"lidar": LidarConfig(**LIDAR)}), 1, "test", range(3))
+    for k, seen in enumerate(measurements.scans):
         np.testing.assert_array_equal(seen.valid.reshape(2, 3), np.repeat(alive[k][:, None], 3, axis=1))
 
 
@@ -151,20 +151,20 @@ def test_objects_that_are_not_there_are_not_seen():
 def test_detections_come_with_their_probability(probability):
     of = resting([at(0), at(10)], steps=50)
     config = LidarConfig(detection_probability=probability, **LIDAR)
-    readings = sense(ideal_sensors(of, {"lidar": config}), 7, "test", range(100))
-    count = readings.detections["lidar"]
+    measurements = sense(ideal_sensors(of, {"lidar": config}), 7, "test", range(100))
+    count = measurements.detections["lidar"]
     assert count.shape == (50, 2)
     low, high = stats.binom.ppf([1e-4, 1 - 1e-4], 50 * 2 * 100, probability)
     assert low <= count.sum() <= high
-    total = sum(seen.valid.sum() for seen in readings.scans)
+    total = sum(seen.valid.sum() for seen in measurements.scans)
     assert total == count.sum()
 
 
 def test_a_sensor_is_silent_from_the_first_instant_of_a_dropout_to_before_its_last():
     of = resting([at(0)], steps=10)
     gaps = [Dropout(from_s=0.2, to_s=0.4), Dropout(from_s=0.7, to_s=0.8)]
-    readings = sense(ideal_sensors(of, {"lidar": LidarConfig(dropouts=gaps, **LIDAR)}), 1, "test", range(1))
-    valid = [bool(seen.valid[0]) for seen in readings.scans]
+    measurements = sense(ideal_sensors(of, {"lidar": LidarConfig(dropouts=gaps, **LIDAR)}), 1, "test", range(1))
+    valid = [bool(seen.valid[0]) for seen in measurements.scans]
     assert valid == [True, True, False, False, True, True, True, False, True, True]
 
 
@@ -172,8 +172,8 @@ def test_rate_and_phase_choose_the_instants():
     of = resting([at(0)], steps=21, dt=0.05)
     lidar = LidarConfig(rate_hz=5, position_sigma_m=0.1, phase_s=0.1)
     radar = RadarConfig(**{**RADAR, "rate_hz": 20})
-    readings = sense(ideal_sensors(of, {"lidar": lidar, "radar": radar}), 1, "test", range(1))
-    times = {kind: [seen.time for seen in readings.scans if seen.kind == kind] for kind in ("lidar", "radar")}
+    measurements = sense(ideal_sensors(of, {"lidar": lidar, "radar": radar}), 1, "test", range(1))
+    times = {kind: [seen.time for seen in measurements.scans if seen.kind == kind] for kind in ("lidar", "radar")}
     assert times["lidar"] == pytest.approx([0.1, 0.3, 0.5, 0.7, 0.9])
     assert times["radar"] == pytest.approx(np.arange(21) * 0.05)
 
@@ -190,7 +190,7 @@ def noise_of_run_17(sensors, runs, scenario="test", seed=5):
     of = resting([at(0), at(40)], steps=6)
     scans = sense(ideal_sensors(of, sensors), seed, scenario, runs).scans
     column = runs.index(17)
-    return np.stack([s.reading.reshape(-1, 2, len(runs))[:, :, column] for s in scans if s.sensor == "lidar"])
+    return np.stack([s.measurement.reshape(-1, 2, len(runs))[:, :, column] for s in scans if s.sensor == "lidar"])
 
 
 def test_the_noise_of_a_run_depends_on_nothing_but_its_number_and_the_seed():
@@ -211,13 +211,13 @@ def test_the_noise_of_a_run_depends_on_nothing_but_its_number_and_the_seed():
 def test_runs_and_sensors_differ_and_fingerprints_tell():
     of = resting([at(0)], steps=6)
     lidar = LidarConfig(**LIDAR)
-    readings = sense(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(3))
-    a, b = (np.stack([seen.reading for seen in readings.scans if seen.sensor == name]) for name in "ab")
+    measurements = sense(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(3))
+    a, b = (np.stack([seen.measurement for seen in measurements.scans if seen.sensor == name]) for name in "ab")
     assert not np.allclose(a, b)
     assert not np.allclose(a[..., 0], a[..., 1])
-    assert len(set(readings.digests)) == 3
+    assert len(set(measurements.digests)) == 3
     again = sense(ideal_sensors(of, {"a": lidar, "b": lidar}), 1, "test", range(1, 3))
-    assert again.digests == readings.digests[1:]
+    assert again.digests == measurements.digests[1:]
 
 
 def test_streams_are_independent_by_purpose():
@@ -231,4 +231,4 @@ def test_a_truth_that_differs_from_run_to_run_is_read_run_by_run():
     of = truth(np.arange(4) * 0.1, px, np.zeros((4, 1, 3)), np.zeros((4, 1, 3)), np.zeros((4, 1, 3)))
     ideal = ideal_sensors(of, {"lidar": LidarConfig(rate_hz=10, position_sigma_m=1e-9)})
     for seen in sense(ideal, 1, "test", range(1, 3)).scans:
-        np.testing.assert_allclose(seen.reading[0], [20, 30], atol=1e-6)
+        np.testing.assert_allclose(seen.measurement[0], [20, 30], atol=1e-6)

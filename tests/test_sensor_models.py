@@ -24,7 +24,7 @@ def test_jacobian_agrees_with_finite_differences(model, pose, velocity, own, far
     assume(np.hypot(*velocity) > 0.5)
     position = pose[:2] + far * np.array([np.cos(bearing), np.sin(bearing)])
     target = np.concatenate([position, velocity])
-    # Taken as offsets from one reading, so that an azimuth at half a turn does not jump.
+    # Taken as offsets from one measurement, so that an azimuth at half a turn does not jump.
     centre = model.measure(target, pose, own)
     expected = finite_difference(lambda x: difference(model.measure(x, pose, own), centre, model.angular), target)
     np.testing.assert_allclose(model.jacobian(target, pose, own), expected, atol=1e-6)
@@ -42,7 +42,7 @@ def test_range_rate_is_the_rate_of_the_range(pose, velocity, own, far, bearing):
     assert seen(0.0)[2] == pytest.approx((seen(1e-5)[0] - seen(-1e-5)[0]) / 2e-5, abs=1e-5)
 
 
-def test_readings_by_hand():
+def test_measurements_by_hand():
     # A sensor at (10, 5) that looks north; a target 3 m ahead of it and 4 m to its left.
     pose, target = np.array([10.0, 5.0, np.pi / 2]), np.array([6.0, 8.0, 0.0, 2.0])
     np.testing.assert_allclose(SENSOR_MODELS["lidar"].measure(target, pose, np.zeros(2)), [3, 4], atol=1e-14)
@@ -62,9 +62,9 @@ def test_a_target_on_the_radar_gives_finite_numbers():
 @given(pose=POSES, far=RANGE, bearing=BEARING)
 def test_position_inverts_measure(model, pose, far, bearing):
     position = pose[:2] + far * np.array([np.cos(bearing), np.sin(bearing)])
-    reading = model.measure(np.concatenate([position, np.zeros(2)]), pose, np.zeros(2))
-    tiny = np.eye(len(reading)) * 1e-12
-    found = model.position(scan(model.kind, 0.0, reading, noise=tiny, pose=tuple(pose)))
+    measurement = model.measure(np.concatenate([position, np.zeros(2)]), pose, np.zeros(2))
+    tiny = np.eye(len(measurement)) * 1e-12
+    found = model.position(scan(model.kind, 0.0, measurement, noise=tiny, pose=tuple(pose)))
     np.testing.assert_allclose(found.mean, position, atol=1e-7)
 
 
@@ -77,8 +77,8 @@ def test_converted_position_is_unbiased_and_its_covariance_honest(kind, noise):
     model, samples = SENSOR_MODELS[kind], 100_000
     pose, target = (3.0, -2.0, 0.7), np.array([43.0, 28.0, 1.0, 2.0])
     error = np.random.default_rng(2).multivariate_normal(np.zeros(len(noise)), noise, samples).T
-    reading = model.measure(target, np.array(pose), np.zeros(2))[:, None] + error
-    mean, covariance = model.position(scan(kind, 0.0, reading, noise=noise, pose=pose))
+    measurement = model.measure(target, np.array(pose), np.zeros(2))[:, None] + error
+    mean, covariance = model.position(scan(kind, 0.0, measurement, noise=noise, pose=pose))
     miss = mean - target[:2, None]
     standard_error = miss.std(axis=1) / np.sqrt(samples)
     assert np.all(np.abs(miss.mean(axis=1)) < 4 * standard_error)

@@ -220,7 +220,7 @@ def test_what_is_no_websocket_harms_nobody(server):
 
 @pytest.mark.parametrize(
     ("name", "cause"),
-    [("raising", "ValueError: no third reading, please"), ("vanishing", "the estimate is not finite")],
+    [("raising", "ValueError: no third measurement, please"), ("vanishing", "the estimate is not finite")],
 )
 def test_a_tracker_that_fails_ends_its_session_alone(name, cause, server):
     served = server(name)
@@ -232,7 +232,7 @@ def test_a_tracker_that_fails_ends_its_session_alone(name, cause, server):
                 client.recv(timeout=SECONDS)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 1011
-        assert closed.value.rcvd.reason == f"tracker {name} failed at reading 3: {cause}"
+        assert closed.value.rcvd.reason == f"tracker {name} failed at measurement 3: {cause}"
         assert served.log().count(closed.value.rcvd.reason) == 1
         assert ask(other, '42["telemetry",{}]') == MANUAL
     with served.client() as client:
@@ -266,7 +266,7 @@ def test_the_page_shows_what_happens(tmp_path):
     example = [sys.executable, ROOT / "docs/examples/replay_udacity.py", file, str(served.port)]
     done = subprocess.run(example, capture_output=True, text=True, timeout=SECONDS, check=True)
     assert served.end() == 0
-    logged = re.search(r"client 1: (\d+) readings, .*RMSE ([\d.]+) .*", served.log())
+    logged = re.search(r"client 1: (\d+) measurements, .*RMSE ([\d.]+) .*", served.log())
     assert logged
     assert int(logged[1]) == len(lines)
     assert rmse_of(done.stdout)[0] == pytest.approx(float(logged[2]), abs=1e-4)

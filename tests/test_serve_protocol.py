@@ -54,7 +54,7 @@ def test_the_frame_that_the_simulator_sends():
     said = parse(frame)
     assert isinstance(said, Telemetry)
     assert said.measurement.kind == "lidar"
-    assert said.measurement.reading == (0.3122427, 0.5803398)
+    assert said.measurement.measurement == (0.3122427, 0.5803398)
     assert said.measurement.stamp == 1477010443000000
     assert said.measurement.truth == (0.6, 0.6, 5.199937, 0.0)
 
@@ -138,7 +138,7 @@ def test_the_running_rmse_is_that_of_the_marks_so_far(name, client):
         squares.append([(marker["estimate_x"] - truth[0]) ** 2, (marker["estimate_y"] - truth[1]) ** 2])
         rmse = [marker["rmse_x"], marker["rmse_y"]]
         np.testing.assert_allclose(rmse, np.sqrt(np.mean(squares, axis=0)), rtol=1e-12)
-    # Where a track starts from two readings, the first of them has no estimate.
+    # Where a track starts from two measurements, the first of them has no estimate.
     assert len(squares) == len(LINES) - (name == "ukf")
 
 
@@ -187,10 +187,12 @@ def test_a_dropout_of_the_scenario_holds(tmp_path, client):
 
 def test_the_scenario_states_the_noise(scenario):
     sensors = served(scenario, "ekf").sensors
-    np.testing.assert_allclose(np.diag(sensors["lidar"].noise), [0.15**2] * 2)
-    np.testing.assert_allclose(np.diag(sensors["radar"].noise), [0.3**2, math.radians(1.718873) ** 2, 0.3**2])
+    np.testing.assert_allclose(np.diag(sensors["lidar"].noise_covariance), [0.15**2] * 2)
+    np.testing.assert_allclose(
+        np.diag(sensors["radar"].noise_covariance), [0.3**2, math.radians(1.718873) ** 2, 0.3**2]
+    )
     with pytest.raises(ValueError, match="read-only"):
-        sensors["radar"].noise[0, 0] = 1
+        sensors["radar"].noise_covariance[0, 0] = 1
 
 
 def test_an_azimuth_beyond_a_half_turn_is_the_same_direction(client):
@@ -206,12 +208,12 @@ def test_an_azimuth_beyond_a_half_turn_is_the_same_direction(client):
 
 @pytest.mark.parametrize(
     ("name", "cause"),
-    [("raising", "ValueError: no third reading, please"), ("vanishing", "the estimate is not finite")],
+    [("raising", "ValueError: no third measurement, please"), ("vanishing", "the estimate is not finite")],
 )
 def test_a_tracker_that_fails_ends_its_session(name, cause, client):
     asked = client(name)
     assert [asked.answer(telemetry(line)) == MANUAL for line in LINES[:2]] == [False, False]
-    with pytest.raises(TrackerFailed, match=f"^at reading 3: {cause}$"):
+    with pytest.raises(TrackerFailed, match=f"^at measurement 3: {cause}$"):
         asked.answer(telemetry(LINES[2]))
 
 

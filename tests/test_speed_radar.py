@@ -41,7 +41,7 @@ def test_noise_and_biases_in_si_units():
 @pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf"])
 def test_every_filter_follows_a_target_by_it(name):
     scans = [
-        item._replace(reading=item.reading[:, None], valid=item.valid[None])
+        item._replace(measurement=item.measurement[:, None], valid=item.valid[None])
         for item in drive(["speed_radar"] * 120, [0.05 * i for i in range(120)])
     ]
     made, state = tracker(filter=name, motion="cv", **NOISE["cv"]), None
@@ -52,15 +52,15 @@ def test_every_filter_follows_a_target_by_it(name):
 
 
 def test_radial_velocity_of_each_kind():
-    reading = np.array([50.0, 0.0, 7.0])
-    seen = scan("radar", 0.0, reading, pose=(0.0, 0.0, np.pi / 2), velocity=(2.0, 1.0))
+    measurement = np.array([50.0, 0.0, 7.0])
+    seen = scan("radar", 0.0, measurement, pose=(0.0, 0.0, np.pi / 2), velocity=(2.0, 1.0))
     np.testing.assert_allclose(DOPPLER.radial_velocity(seen), [2, 8], atol=1e-14)
     np.testing.assert_allclose(SPEED.radial_velocity(seen), [0, 7], atol=1e-14)
     lidar = scan("lidar", 0.0, np.array([50.0, 0.0]))
     np.testing.assert_array_equal(SENSOR_MODELS["lidar"].radial_velocity(lidar), [0, 0])
 
 
-def test_taking_a_range_rate_for_the_speed_is_another_model_and_not_other_readings():
+def test_taking_a_range_rate_for_the_speed_is_another_model_and_not_other_measurements():
     keys = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "initial": "first_reading"}
     confused, speed = tracker(**keys, sensor_models={"radar": "speed_radar"}), tracker(**keys)
     state, other = None, None
@@ -82,11 +82,11 @@ def test_the_confusion_leaves_other_sensors_alone():
     np.testing.assert_array_equal(one.mean, two.mean)
 
 
-def test_synthetic_readings_scatter_as_stated():
+def test_synthetic_measurements_scatter_as_stated():
     time = np.arange(400.0)
     of = truth(time, *(np.full((400, 1, 1), value) for value in (3000.0, 0.0, 0.0, 12.0)))
     config = FilterConfig(filter="ekf", motion="cv", acceleration_sigma_mps2=1)
     block = run_block(work(of, {"radar": SpeedRadarConfig(**SENSOR)}, {"ekf": config}, 1), range(1))
-    third = np.array([item.reading[2, 0] for item in block.scans])
+    third = np.array([item.measurement[2, 0] for item in block.scans])
     assert third.mean() == pytest.approx(12, abs=4 * 2 / 20)
     assert third.std() == pytest.approx(2, rel=0.15)

@@ -41,29 +41,29 @@ class Good:
     def position(self, scan: Scan) -> tuple[float, float]:
         x, y, yaw = scan.sensor_pose
         if scan.kind == "radar":
-            r, angle = scan.reading[0], yaw + scan.reading[1]
+            r, angle = scan.measurement[0], yaw + scan.measurement[1]
             return x + r * np.cos(angle), y + r * np.sin(angle)
-        u, v = scan.reading
+        u, v = scan.measurement
         return x + np.cos(yaw) * u - np.sin(yaw) * v, y + np.sin(yaw) * u + np.cos(yaw) * v
 
 
 class GoodBatch:
-    """The same of a batch, each lane by itself."""
+    """The same of a batch, each member by itself."""
 
     batched = True
 
     def step(self, state: Any, scan: Scan) -> Any:
-        lanes = scan.valid.size
-        states, mean, covariance = [], np.full((4, lanes), np.nan), np.full((4, 4, lanes), np.nan)
-        for lane in range(lanes):
-            own = scan._replace(reading=scan.reading[:, lane], valid=scan.valid[lane])
-            kept, answer = self.one(state[lane] if state else None, own, lane)
+        batch = scan.valid.size
+        states, mean, covariance = [], np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan)
+        for member in range(batch):
+            own = scan._replace(measurement=scan.measurement[:, member], valid=scan.valid[member])
+            kept, answer = self.one(state[member] if state else None, own, member)
             states.append(kept)
             if answer is not None:
-                mean[:, lane], covariance[:, :, lane] = answer
+                mean[:, member], covariance[:, :, member] = answer
         return states, (mean, covariance)
 
-    def one(self, state: Any, scan: Scan, lane: int) -> Any:
+    def one(self, state: Any, scan: Scan, member: int) -> Any:
         return Good().step(state, scan)
 
 
@@ -91,7 +91,7 @@ def test_the_built_in_trackers_pass(name: str, motion: str) -> None:
 
 
 @pytest.mark.parametrize("initial", ["first_reading", "two_readings"])
-def test_every_start_from_readings_passes(initial: str) -> None:
+def test_every_start_from_measurements_passes(initial: str) -> None:
     check_tracker("ekf", motion="cv", initial=initial, **SIGMAS["cv"])
 
 
@@ -131,7 +131,7 @@ def test_memory_beside_the_state() -> None:
     assert "remembers something beside it" in broken(Remembers)[LEAVES]
 
 
-@pytest.mark.parametrize("field", ["reading", "noise", "sensor_pose", "sensor_velocity"])
+@pytest.mark.parametrize("field", ["measurement", "noise", "sensor_pose", "sensor_velocity"])
 @pytest.mark.parametrize("base", [Good, GoodBatch])
 def test_scan_changed_in_place(field: str, base: type) -> None:
     class Spoils(base):
@@ -167,21 +167,21 @@ def test_chance() -> None:
             state, answer = super().step(state, scan)
             return state, answer and (answer[0] + random.normal(0, 0.01, 4), answer[1])
 
-    assert "different estimates of the same readings" in broken(Guesses)[SAME]
+    assert "different estimates of the same measurements" in broken(Guesses)[SAME]
 
 
-def test_nan_on_a_missed_reading() -> None:
+def test_nan_on_a_missed_measurement() -> None:
     class Blind(Good):
         def step(self, state: Any, scan: Scan) -> Any:
             state, answer = super().step(state, scan)
-            return state, answer and (answer[0] + 0 * scan.reading[0], answer[1])
+            return state, answer and (answer[0] + 0 * scan.measurement[0], answer[1])
 
     found = broken(Blind)
     assert list(found) == [MISSES]
     assert found[MISSES].startswith("the estimate is not finite at")
 
 
-def test_none_on_a_missed_reading() -> None:
+def test_none_on_a_missed_measurement() -> None:
     class Silent(Good):
         def step(self, state: Any, scan: Scan) -> Any:
             state, answer = super().step(state, scan)
@@ -192,7 +192,7 @@ def test_none_on_a_missed_reading() -> None:
     assert found[MISSES].startswith("it gave None after an estimate")
 
 
-def test_raising_on_a_missed_reading() -> None:
+def test_raising_on_a_missed_measurement() -> None:
     class Stops(Good):
         def step(self, state: Any, scan: Scan) -> Any:
             if not scan.valid:
@@ -210,7 +210,7 @@ def test_raising_on_a_missed_reading() -> None:
         ((np.ones(4), np.triu(np.ones((4, 4)))), "the covariance is not symmetric"),
         ((np.ones(4), -np.eye(4)), "the covariance is not positive definite at 0 s"),
         (np.ones(4), "the estimate must be (mean, covariance) or None, not ndarray"),
-        (None, "120 readings of one target give no estimate"),
+        (None, "120 measurements of one target give no estimate"),
     ],
 )
 def test_the_wrong_form(answer: Any, problem: str) -> None:
@@ -289,9 +289,9 @@ def test_a_sensor_that_must_be_there(kind: str, rule: str) -> None:
 
 def test_a_batch_that_is_not_the_loop() -> None:
     class Mixes(GoodBatch):
-        def one(self, state: Any, scan: Scan, lane: int) -> Any:
-            state, answer = super().one(state, scan, lane)
-            return state, answer and (answer[0] + lane * 1e-6, answer[1])
+        def one(self, state: Any, scan: Scan, member: int) -> Any:
+            state, answer = super().one(state, scan, member)
+            return state, answer and (answer[0] + member * 1e-6, answer[1])
 
     found = broken(Mixes)
     assert list(found) == [BATCH]
@@ -302,7 +302,7 @@ def test_a_batch_that_cannot_wait_for_its_first_reading() -> None:
     class Hurries(GoodBatch):
         def step(self, state: Any, scan: Scan) -> Any:
             if state is None and not scan.valid.all():
-                raise IndexError("no reading")
+                raise IndexError("no measurement")
             return super().step(state, scan)
 
-    assert broken(Hurries) == {BATCH: "IndexError: no reading"}
+    assert broken(Hurries) == {BATCH: "IndexError: no measurement"}

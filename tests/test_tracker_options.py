@@ -5,14 +5,14 @@ import pytest
 from pydantic import ValidationError
 from tests.scenes import RADAR_NOISE, scan, tracker
 
-from trackbench.models.motion import MOTION_MODELS, Kinematics, StatedNoise, process_noise
+from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Kinematics, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import MOTION_NOISE, MOTION_STATE, FilterConfig
 
 Q = [20.0, 20.0, 4.0, 4.0]
 P0 = [100.0, 100.0, 250.0, 250.0]
 SIZES = {"cv": 4, "ca": 6, "ctrv": 5, "ctra": 6}
-READING = np.array([[500.0], [0.4], [7.0]])
+MEASUREMENT = np.array([[500.0], [0.4], [7.0]])
 
 
 def problems(**keys) -> list[str]:
@@ -25,7 +25,7 @@ def problems(**keys) -> list[str]:
 def test_stated_noise_is_the_same_for_every_step_and_moves_as_the_model_does(motion):
     variances = tuple(float(i) for i in range(1, SIZES[motion] + 1))
     plain = MOTION_MODELS[motion](*(1.0 for _ in MOTION_NOISE[motion]))
-    stated = StatedNoise(plain, variances)
+    stated = ConstantProcessNoise(plain, variances)
     x = np.linspace(1.0, 2.0, SIZES[motion])
     for dt in (0.1, 1.0, 7.0):
         np.testing.assert_allclose(process_noise(stated, x, dt), np.diag(variances), rtol=1e-14)
@@ -50,24 +50,24 @@ def test_stated_noise_is_the_same_for_every_step_and_moves_as_the_model_does(mot
 )
 def test_every_filter_adds_the_stated_noise(keys):
     made = tracker(**keys, motion="cv", process_noise_diag=Q, initial={"from": "first_reading", "covariance_diag": P0})
-    state, first = made.step(None, scan("radar", 0.0, READING))
+    state, first = made.step(None, scan("radar", 0.0, MEASUREMENT))
     np.testing.assert_array_equal(first.covariance[..., 0], np.diag(P0))
-    _, second = made.step(state, scan("radar", 2.0, READING, valid=False))
+    _, second = made.step(state, scan("radar", 2.0, MEASUREMENT, valid=False))
     f = np.eye(4) + 2.0 * np.eye(4, k=2)
     np.testing.assert_allclose(second.covariance[..., 0], f @ np.diag(P0) @ f.T + np.diag(Q), rtol=1e-12)
 
 
 def test_a_second_sensor_at_the_same_instant_adds_no_noise():
     made = tracker(filter="ekf", motion="cv", process_noise_diag=Q, initial="first_reading")
-    state, first = made.step(None, scan("radar", 0.0, READING))
-    _, second = made.step(state, scan("lidar", 0.0, READING[:2], valid=False))
+    state, first = made.step(None, scan("radar", 0.0, MEASUREMENT))
+    _, second = made.step(state, scan("lidar", 0.0, MEASUREMENT[:2], valid=False))
     np.testing.assert_array_equal(first.covariance, second.covariance)
 
 
 def test_published_filter_step_by_step():
     """Against the textbook, with its own arithmetic."""
     r = np.diag(np.square([30.0, 0.009, 1.0]))
-    readings = [np.array([[4243.0 + 15 * k], [0.785 - 0.003 * k], [21.0 + k]]) for k in range(4)]
+    measurements = [np.array([[4243.0 + 15 * k], [0.785 - 0.003 * k], [21.0 + k]]) for k in range(4)]
     made = tracker(
         filter="ekf",
         motion="cv",
@@ -76,7 +76,7 @@ def test_published_filter_step_by_step():
     )
     state = x = p = None
     f = np.eye(4) + np.eye(4, k=2)
-    for k, z in enumerate(readings):
+    for k, z in enumerate(measurements):
         state, estimate = made.step(state, scan("speed_radar", float(k), z, noise=r))
         z = z[:, 0]
         if x is None:
@@ -98,7 +98,7 @@ def test_a_stated_covariance_of_two_readings_keeps_their_mean():
     stated, plain = tracker(**keys, initial={"from": "two_readings", "covariance_diag": P0}), tracker(**keys)
     a = b = None
     for k in range(2):
-        seen = scan("radar", float(k), READING + np.array([[10.0 * k], [0], [0]]))
+        seen = scan("radar", float(k), MEASUREMENT + np.array([[10.0 * k], [0], [0]]))
         a, one = stated.step(a, seen)
         b, two = plain.step(b, seen)
     np.testing.assert_array_equal(one.mean, two.mean)
@@ -121,7 +121,7 @@ def test_radial_velocity_starts_a_track():
         process_noise_diag=Q,
         initial={"from": "first_reading", "velocity": "radial", "velocity_sigma_mps": 3},
     )
-    _, estimate = made.step(None, scan("radar", 0.0, READING, noise=RADAR_NOISE))
+    _, estimate = made.step(None, scan("radar", 0.0, MEASUREMENT, noise=RADAR_NOISE))
     np.testing.assert_allclose(estimate.mean[2:, 0], [7 * np.cos(0.4), 7 * np.sin(0.4)])
     np.testing.assert_allclose(estimate.covariance[2:, 2:, 0], 9 * np.eye(2))
 

@@ -19,14 +19,14 @@ def test_an_out_of_sequence_scan_is_refused(keys):
     made = tracker(**keys)
     state, _ = made.step(None, scan("lidar", 1.0, FAR))
     state, _ = made.step(state, scan("lidar", 1.2, FAR))
-    with pytest.raises(TrackbenchError, match=r"reading of lidar at 1\.1 s is older than the estimate at 1\.2 s"):
+    with pytest.raises(TrackbenchError, match=r"measurement of lidar at 1\.1 s is older than the estimate at 1\.2 s"):
         made.step(state, scan("lidar", 1.1, FAR))
 
 
 @pytest.mark.parametrize("kind", ["radar", "lidar"])
 def test_from_the_first_reading(kind):
-    reading = np.array([[50.0], [0.6], [3.0]]) if kind == "radar" else FAR
-    seen = scan(kind, 2.0, reading)
+    measurement = np.array([[50.0], [0.6], [3.0]]) if kind == "radar" else FAR
+    seen = scan(kind, 2.0, measurement)
     _, estimate = tracker(**EKF, initial={"from": "first_reading", "velocity_sigma_mps": 7.0}).step(None, seen)
     position = SENSOR_MODELS[kind].position(seen)
     np.testing.assert_allclose(estimate.mean[:, 0], [*position.mean[:, 0], 0, 0], atol=1e-12)
@@ -64,31 +64,31 @@ def test_two_readings_of_one_instant_do_not_start_a_track():
     state, estimate = made.step(state, scan("lidar", 0.0, FAR + 1))
     assert np.isnan(estimate.mean).all()
     _, estimate = made.step(state, scan("lidar", 1.0, FAR + 1))
-    # The first of the two readings is the one that is kept.
+    # The first of the two measurements is the one that is kept.
     np.testing.assert_allclose(estimate.mean[2:, 0], [1, 1])
 
 
-def test_each_lane_waits_for_its_own_readings():
+def test_each_lane_waits_for_its_own_measurements():
     made = tracker(**EKF)
-    readings = [[True, False, False], [True, True, False], [False, True, False]]
+    measurements = [[True, False, False], [True, True, False], [False, True, False]]
     state, known = None, []
-    for k, valid in enumerate(readings):
+    for k, valid in enumerate(measurements):
         state, estimate = made.step(state, scan("lidar", 0.1 * k, np.repeat(FAR, 3, axis=1), valid=valid))
         known.append(np.isfinite(estimate.mean).all(axis=0))
     np.testing.assert_array_equal(known, [[False, False, False], [True, False, False], [True, True, False]])
 
 
 def test_from_truth_draws_the_stated_error_and_takes_the_first_reading_in():
-    lanes = 40_000
+    batch = 40_000
     made = tracker(**EKF, initial={"from": "truth", "position_sigma_m": 2.0, "velocity_sigma_mps": 0.5})
     assert made.starts_from_truth
-    motion = Kinematics(*(np.full(lanes, value) for value in (40.0, 30.0, 10.0, np.pi / 2, 0.0, 0.0)))
-    made = made.with_prior(np.full(lanes, 1.0), motion, np.random.default_rng(0).normal(size=(6, lanes)))
+    motion = Kinematics(*(np.full(batch, value) for value in (40.0, 30.0, 10.0, np.pi / 2, 0.0, 0.0)))
+    made = made.with_prior(np.full(batch, 1.0), motion, np.random.default_rng(0).normal(size=(6, batch)))
     error = made.prior.mean - np.array([[40.0], [30.0], [0.0], [10.0]])
     np.testing.assert_allclose(np.cov(error), np.diag([4, 4, 0.25, 0.25]), atol=0.1)
-    state, before = made.step(None, scan("lidar", 0.5, np.repeat(FAR, lanes, axis=1), valid=False))
+    state, before = made.step(None, scan("lidar", 0.5, np.repeat(FAR, batch, axis=1), valid=False))
     assert np.isnan(before.mean).all()
-    _, estimate = made.step(state, scan("lidar", 1.0, np.repeat(FAR, lanes, axis=1)))
+    _, estimate = made.step(state, scan("lidar", 1.0, np.repeat(FAR, batch, axis=1)))
     np.testing.assert_allclose(estimate.innovation, FAR - made.prior.mean[:2], atol=1e-12)
     gain = 4 / (4 + LIDAR_NOISE[0, 0])
     np.testing.assert_allclose(estimate.mean[:2], made.prior.mean[:2] + gain * estimate.innovation, atol=1e-12)
@@ -130,17 +130,17 @@ def test_a_lane_that_waits_stays_as_it_is_and_reports_no_repair():
     np.testing.assert_array_equal(estimate.repaired, [True, False])
 
 
-def test_the_raw_tracker_states_the_readings():
+def test_the_raw_tracker_states_the_measurements():
     raw, state = RawTracker(), None
     state, estimate = raw.step(state, scan("lidar", 0.0, FAR))
     assert np.isnan(estimate.mean).all()
     state, estimate = raw.step(state, scan("lidar", 0.5, FAR + 1))
     np.testing.assert_allclose(estimate.mean[:, 0], [41, 31, 2, 2])
     np.testing.assert_allclose(estimate.covariance[..., 0], LIDAR_NOISE[0, 0] * np.kron([[1, 2], [2, 8]], np.eye(2)))
-    # While readings are missing, the last position stays.
+    # While measurements are missing, the last position stays.
     state, missed = raw.step(state, scan("lidar", 1.0, FAR, valid=False))
     np.testing.assert_array_equal(missed.mean, estimate.mean)
-    # Of readings at one instant the more precise counts, in whichever order they come.
+    # Of measurements at one instant the more precise counts, in whichever order they come.
     coarse = np.array([[60.0], [0.5], [0.0]])
     after, _ = raw.step(state, scan("radar", 1.5, coarse))
     _, both = raw.step(after, scan("lidar", 1.5, FAR))
@@ -150,12 +150,12 @@ def test_the_raw_tracker_states_the_readings():
     np.testing.assert_allclose(both.mean[:, 0], [40, 30, -1, -1])
 
 
-def test_the_raw_tracker_converts_a_radar_reading():
+def test_the_raw_tracker_converts_a_radar_measurement():
     raw = RawTracker()
-    readings = [scan("radar", 0.1 * k, np.array([[50.0 + k], [0.3], [4.0]]), noise=RADAR_NOISE) for k in range(2)]
-    state, _ = raw.step(None, readings[0])
-    _, estimate = raw.step(state, readings[1])
-    first, second = (SENSOR_MODELS["radar"].position(seen) for seen in readings)
+    measurements = [scan("radar", 0.1 * k, np.array([[50.0 + k], [0.3], [4.0]]), noise=RADAR_NOISE) for k in range(2)]
+    state, _ = raw.step(None, measurements[0])
+    _, estimate = raw.step(state, measurements[1])
+    first, second = (SENSOR_MODELS["radar"].position(seen) for seen in measurements)
     np.testing.assert_allclose(estimate.mean[:2], second.mean)
     np.testing.assert_allclose(estimate.mean[2:], (second.mean - first.mean) / 0.1)
     np.testing.assert_allclose(estimate.covariance[:2, :2], second.covariance)

@@ -72,7 +72,7 @@ def test_only_the_faulty_copy_needs_a_repair(results: dict[str, RunResult]) -> N
 def test_share_of_innovations_under_the_line(results: dict[str, RunResult]) -> None:
     result = results["udacity_ukf_tuning"]
     entry = next(item for item in result.summary["trackers"] if item["name"] == "ukf")
-    table = result.tables["shown_nis"].to_pydict()
+    table = result.tables["recorded_nis"].to_pydict()
     for sensor, line in LINE95.items():
         own = [
             value

@@ -32,7 +32,7 @@ import numpy as np
 
 
 class Constant:
-    """Claims the origin until its third reading, at which it fails."""
+    """Claims the origin until its third measurement, at which it fails."""
 
     def step(self, state, scan):
         count = (state or 0) + 1
@@ -41,7 +41,7 @@ class Constant:
 
 class Raising(Constant):
     def third(self):
-        raise ValueError("no third reading, please")
+        raise ValueError("no third measurement, please")
 
 
 class Vanishing(Constant):
@@ -59,7 +59,7 @@ def write_scenario(folder: Path) -> Path:
 
 
 def synthetic_lines(count: int = 80, seed: int = 3) -> list[str]:
-    """Alternating readings of a figure of eight around the origin, 50 ms apart."""
+    """Alternating measurements of a figure of eight around the origin, 50 ms apart."""
     random = np.random.default_rng(seed)
     time = 0.05 * np.arange(count)
     x, y = 12 * np.sin(0.3 * time + 1), 8 * np.sin(0.6 * time + 2)
@@ -68,13 +68,15 @@ def synthetic_lines(count: int = 80, seed: int = 3) -> list[str]:
     for k in range(count):
         truth = [x[k], y[k], vx[k], vy[k]]
         if k % 2 == 0:
-            letter, reading = "L", np.array([x[k], y[k]]) + random.normal(0, 0.15, 2)
+            letter, measurement = "L", np.array([x[k], y[k]]) + random.normal(0, 0.15, 2)
         else:
             r = np.hypot(x[k], y[k])
             rate = (x[k] * vx[k] + y[k] * vy[k]) / r
-            letter, reading = "R", np.array([r, np.arctan2(y[k], x[k]), rate]) + random.normal(0, [0.3, 0.03, 0.3])
+            letter, measurement = "R", np.array([r, np.arctan2(y[k], x[k]), rate]) + random.normal(0, [0.3, 0.03, 0.3])
         stamp = 1477010443000000 + 50000 * k
-        lines.append("\t".join([letter, *map(repr, map(float, reading)), str(stamp), *map(repr, map(float, truth))]))
+        lines.append(
+            "\t".join([letter, *map(repr, map(float, measurement)), str(stamp), *map(repr, map(float, truth))])
+        )
     return lines
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.filters import Belief, Filter, Update
-from trackbench.models.motion import MotionModel, Spread
+from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.models.sensors import Lidar, Radar, SpeedRadar
@@ -53,7 +53,7 @@ class RadarPolarStart(Radar):
     """Range and azimuth as px and py."""
 
     def position(self, scan: Scan) -> Gaussian:
-        return Gaussian(scan.reading[:2], np.eye(2))
+        return Gaussian(scan.measurement[:2], np.eye(2))
 
 
 class RadarWithoutGuard(Radar):
@@ -124,7 +124,7 @@ class TurnNotGuarded(ConstantTurnRateVelocity):
 class CourseByArctan(ConstantTurnRateVelocity):
     """The first course by arctan(vy / vx): backwards where vx is negative."""
 
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+    def from_cartesian(self, belief: Gaussian, spread: InitialSigmas) -> Gaussian:
         x, p = super().from_cartesian(belief, spread)
         return Gaussian(linalg.vector([x[0], x[1], x[2], np.arctan(np.tan(x[3])), x[4]]), p)
 

@@ -18,11 +18,11 @@ class CertainStart:
 
 
 class PolarStart:
-    """Range and azimuth of the first radar reading as px and py."""
+    """Range and azimuth of the first radar measurement as px and py."""
 
     def first_position(self, scan: Any) -> Belief:
         if scan.kind == "radar":
-            return scan.reading[:2].copy(), np.eye(2)
+            return scan.measurement[:2].copy(), np.eye(2)
         return super().first_position(scan)
 
 
@@ -30,7 +30,7 @@ class PolarStartWithRate(PolarStart):
     """Besides, the range rate as vx."""
 
     def first_velocity(self, scan: Any) -> Array:
-        return np.array([scan.reading[2], 0.0]) if scan.kind == "radar" else super().first_velocity(scan)
+        return np.array([scan.measurement[2], 0.0]) if scan.kind == "radar" else super().first_velocity(scan)
 
 
 class ArctanCourse:
@@ -93,7 +93,7 @@ class NoisePerSecond:
 
 
 class StartAtOneInstant:
-    """The velocity from two readings without a look at the time between them."""
+    """The velocity from two measurements without a look at the time between them."""
 
     def differs(self, elapsed: float) -> bool:
         return True

@@ -39,9 +39,9 @@ class FilterPyEkf(Held, PlainEkf):
         kalman = self.kalman
         kalman.x, kalman.P = x, P
         kalman.update(
-            scan.reading,
+            scan.measurement,
             HJacobian=self.sensor_jacobian,
-            Hx=self.predicted_reading,
+            Hx=self.predicted_measurement,
             R=self.noise(scan),
             args=(scan,),
             hx_args=(scan,),
@@ -60,7 +60,7 @@ class FilterPyUkf(Held, PlainUkf):
             dim_x=SIZE,
             dim_z=3,
             dt=0.0,
-            hx=self.predicted_reading,
+            hx=self.predicted_measurement,
             fx=self.transition,
             points=points,
             x_mean_fn=self.mean_state,
@@ -82,9 +82,13 @@ class FilterPyUkf(Held, PlainUkf):
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
         kalman = self.kalman
         kalman.residual_z = lambda a, b: self.residual(scan.kind, a, b)
-        kalman.z_mean = lambda points, weights: points[0] + weights @ self.reading_spread(scan.kind, points, points[0])
+        kalman.z_mean = lambda points, weights: (
+            points[0] + weights @ self.measurement_spread(scan.kind, points, points[0])
+        )
         kalman.update(
-            scan.reading, R=self.noise(scan), hx=lambda point: self.predicted_reading(self.cartesian(point), scan)
+            scan.measurement,
+            R=self.noise(scan),
+            hx=lambda point: self.predicted_measurement(self.cartesian(point), scan),
         )
         mean = kalman.x.copy()
         mean[3] = wrap(mean[3])

@@ -41,7 +41,7 @@ def predictions(subject: Subject) -> Iterator[Mutant]:
 
 
 def linearised(subject: Subject) -> Iterator[Mutant]:
-    # Without a Jacobian this is the same as a negated reading.
+    # Without a Jacobian this is the same as a negated measurement.
     yield subject.mixed("doppler_sign", "prediction", sensing.RateNegated, "radar")
     for variant, mixin, kind in JACOBIANS:
         yield subject.mixed("jacobian_wrong", variant, mixin, kind)

@@ -16,14 +16,14 @@ X, Y, YAW = range(3)
 
 
 def component(kind: str, index: int, change: Callable[[Array], Array]) -> Alter:
-    """One component of one sensor's readings, changed."""
+    """One component of one sensor's measurements, changed."""
 
     def alter(scan: Scan) -> Scan:
         if scan.kind != kind:
             return scan
-        reading = scan.reading.copy()
-        reading[index] = change(reading[index])
-        return scan._replace(reading=reading)
+        measurement = scan.measurement.copy()
+        measurement[index] = change(measurement[index])
+        return scan._replace(measurement=measurement)
 
     return alter
 
@@ -42,11 +42,11 @@ def scaled_noise(factor: float, kind: str | None = None, index: int | None = Non
     def alter(scan: Scan) -> Scan:
         if kind not in (None, scan.kind):
             return scan
-        scale = np.full(len(scan.noise), factor)
+        scale = np.full(len(scan.noise_covariance), factor)
         if index is not None:
-            scale = np.ones(len(scan.noise))
+            scale = np.ones(len(scan.noise_covariance))
             scale[index] = factor
-        return scan._replace(noise=scan.noise * np.sqrt(np.outer(scale, scale)))
+        return scan._replace(noise_covariance=scan.noise_covariance * np.sqrt(np.outer(scale, scale)))
 
     return alter
 
@@ -65,11 +65,11 @@ def velocity_ignored(scan: Scan) -> Scan:
 
 
 def lidar_axes_swapped(scan: Scan) -> Scan:
-    return scan._replace(reading=scan.reading[::-1]) if scan.kind == "lidar" else scan
+    return scan._replace(measurement=scan.measurement[::-1]) if scan.kind == "lidar" else scan
 
 
 def dropped(kind: str) -> Alter:
-    """One sensor's readings as if they had been missed."""
+    """One sensor's measurements as if they had been missed."""
 
     def alter(scan: Scan) -> Scan:
         return scan._replace(valid=np.zeros_like(scan.valid)) if scan.kind == kind else scan
@@ -78,16 +78,16 @@ def dropped(kind: str) -> Alter:
 
 
 def missed_taken_as_read(scan: Scan) -> Scan:
-    """``valid`` is never looked at: a missed reading is NaN."""
+    """``valid`` is never looked at: a missed measurement is NaN."""
     return scan._replace(valid=np.ones_like(scan.valid))
 
 
 def drawn(scale: float) -> Alter:
-    """The reading with noise that nobody seeded, of ``scale`` times its standard deviations."""
+    """The measurement with noise that nobody seeded, of ``scale`` times its standard deviations."""
 
     def alter(scan: Scan) -> Scan:
-        sigma = scale * np.sqrt(np.diag(scan.noise))
-        normal = np.random.default_rng().standard_normal(scan.reading.shape)
-        return scan._replace(reading=scan.reading + (sigma * normal.T).T)
+        sigma = scale * np.sqrt(np.diag(scan.noise_covariance))
+        normal = np.random.default_rng().standard_normal(scan.measurement.shape)
+        return scan._replace(measurement=scan.measurement + (sigma * normal.T).T)
 
     return alter

@@ -18,16 +18,16 @@ DEGREE = pi / 180
 
 
 def mutants(subject: Subject) -> Iterator[Mutant]:
-    for part in (readings, noise, timing, start, chance, answers):
+    for part in (measurements, noise, timing, start, chance, answers):
         yield from part(subject)
 
 
-def readings(subject: Subject) -> Iterator[Mutant]:
+def measurements(subject: Subject) -> Iterator[Mutant]:
     def mutant(fault: str, variant: str, alter: read.Alter, sensor: str | None = None) -> Mutant:
         return subject.behind(fault, variant, Misread, alter, sensor=sensor)
 
     fault = "degrees_for_radians"
-    yield mutant(fault, "reading", read.azimuth(np.radians), "radar")
+    yield mutant(fault, "measurement", read.azimuth(np.radians), "radar")
     yield mutant(fault, "sigma_in_degrees", read.scaled_noise(DEGREE**-2, "radar", AZIMUTH), "radar")
     yield mutant(fault, "sigma_converted_twice", read.scaled_noise(DEGREE**2, "radar", AZIMUTH), "radar")
     yield mutant(fault, "yaw_in_degrees", read.pose(YAW, np.degrees))
@@ -50,10 +50,10 @@ def readings(subject: Subject) -> Iterator[Mutant]:
     yield mutant(fault, "yaw", read.pose(YAW, np.zeros_like))
     if subject.uses_rate:
         yield mutant(fault, "velocity", read.velocity_ignored, "radar")
-        yield mutant("doppler_sign", "reading", read.component("radar", RATE, np.negative), "radar")
+        yield mutant("doppler_sign", "measurement", read.component("radar", RATE, np.negative), "radar")
     for kind in ("radar", "lidar"):
         yield subject.behind("measurement_ignored", kind, Misread, read.dropped(kind), "started", sensor=kind)
-    yield mutant("nonfinite", "missed_reading", read.missed_taken_as_read)
+    yield mutant("nonfinite", "missed_measurement", read.missed_taken_as_read)
 
 
 def noise(subject: Subject) -> Iterator[Mutant]:
@@ -92,7 +92,7 @@ def start(subject: Subject) -> Iterator[Mutant]:
 def chance(subject: Subject) -> Iterator[Mutant]:
     fault = "not_deterministic"
     yield subject.behind(fault, "drawn_start", Misread, read.drawn(1.0), "starting")
-    yield subject.behind(fault, "perturbed_readings", Misread, read.drawn(0.2), "started")
+    yield subject.behind(fault, "perturbed_measurements", Misread, read.drawn(0.2), "started")
     yield subject.behind(fault, "sampled_output", Misreported, report.sampled)
 
 

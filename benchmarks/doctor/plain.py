@@ -22,7 +22,7 @@ class Track(NamedTuple):
     mean: Array | None = None
     covariance: Array | None = None
     first: tuple[float, Array, Array] | None = None
-    """Time, position and its covariance of the first reading, while the second is awaited."""
+    """Time, position and its covariance of the first measurement, while the second is awaited."""
 
 
 def wrap(angle: Any) -> Any:
@@ -67,7 +67,7 @@ class PlainTracker:
             return track._replace(time=scan.time)
         position, noise = self.first_position(scan)
         if self.start == "first_reading":
-            return Track(scan.time, *self.from_cartesian(*self.one_reading(position, noise, scan)))
+            return Track(scan.time, *self.from_cartesian(*self.one_measurement(position, noise, scan)))
         if track.first is None:
             return Track(scan.time, first=(scan.time, position, noise))
         elapsed = scan.time - track.first[0]
@@ -76,7 +76,7 @@ class PlainTracker:
         return Track(scan.time, *self.from_cartesian(*self.two_readings(track.first[1:], (position, noise), elapsed)))
 
     def differs(self, elapsed: float) -> bool:
-        """Whether two readings are far enough apart in time for a velocity."""
+        """Whether two measurements are far enough apart in time for a velocity."""
         return elapsed > 0
 
     def first_position(self, scan: Any) -> Belief:
@@ -85,7 +85,7 @@ class PlainTracker:
     def first_velocity(self, scan: Any) -> Array:
         return np.zeros(2)
 
-    def one_reading(self, position: Array, noise: Array, scan: Any) -> Belief:
+    def one_measurement(self, position: Array, noise: Array, scan: Any) -> Belief:
         P = np.zeros((4, 4))
         P[:2, :2] = noise
         P[2, 2] = P[3, 3] = self.velocity_sigma**2
@@ -107,20 +107,20 @@ class PlainTracker:
     # The sensors, seen from the Cartesian state.
 
     def position(self, scan: Any) -> Belief:
-        """The position in the fixed frame that a reading gives, and its covariance to first order."""
+        """The position in the fixed frame that a measurement gives, and its covariance to first order."""
         R = self.noise(scan)
         if scan.kind == "radar":
-            r, azimuth = scan.reading[:2]
+            r, azimuth = scan.measurement[:2]
             local = r * np.array([np.cos(azimuth), np.sin(azimuth)])
             J = rotation(azimuth + scan.sensor_pose[2]) @ np.diag([1.0, r])
         else:
-            local, J = scan.reading, rotation(scan.sensor_pose[2])
+            local, J = scan.measurement, rotation(scan.sensor_pose[2])
         return scan.sensor_pose[:2] + rotation(scan.sensor_pose[2]) @ local, J @ R[:2, :2] @ J.T
 
     def noise(self, scan: Any) -> Array:
-        return scan.noise
+        return scan.noise_covariance
 
-    def predicted_reading(self, target: Array, scan: Any) -> Array:
+    def predicted_measurement(self, target: Array, scan: Any) -> Array:
         dx, dy = target[:2] - scan.sensor_pose[:2]
         x, y = rotation(scan.sensor_pose[2]).T @ [dx, dy]
         if scan.kind == "lidar":
@@ -140,14 +140,14 @@ class PlainTracker:
         return (dx * vx + dy * vy) / self.range(dx, dy)
 
     def residual(self, kind: str, a: Array, b: Array) -> Array:
-        """Difference of two readings."""
+        """Difference of two measurements."""
         d = a - b
         if kind == "radar":
             d[1] = wrap(d[1])
         return d
 
     def innovation(self, scan: Any, predicted: Array) -> Array:
-        return self.residual(scan.kind, scan.reading, predicted)
+        return self.residual(scan.kind, scan.measurement, predicted)
 
     # The Kalman correction.
 

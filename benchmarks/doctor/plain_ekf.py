@@ -31,7 +31,7 @@ class PlainEkf(ConstantVelocity):
     """Radar (range, azimuth, range rate) and lidar (x, y) of one target."""
 
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
-        y = self.innovation(scan, self.predicted_reading(x, scan))
+        y = self.innovation(scan, self.predicted_measurement(x, scan))
         H = self.sensor_jacobian(x, scan)
         S = H @ P @ H.T + self.noise(scan)
         K = np.linalg.solve(S, H @ P).T

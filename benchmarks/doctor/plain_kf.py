@@ -1,4 +1,4 @@
-"""A Kalman filter with constant velocity on positions, plain NumPy: a radar reading is converted, its rate unused."""
+"""A Kalman filter with constant velocity on positions, plain NumPy: radar is converted, its range rate unused."""
 
 from __future__ import annotations
 

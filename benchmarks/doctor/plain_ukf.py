@@ -103,9 +103,9 @@ class PlainUkf(ConstantTurnRate):
 
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
         points = self.sigma_points(x, P)
-        seen = np.array([self.predicted_reading(self.cartesian(point), scan) for point in points])
-        mean = seen[0] + self.mean_weights @ self.reading_spread(scan.kind, seen, seen[0])
-        apart = self.reading_spread(scan.kind, seen, mean)
+        seen = np.array([self.predicted_measurement(self.cartesian(point), scan) for point in points])
+        mean = seen[0] + self.mean_weights @ self.measurement_spread(scan.kind, seen, seen[0])
+        apart = self.measurement_spread(scan.kind, seen, mean)
         S = symmetric(apart.T * self.covariance_weights @ apart) + self.noise(scan)
         cross = self.state_spread(points, x).T * self.covariance_weights @ apart
         K = np.linalg.solve(S, cross.T).T
@@ -121,7 +121,7 @@ class PlainUkf(ConstantTurnRate):
         apart[:, 3] = wrap(apart[:, 3])
         return apart
 
-    def reading_spread(self, kind: str, points: Array, centre: Array) -> Array:
+    def measurement_spread(self, kind: str, points: Array, centre: Array) -> Array:
         return np.array([self.residual(kind, point, centre) for point in points])
 
     def corrected_mean(self, x: Array, K: Array, y: Array) -> Array:

@@ -18,13 +18,13 @@ class BareInnovation:
     """Only the innovation; an unscented filter still wraps the spread of its points."""
 
     def innovation(self, scan: Any, predicted: Array) -> Array:
-        return scan.reading - predicted
+        return scan.measurement - predicted
 
 
 class BareSpread:
     """Only the spread of an unscented filter's points about their mean."""
 
-    def reading_spread(self, kind: str, points: Array, centre: Array) -> Array:
+    def measurement_spread(self, kind: str, points: Array, centre: Array) -> Array:
         return points - centre
 
 

@@ -7,12 +7,12 @@ class AlphaBeta:
 
     def step(self, state, scan):
         (x, y, yaw), radar = scan.sensor_pose, scan.kind == "radar"
-        r, angle = (scan.reading[0], yaw + scan.reading[1]) if radar else (1.0, yaw)
+        r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (1.0, yaw)
         c, s = np.cos(angle), np.sin(angle)
-        J = np.array([[c, -r * s], [s, r * c]])  # turns errors of the reading into the fixed frame
-        z = np.array([x, y]) + J @ ([r, 0.0] if radar else scan.reading)
-        R = J @ scan.noise[:2, :2] @ J.T
-        if state is None:  # the first reading: the velocity is anything within about 20 m/s
+        J = np.array([[c, -r * s], [s, r * c]])  # turns errors of the measurement into the fixed frame
+        z = np.array([x, y]) + J @ ([r, 0.0] if radar else scan.measurement)
+        R = J @ scan.noise_covariance[:2, :2] @ J.T
+        if state is None:  # the first measurement: the velocity is anything within about 20 m/s
             mean, P = np.array([*z, 0.0, 0.0]), np.diag([0.0, 0.0, 400.0, 400.0])
             P[:2, :2] = R
             return (scan.time, scan.time, mean, P), (mean, P)

@@ -9,12 +9,12 @@ class BatchedAlphaBeta:
 
     def step(self, state, scan):
         n, (x, y, yaw), radar = scan.valid.size, scan.sensor_pose, scan.kind == "radar"
-        r, angle = (scan.reading[0], yaw + scan.reading[1]) if radar else (np.ones(n), np.full(n, yaw))
+        r, angle = (scan.measurement[0], yaw + scan.measurement[1]) if radar else (np.ones(n), np.full(n, yaw))
         c, s = np.cos(angle), np.sin(angle)
         J = np.array([[c, -r * s], [s, r * c]])
-        local = np.stack([r, 0 * r]) if radar else scan.reading
+        local = np.stack([r, 0 * r]) if radar else scan.measurement
         z = np.array([[x], [y]]) + np.einsum("ikn,kn->in", J, local)
-        R = np.einsum("ikn,kl,jln->ijn", J, scan.noise[:2, :2], J)
+        R = np.einsum("ikn,kl,jln->ijn", J, scan.noise_covariance[:2, :2], J)
         if state is None:  # nothing is known of any object
             state = scan.time, np.full(n, np.nan), np.full((4, n), np.nan), np.full((4, 4, n), np.nan)
         time, updated, mean, P = state

@@ -30,9 +30,9 @@ class Tracker:
     def first_position(self, scan):
         sx, sy, yaw = scan.sensor_pose
         if scan.kind == "radar":
-            rho, phi = scan.reading[0], scan.reading[1]
+            rho, phi = scan.measurement[0], scan.measurement[1]
             return np.array([sx + rho * np.cos(yaw + phi), sy + rho * np.sin(yaw + phi)])
-        return np.array([sx, sy]) + self.rotation(yaw).T @ scan.reading
+        return np.array([sx, sy]) + self.rotation(yaw).T @ scan.measurement
 
     def predict(self, dt):
         F = np.eye(4)
@@ -45,8 +45,8 @@ class Tracker:
     def update_laser(self, scan):
         R_sensor = self.rotation(scan.sensor_pose[2])
         H = R_sensor @ self.H_laser
-        y = scan.reading - R_sensor @ (self.x[:2] - scan.sensor_pose[:2])
-        self.correct(y, H, scan.noise)
+        y = scan.measurement - R_sensor @ (self.x[:2] - scan.sensor_pose[:2])
+        self.correct(y, H, scan.noise_covariance)
 
     def update_radar(self, scan):
         sx, sy, yaw = scan.sensor_pose
@@ -57,7 +57,7 @@ class Tracker:
             return
         phi = normalize(np.arctan2(py, px) - yaw)
         rho_dot = (px * vx + py * vy) / rho
-        y = scan.reading - np.array([rho, phi, rho_dot])
+        y = scan.measurement - np.array([rho, phi, rho_dot])
         Hj = np.array(
             [
                 [px / rho, py / rho, 0.0, 0.0],
@@ -65,7 +65,7 @@ class Tracker:
                 [py * (vx * py - vy * px) / rho**3, px * (vy * px - vx * py) / rho**3, px / rho, py / rho],
             ]
         )
-        self.correct(y, Hj, scan.noise)
+        self.correct(y, Hj, scan.noise_covariance)
 
     def correct(self, y, H, R):
         S = H @ self.P @ H.T + R

@@ -44,8 +44,8 @@ PUBLISHED = (
     Row("std_a 0.8, std_yawdd 0.8", TUNING, "tuned_0p8_0p8", (0.0648, 0.0823, 0.3743, 0.2191)),
     Row("std_a 1.6, std_yawdd 0.8", TUNING, "tuned_1p6_0p8", (0.0686, 0.0816, 0.3769, 0.2257)),
     Row("std_a 1.6, std_yawdd 1.6", TUNING, "tuned_1p6_1p6", (0.0683, 0.0839, 0.3850, 0.2473)),
-    Row("EKF, from the first reading", FUSION, "ekf", (0.0972, 0.0854, 0.4509, 0.4396)),
-    Row("EKF, from two lidar readings", FUSION, "ekf_half_known", (0.0988, 0.0850, 0.4328, 0.4751)),
+    Row("EKF, from the first measurement", FUSION, "ekf", (0.0972, 0.0854, 0.4509, 0.4396)),
+    Row("EKF, from two lidar measurements", FUSION, "ekf_half_known", (0.0988, 0.0850, 0.4328, 0.4751)),
 )
 
 
@@ -98,7 +98,7 @@ def main() -> None:
     # The program as it should be, held against the same published row.
     sound = ukf[2]._replace(what="UKF, radar, without the faults", tracker="ukf_radar")
     ekf = [row for row in PUBLISHED if row.scenario == FUSION]
-    literal = ekf[1]._replace(what="EKF, from two lidar readings, taken literally", tracker="ekf_two_readings")
+    literal = ekf[1]._replace(what="EKF, from two lidar measurements, taken literally", tracker="ekf_two_readings")
     fill(
         HERE / "udacity-ukf.md",
         {"sensors": _beside(tuning, [*ukf[:3], sound]), "tuning": _beside(tuning, ukf[3:]), "all": _all(tuning)},

@@ -42,9 +42,9 @@ class FaultyUkf(SigmaPointFilter):
         deviations = difference(seen, expected[:, None], sensor.angular)
         state_deviations = difference(points, belief.mean[:, None], motion.angular)
         s = np.einsum("s,is...,js...->ij...", weights, deviations, deviations)
-        s += linalg.expand(scan.noise, s)
+        s += linalg.expand(scan.noise_covariance, s)
         cross = np.einsum("s,is...,js...->ij...", weights, deviations, state_deviations)
-        innovation = difference(scan.reading, expected, sensor.angular)
+        innovation = difference(scan.measurement, expected, sensor.angular)
         return correct(belief, innovation, s, cross, scan.valid, motion.angular)
 
 

@@ -73,38 +73,38 @@ def drive(
     kinds: Sequence[str],
     times: Sequence[float],
     missed: Sequence[int] = (),
-    lane: int = 0,
+    target: int = 0,
     velocity: tuple[float, float] = (0.0, 0.0),
 ) -> list[Scan]:
-    """Readings of a target that drives past a sensor which is neither at the origin nor looks along x.
+    """Measurements of a target that drives past a sensor which is neither at the origin nor looks along x.
 
     Args:
         kinds: "radar", "speed_radar" or "lidar" of each scan.
         times: when each is taken, s.
         missed: numbers of the scans that do not detect the target.
-        lane: another number is another target and other noise.
+        target: another number is another target and other noise.
         velocity: vx, vy of the sensor, m/s.
     """
-    random = np.random.default_rng(lane)
+    random = np.random.default_rng(target)
     own = np.array(velocity)
     scans = []
     for number, (kind, time) in enumerate(zip(kinds, times, strict=True)):
         model, noise = SENSOR_MODELS[kind], NOISE[kind]
         pose = np.array([4.0 + own[0] * time, -3.0 + own[1] * time, 0.4])
-        ideal = model.measure(_target(time, lane), pose, own)
+        ideal = model.measure(_target(time, target), pose, own)
         valid = np.array(number not in missed)
-        reading = np.where(valid, ideal + np.sqrt(np.diag(noise)) * random.standard_normal(len(ideal)), np.nan)
+        measurement = np.where(valid, ideal + np.sqrt(np.diag(noise)) * random.standard_normal(len(ideal)), np.nan)
         # As in the bench, the arrays are read-only: a tracker that writes into them is found out.
-        for shared in (reading, valid, noise, pose, own):
+        for shared in (measurement, valid, noise, pose, own):
             shared.setflags(write=False)
-        scans.append(Scan(time, kind, kind, reading, valid, noise, pose, own, time))
+        scans.append(Scan(time, kind, kind, measurement, valid, noise, pose, own, time))
     return scans
 
 
-def _target(time: float, lane: int = 0) -> Array:
+def _target(time: float, target: int = 0) -> Array:
     """``(4,)`` px, py, vx, vy."""
-    vx, vy = 12.0 - lane, 3.0
-    return np.array([20.0 + vx * time, 15.0 + 4.0 * lane + vy * time, vx, vy])
+    vx, vy = 12.0 - target, 3.0
+    return np.array([20.0 + vx * time, 15.0 + 4.0 * target + vy * time, vx, vy])
 
 
 def _usual(**changes: Any) -> list[Scan]:
@@ -112,14 +112,17 @@ def _usual(**changes: Any) -> list[Scan]:
     return drive(["lidar", "radar"] * 60, times, **changes)
 
 
-def _stack(lanes: Sequence[Sequence[Scan]]) -> list[Scan]:
+def _stack(targets: Sequence[Sequence[Scan]]) -> list[Scan]:
     """Scans with a batch axis from those of single targets."""
     stacked = []
-    for scans in zip(*lanes, strict=True):
-        reading, valid = np.stack([scan.reading for scan in scans], axis=-1), np.array([scan.valid for scan in scans])
-        for shared in (reading, valid):
+    for scans in zip(*targets, strict=True):
+        measurement, valid = (
+            np.stack([scan.measurement for scan in scans], axis=-1),
+            np.array([scan.valid for scan in scans]),
+        )
+        for shared in (measurement, valid):
             shared.setflags(write=False)
-        stacked.append(scans[0]._replace(reading=reading, valid=valid))
+        stacked.append(scans[0]._replace(measurement=measurement, valid=valid))
     return stacked
 
 
@@ -172,7 +175,7 @@ def _problem(test: Callable[[Callable[[], Tracker]], None], make: Callable[[], T
 
 def _gives_estimates(make: Callable[[], Tracker]) -> None:
     if len(_means(make, _usual())) == 0:
-        raise TrackerCheckError("120 readings of one target give no estimate")
+        raise TrackerCheckError("120 measurements of one target give no estimate")
 
 
 def _follows(**changes: Any) -> Callable[[Callable[[], Tracker]], None]:
@@ -183,8 +186,8 @@ def _follows(**changes: Any) -> Callable[[Callable[[], Tracker]], None]:
             raise TrackerCheckError("there is no estimate")
         error = float(np.hypot(*(means[-1, :2] - _target(scans[-1].time)[:2])))
         if not error < LOST:
-            raise TrackerCheckError(f"after 120 readings the estimate is {error:.1f} m off a target in plain sight")
-        # On average: the differences of readings that a tracker without a filter gives are noisy, but not biased.
+            raise TrackerCheckError(f"after 120 measurements the estimate is {error:.1f} m off a target in plain sight")
+        # On average: the differences of measurements that a tracker without a filter gives are noisy, but not biased.
         late = means[len(means) // 2 :, 2:].mean(axis=0)
         bias = float(np.hypot(*(late - _target(0.0)[2:])))
         if not bias < LOST:
@@ -214,7 +217,7 @@ def _one_sensor(kind: str) -> Callable[[Callable[[], Tracker]], None]:
 
 def _is_deterministic(make: Callable[[], Tracker]) -> None:
     if not np.array_equal(_means(make, _usual()), _means(make, _usual())):
-        raise TrackerCheckError("two fresh trackers give different estimates of the same readings")
+        raise TrackerCheckError("two fresh trackers give different estimates of the same measurements")
 
 
 def _keeps_state(make: Callable[[], Tracker]) -> None:
@@ -238,8 +241,8 @@ def _keeps_state(make: Callable[[], Tracker]) -> None:
 
 def _stands_alone(make: Callable[[], Tracker]) -> None:
     """Two trackers at once do not disturb each other."""
-    alone = _means(make, _usual(lane=1))
-    one, two = _answers(make, _usual()), _answers(make, _usual(lane=1))
+    alone = _means(make, _usual(target=1))
+    one, two = _answers(make, _usual()), _answers(make, _usual(target=1))
     together = [b for _, b in zip(one, two, strict=False)]
     shared = np.array([answer.mean for answer in together if answer is not None])
     if not np.array_equal(alone[: len(shared)], shared):
@@ -250,23 +253,23 @@ def _batch_is_loop(make: Callable[[], Tracker]) -> None:
     if not getattr(make(), "batched", False):
         return
     missed: list[Sequence[int]] = [[0], [0, 9, 10], range(15)]
-    lanes = [_usual(lane=lane, missed=numbers) for lane, numbers in enumerate(missed)]
+    targets = [_usual(target=target, missed=numbers) for target, numbers in enumerate(missed)]
     tracker, state, batch = make(), None, []
-    for scan in _stack(lanes):
+    for scan in _stack(targets):
         state, answer = unpack(tracker.step(state, scan))
         estimate = checked(answer, scan)
         batch.append(np.full((4, 3), np.nan) if estimate is None else estimate.mean)
-    for lane, scans in enumerate(lanes):
+    for target, scans in enumerate(targets):
         single = _means(make, scans)
-        if not np.allclose(np.array(batch)[-len(single) :, :, lane], single, rtol=1e-9, atol=1e-9):
-            raise TrackerCheckError(f"target {lane} of a batch of 3 has other estimates than alone")
+        if not np.allclose(np.array(batch)[-len(single) :, :, target], single, rtol=1e-9, atol=1e-9):
+            raise TrackerCheckError(f"target {target} of a batch of 3 has other estimates than alone")
 
 
 RULES: dict[str, Callable[[Callable[[], Tracker]], None]] = {
     "gives estimates of the right shape, finite, with a positive definite covariance": _gives_estimates,
     "follows a target in plain sight": _follows(),
     "follows it from a sensor that moves": _follows(velocity=(-10.0, -8.0)),
-    "goes on through missed readings": _bears_misses,
+    "goes on through missed measurements": _bears_misses,
     "takes two sensors at the same instant": _bears_simultaneous,
     "takes uneven time steps": _bears_uneven_times,
     "works with lidar alone": _one_sensor("lidar"),

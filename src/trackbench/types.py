@@ -21,7 +21,7 @@ Indices = npt.NDArray[np.intp]
 Progress = Callable[[float, float], None]
 
 
-def untold(done: float, total: float) -> None:
+def no_progress(done: float, total: float) -> None:
     """The progress of work that nobody waits for."""
 
 
@@ -37,7 +37,7 @@ class Gaussian(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """One sensor's readings at one instant: what a real tracker would know, and nothing of the truth."""
+    """One sensor's measurements at one instant: what a real tracker would know, and nothing of the truth."""
 
     time: float
     """When the measurement was taken, s."""
@@ -45,19 +45,19 @@ class Scan(NamedTuple):
     """The sensor's name in the scenario."""
     kind: str
     """"radar", "speed_radar" or "lidar"."""
-    reading: Array
+    measurement: Array
     """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
     sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
     valid: Mask
     """``(...)``: False where the sensor did not detect the object."""
-    noise: Array
-    """``(m, m)`` covariance that the sensor states."""
+    noise_covariance: Array
+    """``(m, m)`` covariance of the measurement noise that the sensor states."""
     sensor_pose: Array
     """``(3,)`` x m, y m, yaw rad of the sensor in the fixed frame."""
     sensor_velocity: Array
     """``(2,)`` vx, vy of the sensor in the fixed frame, m/s."""
     arrival_time: float
-    """When the reading reached the tracker (``time`` plus the sensor's latency), s."""
+    """When the measurement reached the tracker (``time`` plus the sensor's latency), s."""
 
 
 class Estimate(NamedTuple):
@@ -81,15 +81,15 @@ class Estimate(NamedTuple):
     """``(...)`` True where a covariance had to be made positive definite again at this scan."""
 
 
-class RecordedReadings(NamedTuple):
-    """What one sensor read, where its readings come from a recording instead of being synthesised."""
+class RecordedMeasurements(NamedTuple):
+    """What one sensor read, where its measurements come from a recording instead of being synthesised."""
 
     steps: Indices
-    """``(readings,)`` indices into the truth's times."""
-    reading: Array
-    """``(m, readings, objects)``, NaN where not valid."""
+    """``(measurements,)`` indices into the truth's times."""
+    measurement: Array
+    """``(m, measurements, objects)``, NaN where not valid."""
     valid: Mask
-    """``(readings, objects)``: False where the sensor did not detect the object."""
+    """``(measurements, objects)``: False where the sensor did not detect the object."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ def synthetic_result() -> RunResult:
     """Traffic on three lanes: v1 changes lane to the left, v4 arrives at 5 s, v5 leaves at 12 s."""
     rng = np.random.default_rng(5)
     truth = _truth()
-    estimates, shown_nis, steps, nis = [], [], [], []
+    estimates, recorded_nis, steps, nis = [], [], [], []
     for tracker, sigma in TRACKERS.items():
         for name in TARGETS:
             estimates.append(_estimates(rng, tracker, sigma, truth[name]))
@@ -69,7 +69,7 @@ def synthetic_result() -> RunResult:
             )
             for name in TARGETS:
                 seen = at[truth[name]["alive"][::every]]
-                shown_nis.append(
+                recorded_nis.append(
                     {
                         "tracker": [tracker] * len(seen),
                         "sensor": [sensor] * len(seen),
@@ -81,9 +81,9 @@ def synthetic_result() -> RunResult:
     lanes = [(line, x, 4.0 * line - 2.0) for line in range(4) for x in np.linspace(-50, 650, 71)]
     tables = {
         "truth": [{**rows, "heading_rad": rows["course_rad"]} for rows in truth.values()],
-        "readings": [_readings(rng, truth, name, sensor) for sensor in SENSORS for name in TARGETS],
+        "measurements": [_measurements(rng, truth, name, sensor) for sensor in SENSORS for name in TARGETS],
         "estimates": estimates,
-        "shown_nis": shown_nis,
+        "recorded_nis": recorded_nis,
         "steps": steps,
         "nis": nis,
         "roads": [dict(zip(("line", "x_m", "y_m"), map(np.array, zip(*lanes, strict=True)), strict=True))],
@@ -136,7 +136,7 @@ def _estimates(rng: np.random.Generator, tracker: str, sigma: float, truth: dict
     }
 
 
-def _readings(rng: np.random.Generator, truth: dict[str, dict[str, Any]], name: str, sensor: str) -> dict[str, Any]:
+def _measurements(rng: np.random.Generator, truth: dict[str, dict[str, Any]], name: str, sensor: str) -> dict[str, Any]:
     every, _ = SENSORS[sensor]
     rows = {key: np.asarray(values)[::every] for key, values in truth[name].items()}
     number = len(rows["time_s"])
@@ -175,7 +175,7 @@ def _summary() -> dict[str, Any]:
         "fingerprint": "0123456789abcdef" * 4,
         "truth": {"source": "highway-env", "env": "highway-v0", "objects": list(TARGETS), "duration_s": 20.0},
         "sensors": sensors,
-        "shown_run": 0,
+        "recorded_run": 0,
         "trackers": trackers,
         "ranking": sorted(TRACKERS, key=TRACKERS.__getitem__),
         "expectations": [

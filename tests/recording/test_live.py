@@ -142,9 +142,9 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     whole = draw("whole", [[about, result]])
     entities = [
         ("/world/vehicles/v1", "Boxes2D:half_sizes"),
-        ("/world/readings/radar", "Points2D:positions"),
+        ("/world/measurements/radar", "Points2D:positions"),
         ("/world/estimates/ekf/v1/covariance", "Ellipses2D:half_sizes"),
-        ("/series/shown_run/position_error/ekf", "Scalars:scalars"),
+        ("/series/recorded_run/position_error/ekf", "Scalars:scalars"),
     ]
     for entity, component in entities:
         expected = {time: value for time, value in whole(entity, component).items() if value}
@@ -154,7 +154,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     assert "/data/result" not in half.entities()
 
 
-def test_only_the_shown_run_of_random_motion_is_sent(run_tiny: Callable[..., RunResult], tiny: Path) -> None:
+def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., RunResult], tiny: Path) -> None:
     loaded = load_scenario(tiny, ["recording.run=3"])
     truth = truth_of(loaded).truth
     several = np.repeat(truth.px, 5, axis=2) + np.arange(5.0)

@@ -80,7 +80,7 @@ def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: RunResult, 
     assert read(f"{place}/nis_high_2", "SeriesLines:colors")[None] != own_colour
 
 
-def test_the_shown_run_has_the_rms_error_of_its_targets_and_bounds_for_their_number(
+def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_number(
     read: Any, result: RunResult
 ) -> None:
     rows = [
@@ -89,22 +89,24 @@ def test_the_shown_run_has_the_rms_error_of_its_targets_and_bounds_for_their_num
         if row["tracker"] == "ukf_ctrv" and round(row["time_s"], 9) == 8.0
     ]
     error = np.sqrt(np.mean([row["position_error_m"] ** 2 for row in rows]))
-    assert read("/series/shown_run/position_error/ukf_ctrv", "Scalars:scalars")[8.0] == pytest.approx([error])
+    assert read("/series/recorded_run/position_error/ukf_ctrv", "Scalars:scalars")[8.0] == pytest.approx([error])
     nees = np.mean([row["nees"] for row in rows])
-    assert read("/series/shown_run/nees/ukf_ctrv", "Scalars:scalars")[8.0] == pytest.approx([nees])
+    assert read("/series/recorded_run/nees/ukf_ctrv", "Scalars:scalars")[8.0] == pytest.approx([nees])
     high = stats.chi2.ppf(0.975, 4 * len(rows)) / len(rows)
-    assert read("/series/shown_run/nees/bounds/high_1", "Scalars:scalars")[8.0] == pytest.approx([high])
+    assert read("/series/recorded_run/nees/bounds/high_1", "Scalars:scalars")[8.0] == pytest.approx([high])
 
 
 def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
     result: RunResult, tmp_path: Path, read_file: Any
 ) -> None:
-    nis, shown = result.tables["nis"], result.tables["shown_nis"]
+    nis, shown = result.tables["nis"], result.tables["recorded_nis"]
     nis = nis.set_column(nis.column_names.index("count"), "count", pc.if_else(pc.greater(nis["count"], 0), 1.0, 0.0))
     shown = shown.filter(pc.equal(shown["object"], "v1"))
-    recording.write(RunResult(result.summary, result.tables | {"nis": nis, "shown_nis": shown}), tmp_path / "run.rrd")
+    recording.write(
+        RunResult(result.summary, result.tables | {"nis": nis, "recorded_nis": shown}), tmp_path / "run.rrd"
+    )
     read = read_file(tmp_path / "run.rrd")
-    for run in ("all_runs", "shown_run"):
+    for run in ("all_runs", "recorded_run"):
         place = f"/series/{run}/nis/front_radar/bounds"
         assert {entity for entity in read.entities() if entity.startswith(place)} == {f"{place}/line_1"}
         assert read(f"{place}/line_1", "SeriesLines:names")[None][0] == "95 % of single innovations"
@@ -160,7 +162,7 @@ def test_a_failed_tracker_is_named_with_its_cause(result: RunResult, tmp_path: P
     assert "/world/estimates/raw/v1" not in read.entities()
 
 
-@pytest.mark.parametrize("name", ["roads", "readings", "estimates", "shown_nis", "nis"])
+@pytest.mark.parametrize("name", ["roads", "measurements", "estimates", "recorded_nis", "nis"])
 def test_an_empty_table_leaves_the_rest(name: str, result: RunResult, tmp_path: Path, read_file: Any) -> None:
     recording.write(
         RunResult(result.summary, result.tables | {name: result.tables[name].slice(0, 0)}), tmp_path / "a.rrd"
@@ -171,22 +173,24 @@ def test_an_empty_table_leaves_the_rest(name: str, result: RunResult, tmp_path: 
 def test_a_run_in_which_every_tracker_failed_still_shows_the_scene(
     result: RunResult, tmp_path: Path, read_file: Any
 ) -> None:
-    nothing = dict.fromkeys(("steps", "nis", "estimates", "shown_nis"), pa.table({}))
+    nothing = dict.fromkeys(("steps", "nis", "estimates", "recorded_nis"), pa.table({}))
     recording.write(RunResult(result.summary, result.tables | nothing), tmp_path / "run.rrd")
     entities = read_file(tmp_path / "run.rrd").entities()
-    assert {"/world/vehicles/v1", "/world/readings/front_radar"} <= entities
+    assert {"/world/vehicles/v1", "/world/measurements/front_radar"} <= entities
     assert not any(entity.startswith("/series") for entity in entities)
 
 
 def test_names_need_not_be_plain(result: RunResult, tmp_path: Path, read_file: Any) -> None:
-    readings = result.tables["readings"]
-    odd = pa.array([name.as_py().replace("front_radar", "front/radar é") for name in readings["sensor"]])
-    tables = result.tables | {"readings": readings.set_column(readings.column_names.index("sensor"), "sensor", odd)}
+    measurements = result.tables["measurements"]
+    odd = pa.array([name.as_py().replace("front_radar", "front/radar é") for name in measurements["sensor"]])
+    tables = result.tables | {
+        "measurements": measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd)
+    }
     sensors = result.summary["sensors"]
     summary = result.summary | {"sensors": sensors | {"front/radar é": sensors["front_radar"]}}
     recording.write(RunResult(summary, tables), tmp_path / "run.rrd")
     entities = read_file(tmp_path / "run.rrd").entities()
-    assert any(entity.startswith("/world/readings/front\\/radar") for entity in entities)
+    assert any(entity.startswith("/world/measurements/front\\/radar") for entity in entities)
 
 
 def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(result: RunResult, tmp_path: Path) -> None:

@@ -37,14 +37,14 @@ def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, RunResult], tmp_p
     (ranking,) = read_back("/ranking", "TextDocument:text")[None]
     assert "All 4 and 6 runs" in ranking
     assert "ekf (old)" in ranking
-    # The recorded run has the same readings in both, so they are drawn once.
-    assert {e for e in read_back.entities() if e.startswith("/world/readings/")} == {
-        "/world/readings/radar",
-        "/world/readings/lidar",
+    # The recorded run has the same measurements in both, so they are drawn once.
+    assert {e for e in read_back.entities() if e.startswith("/world/measurements/")} == {
+        "/world/measurements/radar",
+        "/world/measurements/lidar",
     }
 
 
-def test_other_readings_are_drawn_beside(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult]) -> None:
+def test_other_measurements_are_drawn_beside(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult]) -> None:
     both = laid_over({"old": pair["old"], "new": run_tiny("monte_carlo.seed=8")})
     assert set(both.summary["sensors"]) == {f"{s} ({label})" for s in ("radar", "lidar") for label in ("old", "new")}
 

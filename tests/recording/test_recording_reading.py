@@ -18,7 +18,7 @@ from trackbench.recording.data import KEYS
 from trackbench.recording.inspection import inspect
 from trackbench.recording.moments import worst
 from trackbench.recording.reader import read
-from trackbench.recording.shown import shown_run
+from trackbench.recording.shown import recorded_run
 from trackbench.results import RunResult
 
 #: Parts of a tracker's metrics that are computed afresh.
@@ -114,7 +114,7 @@ def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
     assert {(e["tracker"], e["object"], e["nees"]) for e in scene["estimates"]} == {
         (row["tracker"], row["object"], row["nees"]) for row in estimates if row["px_m"] is not None
     }
-    assert all(0.8 - 1e-9 <= reading["time_s"] <= 1.0 + 1e-9 for reading in scene["readings"])
+    assert all(0.8 - 1e-9 <= measurement["time_s"] <= 1.0 + 1e-9 for measurement in scene["measurements"])
 
 
 @pytest.mark.parametrize("time", [-0.1, 2.2])
@@ -124,7 +124,7 @@ def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None
 
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
-    shown = shown_run(read(folder).result)
+    shown = recorded_run(read(folder).result)
     for tracker, moments in worst(shown, 3).items():
         error = np.where(shown.scored, shown.tracks[tracker].position_error, np.nan)
         assert moments[0]["position_error_m"] == np.nanmax(error)

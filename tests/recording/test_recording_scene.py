@@ -44,10 +44,10 @@ def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: RunR
     assert seen[1] == pytest.approx(-(v1["py_m"] + 1.0 - 4.0), abs=1e-4), "y of a 2D view points down"
 
 
-def test_readings_are_where_the_sensor_put_them_and_misses_are_not_drawn(read: Any, result: RunResult) -> None:
+def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(read: Any, result: RunResult) -> None:
     for sensor in result.summary["sensors"]:
-        rows = [row for row in result.tables["readings"].to_pylist() if row["sensor"] == sensor]
-        drawn = {t: points for t, points in read(f"/world/readings/{sensor}", "Points2D:positions").items() if t}
+        rows = [row for row in result.tables["measurements"].to_pylist() if row["sensor"] == sensor]
+        drawn = {t: points for t, points in read(f"/world/measurements/{sensor}", "Points2D:positions").items() if t}
         assert sum(map(len, drawn.values())) == sum(row["valid"] for row in rows if row["time_s"])
         at_8 = [[row["x_m"], row["y_m"]] for row in rows if row["valid"] and round(row["time_s"], 9) == 8.0]
         np.testing.assert_allclose(sorted(drawn[8.0]), sorted(at_8), rtol=1e-6)

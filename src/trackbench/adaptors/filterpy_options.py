@@ -17,7 +17,7 @@ from trackbench.types import Array, Scan
 
 
 class FilterPySensor(SensorOptions):
-    """How the readings of a sensor are given to the filter; functions are called as FilterPy calls them."""
+    """How the measurements of a sensor are given to the filter; functions are called as FilterPy calls them."""
 
     hx: str | None = None
     HJacobian: str | None = None
@@ -64,9 +64,11 @@ class Kind(NamedTuple):
 COMMON = ("filter", "filter_options", "state", "initial", "dt_s", "process_noise", "sensors")
 MATRICES = {"F": "transition", "Q": "process_noise"}
 KINDS: dict[type, Kind] = {
-    KalmanFilter: Kind(MATRICES, ("transition",), ("reading", "R")),
-    ExtendedKalmanFilter: Kind(MATRICES, ("transition", "fx"), ("reading", "R", "hx", "HJacobian", "residual", "args")),
-    UnscentedKalmanFilter: Kind({"Q": "process_noise"}, (), ("reading", "R", "hx", "residual", "z_mean", "args")),
+    KalmanFilter: Kind(MATRICES, ("transition",), ("measurement", "R")),
+    ExtendedKalmanFilter: Kind(
+        MATRICES, ("transition", "fx"), ("measurement", "R", "hx", "HJacobian", "residual", "args")
+    ),
+    UnscentedKalmanFilter: Kind({"Q": "process_noise"}, (), ("measurement", "R", "hx", "residual", "z_mean", "args")),
 }
 
 
@@ -108,7 +110,7 @@ def _only(given: set[str], used: tuple[str, ...], kind: type, where: str) -> Non
 
 
 class Sensing(NamedTuple):
-    """How the readings of a sensor are given to the filter, its functions found."""
+    """How the measurements of a sensor are given to the filter, its functions found."""
 
     reader: Reader
     states_noise: bool = True
@@ -122,7 +124,7 @@ class Sensing(NamedTuple):
 
 
 def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, Sensing] | Sensing:
-    """How each sensor's readings are given to the filter, by the sensor's name or kind, or how those of all are.
+    """How each sensor's measurements are given to the filter, by the sensor's name or kind, or how those of all are.
 
     Raises:
         InputError: a function cannot be found.
@@ -136,7 +138,7 @@ def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, S
             return None if reference in (None, OWN) else function(f"sensors.{name}.{key}", reference)
 
         return Sensing(
-            Reader(layout, sensor.reading or usual),
+            Reader(layout, sensor.measurement or usual),
             sensor.states_noise,
             sensor.hx is not None,
             of("hx"),

@@ -21,7 +21,7 @@ from trackbench.types import Scan
 Found = TypeVar("Found")
 
 OWN = "own"
-#: How a track may start from readings.
+#: How a track may start from measurements.
 STARTS = ("first_reading", "two_readings")
 #: Which components of a state each key of the initial state is about.
 ABOUT = {
@@ -48,23 +48,23 @@ class Options(Config):
 
 
 class SensorOptions(Options):
-    """How the readings of a sensor are given to a filter."""
+    """How the measurements of a sensor are given to a filter."""
 
-    reading: str | list[str] | None = None
+    measurement: str | list[str] | None = None
     R: Literal["stated", "own"] | None = None
 
     def problems(self) -> Iterator[Problem]:
-        if isinstance(self.reading, str) and self.reading != POSITION:
-            yield Problem(("reading",), f"write {POSITION}, or a list of components such as [range, azimuth]")
-        if not isinstance(self.reading, list):
+        if isinstance(self.measurement, str) and self.measurement != POSITION:
+            yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
+        if not isinstance(self.measurement, list):
             return
-        for index, name in enumerate(self.reading):
+        for index, name in enumerate(self.measurement):
             if name not in (*COMPONENTS, ELEVATION):
                 hint = nearest(name, [*COMPONENTS, ELEVATION])
-                yield Problem(("reading", index), f"no sensor reads {name!r}: {hint}")
-        if not self.reading:
-            yield Problem(("reading",), f"empty; name components, or {POSITION}")
-        if ELEVATION in self.reading and self.R != OWN:
+                yield Problem(("measurement", index), f"no sensor reads {name!r}: {hint}")
+        if not self.measurement:
+            yield Problem(("measurement",), f"empty; name components, or {POSITION}")
+        if ELEVATION in self.measurement and self.R != OWN:
             yield Problem(("R",), "no sensor states how uncertain the elevation is: use R: own")
 
     @property
@@ -112,12 +112,12 @@ class AdaptorOptions(Options):
 def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
     """What cannot be taken of a sensor whose kind is known from its key."""
     for name, sensor in sensors.items():
-        if name in SENSOR_MODELS and isinstance(sensor.reading, list):
+        if name in SENSOR_MODELS and isinstance(sensor.measurement, list):
             read = (*SENSOR_MODELS[name].components, ELEVATION)
-            for index, component in enumerate(sensor.reading):
+            for index, component in enumerate(sensor.measurement):
                 if component not in read and component in COMPONENTS:
                     hint = nearest(component, read)
-                    yield Problem(("sensors", name, "reading", index), f"a {name} reads no {component}: {hint}")
+                    yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
 
 
 def of_sensor(sensors: Mapping[str, Found], scan: Scan) -> Found:

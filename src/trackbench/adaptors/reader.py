@@ -13,7 +13,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import COMMON_STATE, Array, Gaussian, Scan
 from trackbench.units import difference
 
-#: The reading as the position that it states, in the fixed frame.
+#: The measurement as the position that it states, in the fixed frame.
 POSITION = "position"
 #: A component that filters of three dimensions have; here every target is level with the sensor.
 ELEVATION = "elevation"
@@ -23,7 +23,7 @@ COMPONENTS = tuple(dict.fromkeys(name for model in SENSOR_MODELS.values() for na
 
 
 class Reader(NamedTuple):
-    """Takes a measurement out of a scan: the position, the components named, or (None) the whole reading."""
+    """Takes a measurement out of a scan: the position, the components named, or (None) the whole measurement."""
 
     layout: Layout
     take: str | Sequence[str] | None
@@ -47,11 +47,11 @@ class Reader(NamedTuple):
         if isinstance(self.take, str):
             return SENSOR_MODELS[scan.kind].position(scan)
         if self.take is None:
-            return Gaussian(scan.reading, scan.noise)
+            return Gaussian(scan.measurement, scan.noise_covariance)
         rows = self._rows(scan)
         # The row at the end is the elevation.
-        reading, noise = np.append(scan.reading, 0.0), np.pad(scan.noise, (0, 1))
-        return Gaussian(reading[rows], noise[np.ix_(rows, rows)])
+        measurement, noise = np.append(scan.measurement, 0.0), np.pad(scan.noise_covariance, (0, 1))
+        return Gaussian(measurement[rows], noise[np.ix_(rows, rows)])
 
     def angular(self, scan: Scan) -> tuple[int, ...]:
         """Which components of the measurement are angles."""

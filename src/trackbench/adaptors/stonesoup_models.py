@@ -74,20 +74,22 @@ def state(x: Array) -> Any:
     return State(StateVector(x))
 
 
-def measured(model: Any, reading: str | Sequence[str] | None) -> str | Sequence[str]:
+def measured(model: Any, measurement: str | Sequence[str] | None) -> str | Sequence[str]:
     """What a model measures, in its order; the user says it of a model that is not known.
 
     Raises:
         TrackbenchError: it is not known, or the user says something else.
     """
     base = next((base.__name__ for base in type(model).__mro__ if base.__name__ in MEASURED), None)
-    if base is None and reading is None:
-        raise TrackbenchError(f"reading: missing: what a {type(model).__name__} measures, in its order, is not known")
+    if base is None and measurement is None:
+        raise TrackbenchError(
+            f"measurement: missing: what a {type(model).__name__} measures, in its order, is not known"
+        )
     if base is None or base in ANY_ORDER:
-        return reading or MEASURED[ANY_ORDER[0]]
+        return measurement or MEASURED[ANY_ORDER[0]]
     known = MEASURED[base]
-    if reading is not None and list(reading) != list(known):
-        raise TrackbenchError(f"reading: a {base} measures {', '.join(known)}, in this order; remove it")
+    if measurement is not None and list(measurement) != list(known):
+        raise TrackbenchError(f"measurement: a {base} measures {', '.join(known)}, in this order; remove it")
     return known
 
 

@@ -18,7 +18,7 @@ from trackbench.errors import InputError
 
 
 class StoneSoupSensor(SensorOptions):
-    """How the readings of a sensor are given to the updater."""
+    """How the measurements of a sensor are given to the updater."""
 
     measurement_model: str | None = None
     pose: Literal["stated", "own"] | None = None

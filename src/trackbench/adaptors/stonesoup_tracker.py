@@ -103,12 +103,12 @@ class StoneSoupTracker(AdaptedTracker):
 
     def _update(self, belief: Any, scan: Scan) -> Updated:
         model, reader = self._model(scan)
-        reading = StateVector(typed(reader.measurement(scan).mean, reader.names(scan)))
+        measurement = StateVector(typed(reader.measurement(scan).mean, reader.names(scan)))
         prediction = Prediction.from_state(belief)
-        detection = Detection(reading, timestamp=belief.timestamp, measurement_model=model)
+        detection = Detection(measurement, timestamp=belief.timestamp, measurement_model=model)
         posterior = self._updater.update(SingleHypothesis(prediction, detection))
         expected = posterior.hypothesis.measurement_prediction
-        innovation = np.array(reading - expected.state_vector, dtype=float).reshape(-1)
+        innovation = np.array(measurement - expected.state_vector, dtype=float).reshape(-1)
         return Updated(_kept(posterior, belief.timestamp), innovation, np.array(expected.covar, dtype=float))
 
     def _found(self, name: str, sensor: StoneSoupSensor) -> Model:
@@ -119,7 +119,7 @@ class StoneSoupTracker(AdaptedTracker):
         found = require_model(given, option, reference, len(self.layout.names))
         if isinstance(found, MeasurementModel):
             try:
-                taken = measured(found, sensor.reading)
+                taken = measured(found, sensor.measurement)
             except TrackbenchError as error:
                 raise InputError(f"sensors.{name}.{error}") from None
             if taken != POSITION and sensor.pose != OWN and not hasattr(found, "translation_offset"):
@@ -130,17 +130,17 @@ class StoneSoupTracker(AdaptedTracker):
         return Model(found, sensor)
 
     def _model(self, scan: Scan) -> tuple[Any, Reader]:
-        """The measurement model at a scan, and the part of the reading that it is of."""
+        """The measurement model at a scan, and the part of the measurement that it is of."""
         given, options = of_sensor(self._models, scan) if self._models else Model(None, StoneSoupSensor())
         if given is None:
-            reader = Reader(self.layout, options.reading)
+            reader = Reader(self.layout, options.measurement)
             noise = reader.measurement(scan).covariance
             return SensorMeasurement(len(self.layout.names), (), noise, reader=reader, scan=scan), reader
         if isinstance(given, MeasurementModel):
             model = given if options.pose == OWN else placed(given, scan)
         else:
             model = given(scan)
-        reader = Reader(self.layout, measured(model, options.reading))
+        reader = Reader(self.layout, measured(model, options.measurement))
         return with_noise(model, reader.measurement(scan).covariance) if options.states_noise else model, reader
 
 

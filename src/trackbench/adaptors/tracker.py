@@ -12,7 +12,7 @@ from trackbench.adaptors.options import AdaptorOptions
 from trackbench.errors import TrackbenchError
 from trackbench.trackers import initial
 from trackbench.trackers.base import require_in_sequence
-from trackbench.trackers.initial import Waiting
+from trackbench.trackers.initial import TentativeTrack
 from trackbench.types import Array, Estimate, Gaussian, Scan
 
 #: An interval is a whole number of ``dt_s`` if it differs from one by no more than this share of ``dt_s``.
@@ -25,7 +25,7 @@ class Track(NamedTuple):
     time: float
     belief: Any
     """In the library's own form; None while there is no track."""
-    waiting: Waiting | None
+    waiting: TentativeTrack | None
 
 
 class Updated(NamedTuple):
@@ -33,7 +33,7 @@ class Updated(NamedTuple):
 
     belief: Any
     innovation: Array | None
-    """``(m,)``; None where no reading was taken in."""
+    """``(m,)``; None where no measurement was taken in."""
     innovation_covariance: Array | None
     """``(m, m)``"""
 
@@ -52,7 +52,7 @@ class AdaptedTracker(ABC):
         self._dt = options.dt_s
 
     def step(self, state: Track | None, scan: Scan) -> tuple[Track, Estimate | None]:
-        """Predict to the scan's time and take its reading in.
+        """Predict to the scan's time and take its measurement in.
 
         Raises:
             TrackbenchError: the scan is older than the state, or its interval or sensor does not fit the options.
@@ -82,7 +82,7 @@ class AdaptedTracker(ABC):
 
     @abstractmethod
     def _update(self, belief: Any, scan: Scan) -> Updated:
-        """The belief after a reading."""
+        """The belief after a measurement."""
 
     @abstractmethod
     def _gaussian(self, belief: Any) -> Gaussian:

@@ -65,7 +65,7 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, verb
     found = served(load_scenario(Path(path)), name)
     _log(ctx, verbose)
     for kind in {"lidar", "radar"} - set(found.sensors):
-        click.echo(f"{path} has no {kind}: such readings are passed over", err=True)
+        click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)
 
     def ready(address: str, actual: int) -> None:
         shown = f"[{address}]" if ":" in address else address

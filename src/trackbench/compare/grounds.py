@@ -34,7 +34,7 @@ def grounds(baseline: StoredRun, later: StoredRun) -> Grounds:
     """How two runs are compared.
 
     The trackers, the number of runs, the seed and the scenario's name may differ; what is tracked, what it is seen with
-    and which errors count may not. Equal fingerprints show that every reading of every run was the same.
+    and which errors count may not. Equal fingerprints show that every measurement of every run was the same.
 
     Raises:
         InputError: they are not comparable; with the reason.
@@ -42,7 +42,7 @@ def grounds(baseline: StoredRun, later: StoredRun) -> Grounds:
     for reason in _obstacles(baseline, later):
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
     if baseline.summary.fingerprint == later.summary.fingerprint:
-        return Grounds(True, "the fingerprints of all readings are equal")
+        return Grounds(True, "the fingerprints of all measurements are equal")
     return Grounds(False, _noise(baseline, later))
 
 
@@ -76,7 +76,7 @@ def _same_motion_is_due(baseline: StoredRun, later: StoredRun) -> bool:
     """Whether the targets must have moved in the same way in the runs that are shown."""
     a, b = baseline.summary, later.summary
     if varies(baseline.scenario.truth):
-        return (a.seed, a.scenario.name, a.shown_run) == (b.seed, b.scenario.name, b.shown_run)
+        return (a.seed, a.scenario.name, a.recorded_run) == (b.seed, b.scenario.name, b.recorded_run)
     return True
 
 
@@ -97,7 +97,7 @@ def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
 
 
 def _noise(baseline: StoredRun, later: StoredRun) -> str:
-    """Why the readings of comparable runs are not the same."""
+    """Why the measurements of comparable runs are not the same."""
     a, b = baseline.summary, later.summary
     found = [
         f"{what} {theirs} here and {ours} there"
@@ -111,7 +111,7 @@ def _noise(baseline: StoredRun, later: StoredRun) -> str:
     return (
         "; ".join(found)
         or _changed(a.versions, b.versions)
-        or "the readings differ for no reason that the results state"
+        or "the measurements differ for no reason that the results state"
     )
 
 

@@ -61,7 +61,7 @@ class Summary(BaseModel):
     versions: dict[str, str]
     fingerprint: str = Field(min_length=1)
     truth: _TruthPart
-    shown_run: int
+    recorded_run: int
     trackers: list[_TrackerPart]
     ranking: list[str]
 

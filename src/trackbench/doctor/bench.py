@@ -21,7 +21,7 @@ from trackbench.types import Array, Mask, Scan
 
 #: How long a target is followed before the tracker is asked, s.
 WARM_UP = 3.0
-#: Change of a reading by which a gain is measured, in its standard deviations.
+#: Change of a measurement by which a gain is measured, in its standard deviations.
 NUDGE = 0.05
 #: A gain below this, relative to the largest, is no gain.
 NO_GAIN = 1e-6
@@ -93,10 +93,10 @@ class Bench:
                 return False
             aside = 5.0 * np.array([reply.spread[0], -reply.spread[1], 0.0, 0.0])
             scan = reply.scan
-            reading = SENSOR_MODELS[scan.kind].measure(
+            measurement = SENSOR_MODELS[scan.kind].measure(
                 reply.predicted.mean + aside, scan.sensor_pose, scan.sensor_velocity
             )
-            answer = reply.ask(reading)
+            answer = reply.ask(measurement)
             wanted = (reply.predicted.mean + aside)[:2]
             if answer is None or np.hypot(*(answer.mean[:2] - wanted)) > 5e-3 * np.hypot(*aside[:2]):
                 return False
@@ -129,7 +129,7 @@ def approach(station: Station, sensors: Mapping[str, Sensor]) -> list[Scan]:
 
 @dataclass(frozen=True, eq=False)
 class Reply:
-    """A tracker just before a reading, which can be asked what it would make of any reading."""
+    """A tracker just before a measurement, which can be asked what it would make of any measurement."""
 
     station: Station
     by: tuple[str, ...]
@@ -152,8 +152,8 @@ class Reply:
 
     @cached_property
     def sigma(self) -> Array:
-        """``(m,)`` stated standard deviations of the reading."""
-        return np.sqrt(np.diag(self.scan.noise))
+        """``(m,)`` stated standard deviations of the measurement."""
+        return np.sqrt(np.diag(self.scan.noise_covariance))
 
     @cached_property
     def spread(self) -> Array:
@@ -162,21 +162,21 @@ class Reply:
 
     @cached_property
     def expected(self) -> Array:
-        """``(m,)`` the reading that the predicted mean should lead to expect."""
+        """``(m,)`` the measurement that the predicted mean should lead to expect."""
         return SENSOR_MODELS[self.scan.kind].measure(
             self.predicted.mean, self.scan.sensor_pose, self.scan.sensor_velocity
         )
 
     @cached_property
     def jacobian(self) -> Array:
-        """``(m, 4)`` derivative of the reading at the predicted mean."""
+        """``(m, 4)`` derivative of the measurement at the predicted mean."""
         return SENSOR_MODELS[self.scan.kind].jacobian(
             self.predicted.mean, self.scan.sensor_pose, self.scan.sensor_velocity
         )
 
     @cached_property
     def curvature(self) -> Array:
-        """``(m,)`` standard deviation of the reading's second order over the prediction, relative to its own.
+        """``(m,)`` standard deviation of the measurement's second order over the prediction, relative to its own.
 
         ``sqrt(tr(A P A P) / 2)`` with the second derivative ``A`` (Bar-Shalom, Li and Kirubarajan 2001, section
         10.3.2). Where it is large, sigma points and a linearisation differ, and neither is wrong.
@@ -194,17 +194,17 @@ class Reply:
         bent = np.einsum("iab,bc->iac", second, linalg.symmetrise(self.predicted.covariance))
         return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", bent, bent), 0.0) / 2) / self.sigma)
 
-    def ask(self, reading: Array) -> Answer | None:
+    def ask(self, measurement: Array) -> Answer | None:
         """What the tracker would say if the sensor read this; None where it cannot say."""
         try:
-            answer = self.session.peek(self.scan._replace(reading=np.asarray(reading, dtype=float)))
+            answer = self.session.peek(self.scan._replace(measurement=np.asarray(measurement, dtype=float)))
         except Broken:
             return None
         return answer if answer is not None and answer.finite else None
 
-    def effect(self, reading: Array) -> Effect | None:
-        """What a reading does to the estimate; None where the tracker cannot say."""
-        key = tuple(float(value) for value in reading)
+    def effect(self, measurement: Array) -> Effect | None:
+        """What a measurement does to the estimate; None where the tracker cannot say."""
+        key = tuple(float(value) for value in measurement)
         if key not in self._effects:
             self._effects[key] = self._measured(np.array(key))
         return self._effects[key]
@@ -230,27 +230,27 @@ class Reply:
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """What a reading does to the estimate."""
+    """What a measurement does to the estimate."""
 
     answer: Answer
     gain: Array
-    """``(4, m)`` by finite differences of the reading."""
+    """``(4, m)`` by finite differences of the measurement."""
     reply: Reply
 
     @cached_property
     def relative_gain(self) -> Array:
-        """``(4, m)`` the gain in standard deviations of the prediction for one of the reading."""
+        """``(4, m)`` the gain in standard deviations of the prediction for one of the measurement."""
         return self.gain * self.reply.sigma / self.reply.spread[:, None]
 
     @cached_property
     def used(self) -> Mask:
-        """``(m,)`` which components of the reading move the estimate."""
+        """``(m,)`` which components of the measurement move the estimate."""
         size = np.linalg.norm(self.relative_gain, axis=0)
         return np.asarray(size > NO_GAIN * max(1.0, float(size.max())))
 
     @cached_property
     def surprise(self) -> Array:
-        """``(m,)`` the innovation that explains how far the estimate moved, in standard deviations of the reading.
+        """``(m,)`` the innovation that explains how far the estimate moved, in standard deviations of the measurement.
 
         NaN in components that move nothing.
         """

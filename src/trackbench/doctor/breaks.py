@@ -25,7 +25,7 @@ class CannotRun(TrackbenchError):
 
 
 def require_runnable(bench: Bench) -> None:
-    """Follow targets of ordinary geometry with each sensor alone, and miss a reading of each.
+    """Follow targets of ordinary geometry with each sensor alone, and miss a measurement of each.
 
     Raises:
         CannotRun: the tracker cannot.
@@ -77,5 +77,5 @@ def _cannot(where: str, broken: Broken) -> CannotRun:
 
 def _said(where: str, broken: Broken) -> str:
     scan = broken.scan
-    reading = "a reading" if scan.valid.any() else "a missed reading"
-    return f"{cause_of(broken.cause)} (at {scan.time:.4g} s of {where}, at {reading} of {scan.sensor})"
+    measurement = "a measurement" if scan.valid.any() else "a missed measurement"
+    return f"{cause_of(broken.cause)} (at {scan.time:.4g} s of {where}, at {measurement} of {scan.sensor})"

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from trackbench.config import Config, Name, NonNegative, Positive, Probability
 from trackbench.sensing.config import Dropout, Sensor
-from trackbench.sensing.readings import ideal_sensors, sense
+from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.truth.config import ScriptedTruth
 from trackbench.truth.scripted import script
 from trackbench.types import Array, Scan

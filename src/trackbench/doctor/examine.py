@@ -33,7 +33,7 @@ from trackbench.doctor.weighing import weigh
 from trackbench.sensing.config import Mount, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
-from trackbench.types import Progress, untold
+from trackbench.types import Progress, no_progress
 
 #: In this order; the vital signs last, when all answers have been seen.
 PARTS: tuple[Callable[[Bench], Outcome], ...] = (
@@ -54,7 +54,7 @@ PARTS: tuple[Callable[[Bench], Outcome], ...] = (
 )
 
 
-#: What only makes sense of a tracker that predicts, and weighs readings against its prediction.
+#: What only makes sense of a tracker that predicts, and weighs measurements against its prediction.
 OF_FILTERS = (prediction, spreading, expectation, gain, wrapping, process_noise, innovations)
 
 #: The drive that is shown where no other shows more.
@@ -110,7 +110,7 @@ class Doctor:
         """The drives, each with the reference's track."""
         return [(course, follow(reference, course.scans)) for course in courses(self.sensors, self._seed)]
 
-    def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = untold) -> Examination:
+    def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = no_progress) -> Examination:
         """Take a tracker through the whole battery.
 
         Args:
@@ -161,7 +161,7 @@ class Doctor:
 
 
 def _plain(sensor: Sensor) -> Sensor:
-    """The sensor without anything that would hide a target or shift a reading."""
+    """The sensor without anything that would hide a target or shift a measurement."""
     biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
     rate = 10.0 if sensor.type == "lidar" else 20.0
     sees: dict[str, Any] = {

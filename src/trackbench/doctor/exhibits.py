@@ -1,4 +1,4 @@
-"""What shows a finding: one run of the drive in which it comes out, looked at reading by reading."""
+"""What shows a finding: one run of the drive in which it comes out, looked at measurement by measurement."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from trackbench.units import difference
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """One sensor's readings, as they surprise the tracker and as they should."""
+    """One sensor's measurements, as they surprise the tracker and as they should."""
 
     sensor: str
     kind: str
@@ -31,11 +31,11 @@ class Innovations:
     sigma: Array
     """``(m,)`` stated standard deviations."""
     time: Array
-    """``(k,)`` s, of the readings that there were."""
+    """``(k,)`` s, of the measurements that there were."""
     taken: Array
-    """``(m, k)`` the innovation that explains how far each reading moved the estimate; NaN where it moved nothing."""
+    """``(m, k)`` the innovation that explains how each measurement moved the estimate; NaN where it did not."""
     sound: Array
-    """``(m, k)`` the reading less what the tracker's own prediction leads to expect."""
+    """``(m, k)`` the measurement less what the tracker's own prediction leads to expect."""
     white: Array
     """``(m, k)`` the latter in standard deviations of the prediction and the sensor; NaN where there is no such."""
 
@@ -97,7 +97,7 @@ def exhibit(make: Callable[[], Tracker], course: Course, reference: Track, findi
 
 
 def watch(make: Callable[[], Tracker], course: Course) -> Watched:
-    """Take a fresh tracker through the first run of a drive, and ask it about every reading."""
+    """Take a fresh tracker through the first run of a drive, and ask it about every measurement."""
     scans = [one_run(scan, 0) for scan in course.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
     seen: dict[str, list[Surprise]] = {}
@@ -121,7 +121,7 @@ def watch(make: Callable[[], Tracker], course: Course) -> Watched:
 
 
 class Surprise(NamedTuple):
-    """One reading, as it surprises a tracker and as it should."""
+    """One measurement, as it surprises a tracker and as it should."""
 
     time: float
     taken: Array
@@ -136,10 +136,10 @@ def _surprise(session: Session, scan: Scan, where: str) -> Surprise | None:
     reply = Reply(Station(where, "", (0.0, 0.0, 0.0, 0.0)), (), scan, predicted, session)
     if not reply.sound:
         return None
-    effect = reply.effect(scan.reading)
-    taken = np.full(len(scan.reading), np.nan) if effect is None else effect.surprise * reply.sigma
-    sound = difference(scan.reading, reply.expected, SENSOR_MODELS[scan.kind].angular)
-    spread = linalg.quadratic(reply.jacobian, linalg.symmetrise(predicted.covariance)) + scan.noise
+    effect = reply.effect(scan.measurement)
+    taken = np.full(len(scan.measurement), np.nan) if effect is None else effect.surprise * reply.sigma
+    sound = difference(scan.measurement, reply.expected, SENSOR_MODELS[scan.kind].angular)
+    spread = linalg.quadratic(reply.jacobian, linalg.symmetrise(predicted.covariance)) + scan.noise_covariance
     factor = linalg.cholesky(spread)
     white = factor.whiten(sound) if factor.positive else np.full(len(sound), np.nan)
     return Surprise(scan.time, taken, sound, white)
@@ -151,7 +151,7 @@ def _gathered(scan: Scan, parts: list[Surprise]) -> Innovations:
         scan.sensor,
         scan.kind,
         SENSOR_MODELS[scan.kind].components,
-        np.sqrt(np.diag(scan.noise)),
+        np.sqrt(np.diag(scan.noise_covariance)),
         np.array(time),
         np.stack(taken, axis=1),
         np.stack(sound, axis=1),

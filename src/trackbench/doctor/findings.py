@@ -39,7 +39,7 @@ class Finding:
     evidence: str
     """A sentence with its numbers."""
     sensor: str | None = None
-    """The sensor whose readings are treated wrongly, where it is one."""
+    """The sensor whose measurements are treated wrongly, where it is one."""
     factor: float | None = None
     """What the tracker uses over what would be right, where the fault is a wrong size; of a noise, its variances."""
     station: str | None = None

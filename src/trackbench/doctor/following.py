@@ -72,7 +72,7 @@ def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Track:
 
 def one_run(scan: Scan, run: int) -> Scan:
     """The scan of one run, without a batch axis."""
-    return scan._replace(reading=scan.reading[:, run], valid=scan.valid[run])
+    return scan._replace(measurement=scan.measurement[:, run], valid=scan.valid[run])
 
 
 def _nothing(scans: Sequence[Scan]) -> Track:

@@ -1,7 +1,7 @@
-"""Readings that a tracker with a certain fault expects, of the target that it believes in.
+"""Measurements that a tracker with a certain fault expects, of the target that it believes in.
 
 A tracker whose own expectation is met does not move its estimate: so each fault of the measurement model can be told by
-the reading that meets it.
+the measurement that meets it.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ AZIMUTHS: tuple[tuple[str, str, Callable[[float], float]], ...] = (
 
 
 class Misreading(NamedTuple):
-    """A fault and the reading that it leads to expect."""
+    """A fault and the measurement that it leads to expect."""
 
     fault: str
     words: str
     """What the tracker seems to do."""
     expect: Expect
-    """From the target ``(4,)`` that it believes in, and the scan, to the reading ``(m,)``."""
+    """From the target ``(4,)`` that it believes in, and the scan, to the measurement ``(m,)``."""
 
 
 def misreadings(kind: str) -> list[Misreading]:

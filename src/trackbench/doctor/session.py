@@ -95,9 +95,9 @@ class Session:
 
 
 def _batch_of_one(scan: Scan) -> Scan:
-    return scan._replace(reading=scan.reading[:, None], valid=scan.valid[None])
+    return scan._replace(measurement=scan.measurement[:, None], valid=scan.valid[None])
 
 
 def blind(scan: Scan) -> Scan:
-    """The same instant without a reading: what is then said is the prediction."""
-    return scan._replace(reading=np.full_like(scan.reading, np.nan), valid=np.zeros_like(scan.valid))
+    """The same instant without a measurement: what is then said is the prediction."""
+    return scan._replace(measurement=np.full_like(scan.measurement, np.nan), valid=np.zeros_like(scan.valid))

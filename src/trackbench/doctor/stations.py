@@ -59,8 +59,10 @@ class Station(NamedTuple):
         motion = sensor_motion(observer, sensor.mount)
         pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
         seen = self.truth(time) if target is None else target
-        reading = SENSOR_MODELS[sensor.type].measure(seen, pose, velocity)
-        return Scan(time, name, sensor.type, reading, np.array(True), noise_covariance(sensor), pose, velocity, time)
+        measurement = SENSOR_MODELS[sensor.type].measure(seen, pose, velocity)
+        return Scan(
+            time, name, sensor.type, measurement, np.array(True), noise_covariance(sensor), pose, velocity, time
+        )
 
 
 OPEN = (
@@ -90,7 +92,7 @@ PASSING = (
     Station("oncoming", "oncoming traffic alongside", (1.0, 11.0, -13.0, 0.0), Carrier(vx=14.0)),
     Station("crossing", "crossing traffic close ahead", (9.0, -2.0, 2.0, 16.0)),
 )
-#: Where the azimuth is pi: so close that a prediction's own spread reaches across, and so that only readings do.
+#: Where the azimuth is pi: so close that a prediction's own spread reaches across, and so that only measurements do.
 AXES = (
     Station("azimuth_axis", "a target that crosses the azimuth of pi", (-25.0, 0.05, 2.0, -7.0)),
     Station("azimuth_axis_near", "a target about to cross the azimuth of pi", (-25.0, 0.3, 2.0, -7.0)),

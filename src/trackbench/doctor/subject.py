@@ -64,15 +64,17 @@ def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Map
     if options:
         raise InputError("--option goes with a class; that of a scenario has its options there", file=path)
     tracker = config.trackers[name]
-    heard = tracker.heard
-    seen = sensors or {key: value for key, value in config.sensors.items() if heard is None or key in heard}
+    sensors_used = tracker.sensors_used
+    seen = sensors or {
+        key: value for key, value in config.sensors.items() if sensors_used is None or key in sensors_used
+    }
     if isinstance(tracker, FilterConfig):
         return _startable(Subject(name, lambda: build(tracker), seen))
     return _startable(Subject(name, plugins.create(tracker.use, tracker.options, path.resolve().parent), seen))
 
 
 def _startable(of: Subject) -> Subject:
-    """A tracker that is given its first state by the bench starts from two readings here."""
+    """A tracker that is given its first state by the bench starts from two measurements here."""
     made = of.make()
     if not (isinstance(made, FilterTracker) and made.starts_from_truth):
         return of
@@ -83,4 +85,4 @@ def _startable(of: Subject) -> Subject:
         assert isinstance(tracker, FilterTracker)
         return replace(tracker, initial=initial)
 
-    return replace(of, make=make, notes=("its tracks start from the truth; here they start from two readings",))
+    return replace(of, make=make, notes=("its tracks start from the truth; here they start from two measurements",))

@@ -41,12 +41,12 @@ class Vitals:
         """Smallest eigenvalue of the correlation-like matrix, negative."""
 
     def note(self, answer: Answer | None, scan: Scan, where: str) -> None:
-        """Look at an answer to a natural reading."""
+        """Look at an answer to a natural measurement."""
         if answer is not None:
             self.note_all(answer.mean[:, None], answer.covariance[..., None], scan, where)
 
     def note_all(self, mean: Array, covariance: Array, scan: Scan, where: str) -> None:
-        """Look at the answers ``(4, runs)`` and ``(4, 4, runs)`` to a natural reading."""
+        """Look at the answers ``(4, runs)`` and ``(4, 4, runs)`` to a natural measurement."""
         self.answers += mean.shape[1]
         finite = np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
         if not finite.all():

@@ -35,7 +35,7 @@ def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class KalmanFilter:
-    """The Kalman filter: a linear motion model, and readings converted to a position with its covariance.
+    """The Kalman filter: a linear motion model, and measurements converted to a position with its covariance.
 
     Source: Kalman (1960). The range rate of a radar is not linear in the state and is left out.
     """
@@ -69,9 +69,9 @@ class ExtendedKalmanFilter:
     def update(self, belief: Belief, scan: Scan) -> Update:
         sensor = SENSOR_MODELS[scan.kind]
         expected, h = observe(self.motion, sensor, belief.mean, scan)
-        innovation = difference(scan.reading, expected, sensor.angular)
+        innovation = difference(scan.measurement, expected, sensor.angular)
         cross = linalg.matmul(h, belief.covariance)
-        s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise, cross)
+        s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise_covariance, cross)
         update = correct(belief, innovation, s, cross, scan.valid, self.motion.angular)
         return update._replace(belief=kept_definite(update.belief))
 
@@ -97,9 +97,9 @@ class IteratedExtendedKalmanFilter:
         for _ in range(self.iterations):
             expected, h = observe(self.motion, sensor, at, scan)
             back = difference(belief.mean, at, angular)
-            innovation = difference(scan.reading, expected, sensor.angular) - linalg.apply(h, back)
+            innovation = difference(scan.measurement, expected, sensor.angular) - linalg.apply(h, back)
             cross = linalg.matmul(h, belief.covariance)
-            s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise, cross)
+            s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise_covariance, cross)
             update = correct(belief, innovation, s, cross, scan.valid, angular)
             # What the measurement said is judged against the prediction, which is the first linearisation.
             first = first or update
@@ -109,7 +109,7 @@ class IteratedExtendedKalmanFilter:
 
 
 def observe(motion: MotionModel, sensor: SensorModel, x: Array, scan: Scan) -> tuple[Array, Array]:
-    """The expected reading ``(m, ...)`` of a state ``(n, ...)`` and its derivative ``(m, n, ...)``."""
+    """The expected measurement ``(m, ...)`` of a state ``(n, ...)`` and its derivative ``(m, n, ...)``."""
     target = motion.to_cartesian(x)
     expected = sensor.measure(target, scan.sensor_pose, scan.sensor_velocity)
     h = sensor.jacobian(target, scan.sensor_pose, scan.sensor_velocity)

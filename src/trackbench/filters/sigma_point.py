@@ -89,9 +89,9 @@ class SigmaPointFilter:
         deviations -= shift[:, None]
         state_deviations = difference(points, belief.mean[:, None], motion.angular)
         s = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
-        s += linalg.expand(scan.noise, s)
+        s += linalg.expand(scan.noise_covariance, s)
         cross = _weighted(deviations, state_deviations, centre_weight, weight)
-        innovation = difference(scan.reading, seen[:, 0] + shift, sensor.angular)
+        innovation = difference(scan.measurement, seen[:, 0] + shift, sensor.angular)
         update = correct(belief, innovation, s, cross, scan.valid, motion.angular)
         return update._replace(belief=guarded(update.belief))
 

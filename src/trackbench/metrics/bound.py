@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao bound: the least error that any estimator of these readings can have."""
+"""The posterior Cramer-Rao bound: the least error that any estimator of these measurements can have."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from trackbench import linalg
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.readings import IdealSensor
+from trackbench.sensing.scans import IdealSensor
 from trackbench.types import Array, Indices, Truth
 
-#: Standard deviation of the position before the first reading, m: no information.
+#: Standard deviation of the position before the first measurement, m: no information.
 UNKNOWN_POSITION = 1e6
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a target before its first reading."""
+    """What is known of a target before its first measurement."""
 
     velocity_sigma: float
     """m/s, per axis."""
     position_sigma: float | None = None
-    """m, per axis; None where tracks start from their first reading, and the target is unknown before it."""
+    """m, per axis; None where tracks start from their first measurement, and the target is unknown before it."""
 
 
 def typical_acceleration(truth: Truth) -> float:
@@ -44,23 +44,23 @@ def cramer_rao(
     """Bound of the covariance of px, py, vx, vy for targets that move with white acceleration, along the truth.
 
     The recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior Cramér-Rao bounds for discrete-time nonlinear
-    filtering", equation 21, with the information of a reading weighted by the share of the runs that have it (Zhang,
-    Willett and Bar-Shalom 2005, "Dynamic Cramer-Rao bound for target tracking in clutter", the information reduction
-    factor). The sum of squared error components is bounded by the sum of the diagonal.
+    filtering", equation 21, with the information of a measurement weighted by the share of the runs that have it
+    (Zhang, Willett and Bar-Shalom 2005, "Dynamic Cramer-Rao bound for target tracking in clutter", the information
+    reduction factor). The sum of squared error components is bounded by the sum of the diagonal.
 
-    The information of a reading is an expectation over the motion of the targets: where the truth varies from run to
-    run it is averaged over the runs, and where it does not it is that along the one truth.
+    The information of a measurement is an expectation over the motion of the targets: where the truth varies from run
+    to run it is averaged over the runs, and where it does not it is that along the one truth.
 
     Args:
         truth: the motion of the targets.
         sensors: those that the tracker reads.
-        rates: per sensor ``(readings, objects)`` share of the runs with a detection.
+        rates: per sensor ``(measurements, objects)`` share of the runs with a detection.
         acceleration_sigma: m/s^2 per axis, constant from one instant to the next.
-        prior: what is known before the first reading.
+        prior: what is known before the first measurement.
         instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted.
 
     Returns:
-        ``(instants, objects, 4)`` variances, NaN before the first reading of an object.
+        ``(instants, objects, 4)`` variances, NaN before the first measurement of an object.
     """
     motion = ConstantVelocity(acceleration_sigma)
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
@@ -89,12 +89,12 @@ def cramer_rao(
     return result
 
 
-def _information(sensor: IdealSensor, reading: int, target: Array) -> Array:
-    """``(objects, 4, 4)`` of a reading of targets ``(4, objects, runs)``, averaged over the runs that can have it."""
-    pose, velocity = sensor.pose[:, reading], sensor.velocity[:, reading]
+def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
+    """``(objects, 4, 4)`` of a measurement of targets ``(4, objects, runs)``, mean over the runs that can have it."""
+    pose, velocity = sensor.pose[:, measurement], sensor.velocity[:, measurement]
     h = SENSOR_MODELS[sensor.config.type].jacobian(target, pose, velocity)
     h = np.broadcast_to(linalg.expand(h, target[None]), (len(h), *target.shape))
-    weighted = np.einsum("ab,bj...->aj...", np.linalg.inv(sensor.noise), h)
-    weight = np.broadcast_to(sensor.visible[reading], target.shape[1:]).astype(float)
+    weighted = np.einsum("ab,bj...->aj...", np.linalg.inv(sensor.noise_covariance), h)
+    weight = np.broadcast_to(sensor.visible[measurement], target.shape[1:]).astype(float)
     total = np.einsum("or,aior,ajor->oij", weight, h, weighted)
     return np.asarray(total / np.maximum(weight.sum(axis=1), 1.0)[:, None, None])

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.sensing.readings import IdealSensor
+from trackbench.sensing.scans import IdealSensor
 from trackbench.types import Array, Indices, Mask, Truth
 
 #: An object is in one of these at each instant: the last that applies.
@@ -61,9 +61,9 @@ def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor,
     latest: Array = np.array(-np.inf)
     for sensor, visible in sensors:
         seen = np.maximum.accumulate(np.where(visible, sensor.time[:, None, None], -np.inf), axis=0)
-        reading = np.searchsorted(sensor.steps, instants, side="right") - 1
-        latest = np.maximum(latest, np.where(reading[:, None, None] < 0, -np.inf, seen[reading]))
+        measurement = np.searchsorted(sensor.steps, instants, side="right") - 1
+        latest = np.maximum(latest, np.where(measurement[:, None, None] < 0, -np.inf, seen[measurement]))
     periods = [float(np.median(np.diff(sensor.time))) if len(sensor.time) > 1 else np.inf for sensor, _ in sensors]
-    # The times of readings are rounded.
+    # The times of measurements are rounded.
     limit = GAP_PERIODS * max(periods) * (1 + 1e-9)
     return np.asarray(time[instants][:, None, None] - latest > limit)

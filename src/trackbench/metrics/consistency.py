@@ -33,16 +33,18 @@ def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Ma
     return np.einsum("i...,i...->...", whitened, whitened), whitened, factor.positive
 
 
-def whitened_innovation(estimate: Estimate, lanes: slice = slice(None)) -> Array | None:
-    """``(m, lanes)`` innovation in units of its own standard deviations: what the tracker gives, or else computed.
+def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Array | None:
+    """``(m, batch)`` innovation in units of its own standard deviations: what the tracker gives, or else computed.
 
     None where the tracker gives no innovation; NaN where its covariance is not positive definite.
     """
     if estimate.whitened_innovation is not None:
-        return estimate.whitened_innovation[:, lanes]
+        return estimate.whitened_innovation[:, members]
     if estimate.innovation is None or estimate.innovation_covariance is None:
         return None
-    _, white, positive = normalised_square(estimate.innovation[:, lanes], estimate.innovation_covariance[:, :, lanes])
+    _, white, positive = normalised_square(
+        estimate.innovation[:, members], estimate.innovation_covariance[:, :, members]
+    )
     return np.where(positive, white, np.nan)
 
 

@@ -1,4 +1,4 @@
-"""Sums over the innovations of one sensor, several readings at a time so that NumPy's calls are few."""
+"""Sums over the innovations of one sensor, several measurements at a time so that NumPy's calls are few."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from trackbench.types import Array, Mask
 class Innovations:
     """Collects whitened innovations; ``scores`` gives the sums at the end.
 
-    The latest readings are kept in a ring of as many rows as the longest lag needs, in which a chunk is never broken.
-    A row that was not written yet holds zeros, which add nothing to any sum.
+    The latest measurements are kept in a ring of as many rows as the longest lag needs, in which a chunk is never
+    broken. A row that was not written yet holds zeros, which add nothing to any sum.
     """
 
-    def __init__(self, readings: int, objects: int, runs: int, chunk: int) -> None:
-        """``readings``: how many the sensor takes. ``chunk``: how many of them are summed at a time."""
+    def __init__(self, measurements: int, objects: int, runs: int, chunk: int) -> None:
+        """``measurements``: how many the sensor takes. ``chunk``: how many of them are summed at a time."""
         self._shape = objects, runs
         # The products of a chunk with the ring grow with its square.
         self._chunk = min(chunk, LAGS)
         self._rows = self._chunk * (1 + -(-LAGS // self._chunk))
-        self._per_step = np.zeros((len(NIS_STEP_FIELDS), readings))
+        self._per_step = np.zeros((len(NIS_STEP_FIELDS), measurements))
         self._per_run = np.zeros((len(NIS_RUN_FIELDS), runs))
         self._pairs = np.zeros((len(LAG_FIELDS), self._rows, self._rows))
         self._white: Array | None = None
         self._used = np.zeros((self._rows, objects * runs), dtype=bool)
-        self._reading = self._row = self._filled = self._dof = 0
+        self._measurement = self._row = self._filled = self._dof = 0
 
     def add(self, white: Array | None, used: Mask) -> None:
-        """Take in the whitened innovations ``(m, lanes)`` of the next reading, None where the tracker gives none.
+        """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
 
-        ``used`` ``(lanes,)``: which of them count.
+        ``used`` ``(batch,)``: which of them count.
         """
         if self._white is None:
             if white is None:
-                self._reading += 1
+                self._measurement += 1
                 return
             self._white = np.zeros((self._rows, *white.shape))
         self._white[self._row + self._filled] = 0.0 if white is None else white
@@ -68,14 +68,14 @@ class Innovations:
         values[4, 0] = np.einsum("ml,ml->l", white[0], self._white[row - 1])
         np.einsum("tml,tml->tl", white[1:], white[:-1], out=values[4, 1:])
         np.multiply(nis, values[3], out=values[5])
-        readings = slice(self._reading, self._reading + count)
-        self._per_step[:, readings] = values[: len(NIS_STEP_FIELDS)] @ np.ones(nis.shape[1])
+        measurements = slice(self._measurement, self._measurement + count)
+        self._per_step[:, measurements] = values[: len(NIS_STEP_FIELDS)] @ np.ones(nis.shape[1])
         self._per_run += (np.ones(count) @ values).reshape(len(values), *self._shape).sum(axis=1)
         self._add_pairs(here, white, nis)
-        self._reading, self._row, self._filled = readings.stop, (row + count) % self._rows, 0
+        self._measurement, self._row, self._filled = measurements.stop, (row + count) % self._rows, 0
 
     def _add_pairs(self, here: slice, white: Array, nis: Array) -> None:
-        """Add the products of the readings ``here`` with every one in the ring: one product of matrices."""
+        """Add the products of the measurements ``here`` with every one in the ring: one product of matrices."""
         assert self._white is not None
         count, pairs = len(white), self._pairs[:, here]
         pairs[1] += white.reshape(count, -1) @ self._white.reshape(self._rows, -1).T
@@ -90,7 +90,7 @@ class Innovations:
     def scores(self) -> NisScores:
         """The sums of everything taken in."""
         self.flush()
-        # Two readings are as far apart as their rows, modulo the number of rows.
+        # Two measurements are as far apart as their rows, modulo the number of rows.
         rows = np.arange(self._rows)
         lag = (rows[:, None] - rows) % self._rows
         lags = [np.bincount(lag.ravel(), pairs.ravel())[: LAGS + 1] for pairs in self._pairs]

@@ -20,7 +20,7 @@ from trackbench.units import wrap_angle
 MOVING = 1.0
 #: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
 SMALLEST_DETERMINANT = 1e-14
-#: Numbers of lanes and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
+#: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
 BATCH = 8000
 
 
@@ -42,36 +42,36 @@ class Target(NamedTuple):
 class Fault(Exception):
     """An estimate that cannot be scored."""
 
-    def __init__(self, cause: str, instant: int, lane: int) -> None:
+    def __init__(self, cause: str, instant: int, member: int) -> None:
         super().__init__(cause)
         self.cause = cause
         self.instant = instant
-        self.lane = lane
+        self.member = member
 
 
 class Scorer:
     """Collects the estimates of one tracker on one block of runs; ``scores`` gives the sums at the end."""
 
-    def __init__(self, target: Target, classes: Classes, readings: dict[str, int], keep_spread: bool) -> None:
+    def __init__(self, target: Target, classes: Classes, measurements: dict[str, int], keep_spread: bool) -> None:
         """A scorer of one block.
 
         Args:
             target: what the estimates are held against.
             classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`.
-            readings: how many instants each sensor has.
+            measurements: how many instants each sensor has.
             keep_spread: whether percentiles are wanted.
         """
         self._target = target
         _, self._instants, self._objects, _ = target.state.shape
         self._runs = target.start.shape[1]
-        self._lanes = self._objects * self._runs
-        self._chunk = max(1, BATCH // self._lanes)
-        self._mean = np.empty((4, self._chunk, self._lanes))
-        self._covariance = np.empty((4, 4, self._chunk, self._lanes))
+        self._batch = self._objects * self._runs
+        self._chunk = max(1, BATCH // self._batch)
+        self._mean = np.empty((4, self._chunk, self._batch))
+        self._covariance = np.empty((4, 4, self._chunk, self._batch))
         self._first = self._filled = 0
-        self._seen = np.zeros(self._lanes, dtype=bool)
+        self._seen = np.zeros(self._batch, dtype=bool)
         self._expected = (target.alive[:, :, None] & (target.time[:, None, None] >= target.start)).reshape(
-            self._instants, self._lanes
+            self._instants, self._batch
         )
         self._per_step = np.zeros((len(ERROR_FIELDS), self._instants))
         self._found, found = np.unique(classes, return_inverse=True)
@@ -83,7 +83,7 @@ class Scorer:
         self._spread = np.full((2, self._instants), np.nan)
         self._keep_spread = keep_spread
         self._innovations = {
-            name: Innovations(count, self._objects, self._runs, self._chunk) for name, count in readings.items()
+            name: Innovations(count, self._objects, self._runs, self._chunk) for name, count in measurements.items()
         }
 
     def innovation(self, instant: int, scan: Scan, estimate: Estimate) -> None:
@@ -121,12 +121,12 @@ class Scorer:
             steps=steps,
         )
 
-    def _by_run(self, lanes: Array) -> Array:
-        """``(..., runs)`` sums over the objects of values ``(..., lanes)``."""
-        return np.asarray(lanes.reshape(*lanes.shape[:-1], self._objects, self._runs).sum(axis=-2))
+    def _by_run(self, batch: Array) -> Array:
+        """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
+        return np.asarray(batch.reshape(*batch.shape[:-1], self._objects, self._runs).sum(axis=-2))
 
     def _alive(self, instants: slice) -> Mask:
-        """``(instants, lanes)``"""
+        """``(instants, batch)``"""
         return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
     def _flush(self) -> None:
@@ -150,7 +150,7 @@ class Scorer:
 
         shape = (filled, self._objects, self._runs)
         truth = self._target.state[:, here]
-        values = np.empty((len(ERROR_FIELDS), filled, self._lanes))
+        values = np.empty((len(ERROR_FIELDS), filled, self._batch))
         error = values[1:5]
         np.subtract(mean.reshape(4, *shape), truth, out=error.reshape(4, *shape))
         nees, white, positive = normalised_square(error, covariance)
@@ -177,7 +177,7 @@ class Scorer:
         np.copyto(values[7], 0.0, where=~moving)
         if not values.max() < OVERFLOW:
             self._reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW))
-        self._per_step[:, here] = values @ np.ones(self._lanes)
+        self._per_step[:, here] = values @ np.ones(self._batch)
         self._add_by_class(values, self._class[here])
         self._weight[here] = values[0].reshape(shape).sum(axis=2)
         square = values[1] + values[2]
@@ -186,7 +186,7 @@ class Scorer:
             self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
 
     def _add_by_class(self, values: Array, classes: npt.NDArray[np.intp]) -> None:
-        """Add values ``(fields, instants, lanes)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
+        """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
         present = np.flatnonzero(np.bincount(classes.reshape(-1)))
         if classes.shape[-1] == 1:
             member = (present[:, None] == classes.reshape(-1)).astype(float)
@@ -198,8 +198,8 @@ class Scorer:
 
     def _reject(self, cause: str, wrong: Mask) -> None:
         if np.any(wrong):
-            step, lane = np.argwhere(wrong)[0]
-            raise Fault(cause, self._first - len(wrong) + int(step), int(lane))
+            step, member = np.argwhere(wrong)[0]
+            raise Fault(cause, self._first - len(wrong) + int(step), int(member))
 
 
 def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
@@ -215,8 +215,8 @@ def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:
 
     Args:
         shares: 0 to 1.
-        values: ``(steps, lanes)``.
-        use: ``(steps, lanes)``.
+        values: ``(steps, batch)``.
+        use: ``(steps, batch)``.
     """
     rank = np.asarray(shares)[:, None] * np.maximum(use.sum(axis=1) - 1, 0)
     ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)

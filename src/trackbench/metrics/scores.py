@@ -16,12 +16,12 @@ OVERFLOW = 1e100
 ERROR_FIELDS = ("count", "px", "py", "vx", "vy", "nees", "course_count", "course", "nees_position", "nees_velocity")
 #: Rows of the sums of innovations per step.
 NIS_STEP_FIELDS = ("count", "nis", "inside")
-#: Rows of the sums of innovations per run; pairs are successive readings of one object.
+#: Rows of the sums of innovations per run; pairs are successive measurements of one object.
 NIS_RUN_FIELDS = ("count", "nis", "inside", "pairs", "product", "square")
-#: Rows of the sums of innovations per lag: pairs of readings so far apart of which both count, their products, and the
-#: squares of the later ones.
+#: Rows of the sums of innovations per lag: pairs of measurements so far apart of which both count, their products, and
+#: the squares of the later ones.
 LAG_FIELDS = ("pairs", "product", "square")
-#: Lags of the autocorrelation, in readings.
+#: Lags of the autocorrelation, in measurements.
 LAGS = 20
 
 
@@ -32,7 +32,7 @@ class NisScores:
     dof: int
     """Dimension of the innovation; 0 while the tracker gave none."""
     per_step: Array
-    """``(3, readings)`` sums over objects and runs, rows ``NIS_STEP_FIELDS``."""
+    """``(3, measurements)`` sums over objects and runs, rows ``NIS_STEP_FIELDS``."""
     per_run: Array
     """``(6, runs)`` sums over steps and objects, rows ``NIS_RUN_FIELDS``."""
     lags: Array

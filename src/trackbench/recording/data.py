@@ -26,9 +26,9 @@ SUMMARY = (DATA, "result")
 #: The tables that are kept, each with the columns whose values tell its entities apart.
 KEYS: dict[str, tuple[str, ...]] = {
     "truth": ("role", "object"),
-    "readings": ("sensor", "kind", "object"),
+    "measurements": ("sensor", "kind", "object"),
     "estimates": ("tracker", "object"),
-    "shown_nis": ("tracker", "sensor", "object"),
+    "recorded_nis": ("tracker", "sensor", "object"),
     "steps": ("tracker",),
     "nis": ("tracker", "sensor"),
 }

@@ -8,12 +8,12 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from trackbench.doctor.exhibits import Exhibit
-from trackbench.recording.examination_scene import frame, readings
+from trackbench.recording.examination_scene import frame, measurements
 from trackbench.recording.examination_series import ERROR, INNOVATION, NEES
 from trackbench.recording.stream import TIMELINE, path
 from trackbench.types import Array
 
-#: How long a reading stays in the picture, s.
+#: How long a measurement stays in the picture, s.
 TRAIL = 0.5
 MARGIN_M = 6.0
 BACKGROUND = (16, 18, 22)
@@ -61,7 +61,7 @@ def _scene(exhibit: Exhibit) -> rrb.Spatial2DView:
             x_range=_extent(exhibit.target[0], poses[0]), y_range=_extent(-exhibit.target[1], -poses[1])
         ),
         background=BACKGROUND,
-        overrides={path(*readings(exhibit.course, sensor)): recent for sensor in sensors},
+        overrides={path(*measurements(exhibit.course, sensor)): recent for sensor in sensors},
     )
 
 

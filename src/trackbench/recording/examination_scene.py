@@ -1,4 +1,4 @@
-"""A drive of an examination seen from above: truth, tracker and reference with their ellipses, readings."""
+"""A drive of an examination seen from above: truth, tracker and reference with their ellipses, measurements."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def frame(course: str) -> tuple[str, ...]:
     return course, "world", "frame"
 
 
-def readings(course: str, sensor: str) -> tuple[str, ...]:
-    """Where a sensor's readings lie."""
-    return course, "world", "readings", sensor
+def measurements(course: str, sensor: str) -> tuple[str, ...]:
+    """Where a sensor's measurements lie."""
+    return course, "world", "measurements", sensor
 
 
 def send_scene(stream: Stream, exhibit: Exhibit) -> None:
@@ -42,7 +42,7 @@ def send_scene(stream: Stream, exhibit: Exhibit) -> None:
         at, time, p = mean[:2, known], exhibit.time[known], covariance[:, :, known]
         _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
         _send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name])
-    _send_readings(stream, exhibit)
+    _send_measurements(stream, exhibit)
 
 
 def _send_path(stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float) -> None:
@@ -67,10 +67,10 @@ def _send_ellipses(stream: Stream, entity: str, time: Array, at: Array, p: Array
     stream.static(entity, rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=15.0))
 
 
-def _send_readings(stream: Stream, exhibit: Exhibit) -> None:
+def _send_measurements(stream: Stream, exhibit: Exhibit) -> None:
     for sensor, colour in sensor_colour(dict.fromkeys(scan.sensor for scan in exhibit.scans)).items():
         scans = [scan for scan in exhibit.scans if scan.sensor == sensor and scan.valid]
-        entity = path(*readings(exhibit.course, sensor))
+        entity = path(*measurements(exhibit.course, sensor))
         points = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2)
         stream.columns(entity, np.array([scan.time for scan in scans]), rr.Points2D.columns(positions=points))
         stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(2.0), draw_order=10.0))

@@ -20,9 +20,10 @@ def findings(examination: Examination) -> str:
         "",
         "### In the pictures",
         "",
-        "Grey is the truth, orange the tracker, blue the reference; dots are readings of the last 0.5 s. Ellipses hold"
-        " 95 % of what each says of the position. Of the innovations, orange is what the tracker took each reading for,"
-        " blue what a sound model makes of the same prediction; grey are two standard deviations of the noise.",
+        "Grey is the truth, orange the tracker, blue the reference; dots are measurements of the last 0.5 s. Ellipses "
+        "hold 95 % of what each says of the position. Of the innovations, orange is what the tracker took each "
+        "measurement for, blue what a sound model makes of the same prediction; grey are two standard deviations of "
+        "the noise.",
     ]
     return "\n".join(lines)
 

@@ -13,7 +13,7 @@ from trackbench.metrics.summary import ROOT_MEAN_SQUARES
 from trackbench.recording.moments import scene_at, worst
 from trackbench.recording.reader import Recorded, read
 from trackbench.recording.rescore import rescored
-from trackbench.recording.shown import shown_run
+from trackbench.recording.shown import recorded_run
 from trackbench.recording.tables import columns, split
 
 Json = dict[str, Any]
@@ -37,7 +37,7 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> Js
     summary, tables = recorded.result.summary, recorded.result.tables
     if "score" not in summary:
         raise InputError("this result does not say how it was scored: it is of an earlier version", file=recorded.file)
-    shown = shown_run(recorded.result)
+    shown = recorded_run(recorded.result)
     scores = rescored(recorded.result, shown)
     found: Json = {
         "file": str(recorded.file),
@@ -48,13 +48,13 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> Js
         "command": summary["command"],
         "seed": summary["seed"],
         "runs": summary["runs"],
-        "shown_run": summary["shown_run"],
+        "recorded_run": summary["recorded_run"],
         "objects": summary["truth"]["objects"],
         "duration_s": summary["truth"]["duration_s"],
         "fingerprint": summary["fingerprint"],
         "versions": summary["versions"],
         "rows": {name: table.num_rows for name, table in sorted(tables.items())},
-        "sensors": {name: _readings(rows) for (name,), rows in split(tables["readings"], "sensor").items()},
+        "sensors": {name: _measurements(rows) for (name,), rows in split(tables["measurements"], "sensor").items()},
         "trackers": [
             {"name": entry["name"], "describe": entry["describe"], "failed": entry["failed"]}
             | scores.get(entry["name"], {})
@@ -69,9 +69,9 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> Js
     return found
 
 
-def _readings(rows: Any) -> Json:
+def _measurements(rows: Any) -> Json:
     instants = len(np.unique(rows["time_s"]))
-    return {"kind": str(rows["kind"][0]), "instants": instants, "readings": int(rows["valid"].sum())}
+    return {"kind": str(rows["kind"][0]), "instants": instants, "measurements": int(rows["valid"].sum())}
 
 
 def _checked(recorded: Recorded, scores: dict[str, Json]) -> Json | None:
@@ -87,7 +87,7 @@ def _checked(recorded: Recorded, scores: dict[str, Json]) -> Json | None:
     runs = columns(beside.tables["runs"])
     apart = [0.0]
     for tracker, found in scores.items():
-        (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker) & (runs["run"] == summary["shown_run"]))
+        (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker) & (runs["run"] == summary["recorded_run"]))
         pairs = [(found["metrics"]["nees"]["mean"], runs["nees_mean"][row])]
         for name, (_, _, unit) in ROOT_MEAN_SQUARES.items():
             node = found["metrics"]

@@ -39,7 +39,7 @@ class Scene:
     hold: float
     """For how long an estimate is shown when none follows, s."""
     truth: Truth
-    """Of the shown run alone."""
+    """Of the recorded run alone."""
 
 
 @dataclass
@@ -86,7 +86,7 @@ class Live:
         self._shows.append(self._latest)
 
     def observe(self, observed: list[Scan] | Observation) -> None:
-        """Something is found of the shown run: the ``observer`` of the runner."""
+        """Something is found of the recorded run: the ``observer`` of the runner."""
         if self._latest is not None:
             self._latest.observed.append(observed)
 

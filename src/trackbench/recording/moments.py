@@ -19,7 +19,7 @@ MOTION = (*STATE, "speed_mps", "course_rad", "acceleration_mps2", "yaw_rate_radp
 
 
 def scene_at(result: RunResult, shown: ShownRun, time: float) -> Json:
-    """Vehicles, readings and estimates as a viewer shows them at a time: the latest of each up to then.
+    """Vehicles, measurements and estimates as a viewer shows them at a time: the latest of each up to then.
 
     Raises:
         InputError: the recording does not have that time.
@@ -37,7 +37,7 @@ def scene_at(result: RunResult, shown: ShownRun, time: float) -> Json:
     return {
         "time_s": float(clock[step]),
         "vehicles": vehicles,
-        "readings": _readings(split(result.tables["readings"], "sensor", "object"), time),
+        "measurements": _measurements(split(result.tables["measurements"], "sensor", "object"), time),
         "estimates": _estimates(shown, time, present),
     }
 
@@ -91,10 +91,10 @@ def _estimates(shown: ShownRun, time: float, present: set[str]) -> list[Json]:
     return found
 
 
-def _readings(readings: dict[tuple[str, ...], Columns], time: float) -> list[Json]:
-    """The latest reading of each sensor, of the objects that it detected."""
+def _measurements(measurements: dict[tuple[str, ...], Columns], time: float) -> list[Json]:
+    """The latest measurement of each sensor, of the objects that it detected."""
     found = []
-    for (sensor, name), rows in readings.items():
+    for (sensor, name), rows in measurements.items():
         if rows["time_s"][0] <= time + 1e-9:
             at = _latest(rows["time_s"], time)
             if rows["valid"][at]:

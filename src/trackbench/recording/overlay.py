@@ -36,7 +36,7 @@ def same_traffic(results: Sequence[RunResult]) -> bool:
 def laid_over(named: dict[str, RunResult]) -> RunResult:
     """Runs of the same traffic as one result to be drawn; a tracker is called "its name (its run's name)"."""
     first = next(iter(named.values()))
-    same_readings = all(_same_readings(first, result) for result in named.values())
+    same_measurements = all(_same_measurements(first, result) for result in named.values())
     summaries = {label: result.summary for label, result in named.items()}
     trackers = [
         {**tracker, "name": _named(tracker["name"], label)}
@@ -44,7 +44,7 @@ def laid_over(named: dict[str, RunResult]) -> RunResult:
         for tracker in summary["trackers"]
     ]
     sensors = {
-        name if same_readings else _named(name, label): sensor
+        name if same_measurements else _named(name, label): sensor
         for label, summary in summaries.items()
         for name, sensor in summary["sensors"].items()
     }
@@ -61,10 +61,17 @@ def laid_over(named: dict[str, RunResult]) -> RunResult:
         "passed": True,
     }
     tables = dict(first.tables)
-    for table, column in (("steps", "tracker"), ("nis", "tracker"), ("estimates", "tracker"), ("shown_nis", "tracker")):
+    for table, column in (
+        ("steps", "tracker"),
+        ("nis", "tracker"),
+        ("estimates", "tracker"),
+        ("recorded_nis", "tracker"),
+    ):
         tables[table] = _joined({label: result.tables[table] for label, result in named.items()}, column)
-    if not same_readings:
-        tables["readings"] = _joined({label: result.tables["readings"] for label, result in named.items()}, "sensor")
+    if not same_measurements:
+        tables["measurements"] = _joined(
+            {label: result.tables["measurements"] for label, result in named.items()}, "sensor"
+        )
     return RunResult(summary, tables)
 
 
@@ -92,8 +99,8 @@ def _undictionaried(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return column.cast(pa.string()) if pa.types.is_dictionary(column.type) else column
 
 
-def _same_readings(a: RunResult, b: RunResult) -> bool:
-    first, second = (split(result.tables["readings"], "sensor", "object") for result in (a, b))
+def _same_measurements(a: RunResult, b: RunResult) -> bool:
+    first, second = (split(result.tables["measurements"], "sensor", "object") for result in (a, b))
     return first.keys() == second.keys() and all(
         _equal(first[key][name], second[key][name]) for key in first for name in ("time_s", "x_m", "y_m")
     )

@@ -15,8 +15,8 @@ from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import new_recording, send
 from trackbench.results import RunResult
-from trackbench.runner.block import Observation, Trace
-from trackbench.runner.tables import estimates_table, readings_table, roads_table, truth_table
+from trackbench.runner.block import Observation, RecordedEstimates
+from trackbench.runner.tables import estimates_table, measurements_table, roads_table, truth_table
 from trackbench.types import Scan
 
 
@@ -60,7 +60,7 @@ class _Run:
         self._about = about
         self._trackers, self._sensors = tracker_colour(about.trackers), sensor_colour(about.sensors)
         self._motion = truth_table(about.truth, 0)
-        self._readings = pa.table({})
+        self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
         self._drawn = -np.inf
         self.recording = new_recording(about.name)
@@ -74,9 +74,9 @@ class _Run:
         views.send_legends(self._stream, windows, self._trackers)
 
     def sense(self, scans: list[Scan]) -> None:
-        """The readings, which are drawn as far as the first tracker has come."""
+        """The measurements, which are drawn as far as the first tracker has come."""
         truth = self._about.truth
-        self._readings = readings_table(scans, truth.ids)
+        self._measurements = measurements_table(scans, truth.ids)
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def estimate(self, observations: list[Observation]) -> None:
@@ -89,16 +89,16 @@ class _Run:
             self._advance(float(self._about.truth.time[steps[-1]]))
             mean = np.stack([item.mean for item in these], axis=1)
             covariance = np.stack([item.covariance for item in these], axis=2)
-            estimates = estimates_table({tracker: Trace(mean, covariance)}, self._about.truth, steps, 0)
+            estimates = estimates_table({tracker: RecordedEstimates(mean, covariance)}, self._about.truth, steps, 0)
             scene.send_estimates(self._stream, estimates, self._motion, self._trackers, self._about.hold)
             nothing = pa.table({})
-            series.send_shown_run(self._stream, estimates, nothing, nothing, self._trackers)
+            series.send_recorded_run(self._stream, estimates, nothing, nothing, self._trackers)
 
     def _advance(self, time: float) -> None:
-        """Vehicles and readings up to a time."""
+        """Vehicles and measurements up to a time."""
         if time <= self._drawn:
             return
-        for table, draw in ((self._motion, self._vehicles), (self._readings, self._points)):
+        for table, draw in ((self._motion, self._vehicles), (self._measurements, self._points)):
             new = table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
             if new.num_rows:
                 draw(new)
@@ -108,4 +108,4 @@ class _Run:
         scene.send_vehicles(self._stream, rows)
 
     def _points(self, rows: pa.Table) -> None:
-        scene.send_readings(self._stream, rows, self._sensors)
+        scene.send_measurements(self._stream, rows, self._sensors)

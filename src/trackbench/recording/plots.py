@@ -1,4 +1,4 @@
-"""How the scores are laid out: errors, NEES and NIS side by side, all runs above the shown run."""
+"""How the scores are laid out: errors, NEES and NIS side by side, all runs above the recorded run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BESIDE, BESIDE_LEGEND = 1.04, 1.6
 def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container:
     """A column each for the error, the NEES and, where any tracker gives innovations, the NIS."""
     steps, estimates = tables["steps"], tables["estimates"]
-    runs, shown = f"{summary['runs']} runs", f"run {summary['shown_run']}"
+    runs, shown = f"{summary['runs']} runs", f"run {summary['recorded_run']}"
     end = float(summary["truth"]["duration_s"])
     targets = len(summary["truth"]["objects"])
     rmse = []
@@ -48,13 +48,13 @@ def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container
     ]
 
     sensors = []
-    shown_nis = split(tables["shown_nis"], "sensor")
+    recorded_nis = split(tables["recorded_nis"], "sensor")
     for (sensor,), rows in split(tables["nis"], "sensor").items():
         top = _top(rows["nis_mean"], rows["nis_high"])
         pair = [_plot(f"NIS, {sensor}, {runs}", (ALL_RUNS, "nis", sensor), end, top)]
-        if (sensor,) in shown_nis:
+        if (sensor,) in recorded_nis:
             bound = mean_bounds(int(rows["dof"].max()), targets)[1]
-            shown_top = _top(shown_nis[sensor,]["nis"], bound)
+            shown_top = _top(recorded_nis[sensor,]["nis"], bound)
             pair.append(_plot(f"NIS, {sensor}, {shown}", (SHOWN_RUN, "nis", sensor), end, shown_top))
         sensors.append(pair)
     # Two cells at most; further sensors are tabs of theirs.
@@ -65,7 +65,7 @@ def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container
 
 
 def live_plots() -> rrb.Container:
-    """The error and the NEES of the shown run as they come."""
+    """The error and the NEES of the recorded run as they come."""
     return rrb.Horizontal(
         rrb.TimeSeriesView(origin=path("series", SHOWN_RUN, "position_error"), name="Position error, m"),
         rrb.TimeSeriesView(origin=path("series", SHOWN_RUN, "nees"), name="NEES and 95 % bounds"),

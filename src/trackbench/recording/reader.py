@@ -30,7 +30,7 @@ class Recorded:
     """A run read back."""
 
     result: RunResult
-    """Tables ``truth``, ``readings``, ``estimates``, ``shown_nis``, ``steps`` and ``nis``; more from Parquet."""
+    """Tables ``truth``, ``measurements``, ``estimates``, ``recorded_nis``, ``steps`` and ``nis``; more from Parquet."""
     file: Path
     """What was read: a recording or the folder of a run."""
     rerun: str | None

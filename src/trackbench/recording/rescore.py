@@ -36,20 +36,20 @@ def rescored(result: RunResult, shown: ShownRun) -> dict[str, Json]:
         InputError: what was recorded cannot be scored.
     """
     nis: dict[str, dict[str, dict[str, Columns]]] = {}
-    for (tracker, sensor, name), rows in split(result.tables["shown_nis"], "tracker", "sensor", "object").items():
+    for (tracker, sensor, name), rows in split(result.tables["recorded_nis"], "tracker", "sensor", "object").items():
         nis.setdefault(tracker, {}).setdefault(sensor, {})[name] = rows
     dof = {key: int(rows["dof"][0]) for key, rows in split(result.tables["nis"], "tracker", "sensor").items()}
     found = {}
     for tracker in shown.tracks:
-        readings = {
-            sensor: _readings(rows, shown, dof.get((tracker, sensor), 1))
+        measurements = {
+            sensor: _measurements(rows, shown, dof.get((tracker, sensor), 1))
             for sensor, rows in nis.get(tracker, {}).items()
         }
-        found[tracker] = _scores(tracker, shown, readings)
+        found[tracker] = _scores(tracker, shown, measurements)
     return found
 
 
-def _readings(rows: dict[str, Columns], shown: ShownRun, dof: int) -> dict[int, Array]:
+def _measurements(rows: dict[str, Columns], shown: ShownRun, dof: int) -> dict[int, Array]:
     """By instant, ``(dof, objects)`` innovations of the recorded squared length, which is all that scoring needs."""
     found: dict[int, Array] = {}
     for name, of_object in rows.items():
@@ -60,16 +60,16 @@ def _readings(rows: dict[str, Columns], shown: ShownRun, dof: int) -> dict[int, 
     return found
 
 
-def _scores(tracker: str, shown: ShownRun, readings: dict[str, dict[int, Array]]) -> Json:
+def _scores(tracker: str, shown: ShownRun, measurements: dict[str, dict[int, Array]]) -> Json:
     track = shown.tracks[tracker]
-    counts = {sensor: len(items) for sensor, items in readings.items()}
+    counts = {sensor: len(items) for sensor, items in measurements.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
     alike = np.zeros((len(shown.target.time), len(shown.objects), 1), dtype=np.int8)
     scorer = Scorer(shown.target, alike, counts, keep_spread=False)
     try:
         for instant, time in enumerate(shown.target.time):
             estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
-            for sensor, items in readings.items():
+            for sensor, items in measurements.items():
                 if instant in items:
                     white = items[instant]
                     scan = _scan(float(time), sensor, np.isfinite(white[0]))

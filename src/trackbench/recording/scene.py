@@ -1,4 +1,4 @@
-"""The scene of the shown run, seen from above: roads, vehicles, readings, estimates and their covariances.
+"""The scene of the recorded run, seen from above: roads, vehicles, measurements, estimates and their covariances.
 
 Everything below ``world`` is in metres of the fixed frame. A 2D view of Rerun has y down, so a view takes one of the
 frames as its origin: they move with a vehicle, which the view then follows, and have y down too, so that a left turn
@@ -20,7 +20,7 @@ from trackbench.types import Array
 WORLD = ("world",)
 ROADS = (*WORLD, "roads")
 VEHICLES = (*WORLD, "vehicles")
-READINGS = (*WORLD, "readings")
+MEASUREMENTS = (*WORLD, "measurements")
 ESTIMATES = (*WORLD, "estimates")
 LABELS = (*WORLD, "labels")
 #: Move with each vehicle without turning.
@@ -76,13 +76,13 @@ def send_vehicles(stream: Stream, truth: pa.Table) -> None:
     _labels(stream, columns(truth))
 
 
-def send_readings(stream: Stream, readings: pa.Table, colours: dict[str, str]) -> None:
-    """Each sensor's readings, where they lie in the fixed frame."""
-    for (sensor,), rows in split(readings, "sensor").items():
+def send_measurements(stream: Stream, measurements: pa.Table, colours: dict[str, str]) -> None:
+    """Each sensor's measurements, where they lie in the fixed frame."""
+    for (sensor,), rows in split(measurements, "sensor").items():
         valid = rows["valid"].astype(bool)
         time, count = np.unique(rows["time_s"][valid], return_counts=True)
         points = np.stack([rows["x_m"], rows["y_m"]], axis=1)[valid]
-        entity = path(*READINGS, sensor)
+        entity = path(*MEASUREMENTS, sensor)
         stream.columns(entity, time, rr.Points2D.columns(positions=points).partition(count))
         style = rr.Points2D.from_fields(colors=rgba(colours[sensor]), radii=pixels(1.5), draw_order=20.0)
         stream.static(entity, style)

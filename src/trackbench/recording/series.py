@@ -1,4 +1,4 @@
-"""The scores over time: means over all runs with their bounds, and the shown run by itself."""
+"""The scores over time: means over all runs with their bounds, and the recorded run by itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackbench.recording.tables import Columns, mean_over_objects, split
 from trackbench.types import COMMON_STATE, Array
 
 ALL_RUNS = "all_runs"
-SHOWN_RUN = "shown_run"
+SHOWN_RUN = "recorded_run"
 #: Rerun 0.41 has no logarithmic axis, so the errors are also there as decimal logarithms.
 LOG = ("series", "log10")
 
@@ -51,11 +51,11 @@ def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: dict[
             _bounds(stream, nis_place, "95 % bounds", rows_by_tracker, ("nis_low", "nis_high"), colours)
 
 
-def send_shown_run(
-    stream: Stream, estimates: pa.Table, shown_nis: pa.Table, nis: pa.Table, colours: dict[str, str]
+def send_recorded_run(
+    stream: Stream, estimates: pa.Table, recorded_nis: pa.Table, nis: pa.Table, colours: dict[str, str]
 ) -> None:
-    """The shown run's RMS position error over the targets, and its NEES and NIS averaged over the targets."""
-    # A tracker may take less of a reading than its sensor gives, so the degrees of freedom are its own.
+    """The recorded run's RMS position error over the targets, and its NEES and NIS averaged over the targets."""
+    # A tracker may take less of a measurement than its sensor gives, so the degrees of freedom are its own.
     dof = {key: int(rows["dof"][0]) for key, rows in split(nis, "tracker", "sensor").items()}
     by_tracker = {tracker: rows for (tracker,), rows in split(estimates, "tracker").items()}
     error, nees = {}, {}
@@ -67,7 +67,7 @@ def send_shown_run(
     logs = {tracker: _log10(rows, ("value",)) for tracker, rows in error.items()}
     _lines(stream, (*LOG, SHOWN_RUN, "position_error"), logs, "value", colours)
     _with_bounds(stream, ("series", SHOWN_RUN, "nees"), nees, colours)
-    for sensor, rows_by_tracker in _by_sensor(shown_nis).items():
+    for sensor, rows_by_tracker in _by_sensor(recorded_nis).items():
         means = {
             tracker: _mean_with_bounds(rows["time_s"], rows["nis"], dof[tracker, sensor])
             for tracker, rows in rows_by_tracker.items()
@@ -150,7 +150,7 @@ def _bounds(
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
-    """Whether a bound is the same at nearly all instants that both have: tracks start a reading apart, for example."""
+    """Whether a bound is the same at nearly all instants that both have: tracks may start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)

@@ -32,7 +32,7 @@ class Track:
 
 @dataclass(frozen=True)
 class ShownRun:
-    """The recorded run at each instant of a reading."""
+    """The recorded run at each instant of a measurement."""
 
     objects: tuple[str, ...]
     target: Target
@@ -46,17 +46,17 @@ class ShownRun:
         return np.asarray(self.target.alive & late)
 
 
-def shown_run(result: RunResult) -> ShownRun:
-    """The recorded run, from the first to the last instant of a reading."""
+def recorded_run(result: RunResult) -> ShownRun:
+    """The recorded run, from the first to the last instant of a measurement."""
     tables, score = result.tables, result.summary["score"]
     objects = tuple(result.summary["truth"]["objects"])
     truth = {name: rows for (role, name), rows in split(tables["truth"], "role", "object").items() if role == "target"}
-    time = np.unique(columns(tables["readings"])["time_s"])
+    time = np.unique(columns(tables["measurements"])["time_s"])
     at = np.searchsorted(truth[objects[0]]["time_s"], time)
     state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
     alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
     start = np.full((len(objects), 1), np.inf)
-    for (name,), rows in split(tables["readings"], "object").items():
+    for (name,), rows in split(tables["measurements"], "object").items():
         valid = rows["valid"].astype(bool)
         if valid.any():
             start[objects.index(name)] = rows["time_s"][valid][0] + score["settle_s"]

@@ -38,12 +38,12 @@ def about(summary: dict[str, Any]) -> str:
         scenario["description"],
         "",
         f"- truth: {source}, {counted(len(truth['objects']), 'target')}, {truth['duration_s']:g} s",
-        f"- shown: Monte-Carlo run {summary['shown_run']} of {summary['runs']}, seed {summary['seed']}",
-        f"- readings: fingerprint `{summary['fingerprint'].removeprefix('sha256:')[:16]}`",
+        f"- shown: Monte-Carlo run {summary['recorded_run']} of {summary['runs']}, seed {summary['seed']}",
+        f"- measurements: fingerprint `{summary['fingerprint'].removeprefix('sha256:')[:16]}`",
         "",
         "### In the scene",
         "",
-        "Boxes are the true vehicles, the arrow points where the body points. Small dots are readings of the last"
+        "Boxes are the true vehicles, the arrow points where the body points. Small dots are measurements of the last"
         " 0.3 s. Larger dots are estimates, in the colours of the plots, each in its 95 % ellipse of position.",
         "",
         "### Trackers",

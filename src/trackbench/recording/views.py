@@ -9,11 +9,11 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from trackbench.recording.scene import FRAMES, LABELS, READINGS, WORLD
+from trackbench.recording.scene import FRAMES, LABELS, MEASUREMENTS, WORLD
 from trackbench.recording.stream import TIMELINE, Stream, path, pixels, rgba
 from trackbench.recording.tables import split
 
-#: How long a reading stays in the picture, s.
+#: How long a measurement stays in the picture, s.
 TRAIL = 0.3
 #: The most that the wide view shows around the observer unless even the nearest target is farther, and its margin, m.
 REACH, MARGIN = 55.0, 7.0
@@ -102,7 +102,7 @@ def _view(window: Window, name: str, sensors: list[str], *without: str) -> rrb.S
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
     frame = path(*FRAMES, window.frame)
-    overrides: Any = {path(*READINGS, sensor): recent for sensor in sensors}
+    overrides: Any = {path(*MEASUREMENTS, sensor): recent for sensor in sensors}
     return rrb.Spatial2DView(
         origin=frame,
         contents=[f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}/**", *without],

@@ -56,11 +56,11 @@ def send(recording: rr.RecordingStream, result: RunResult) -> None:
     views.send_scales(stream, windows)
     views.send_legends(stream, windows, trackers)
     scene.send_vehicles(stream, tables["truth"])
-    scene.send_readings(stream, tables["readings"], sensors)
+    scene.send_measurements(stream, tables["measurements"], sensors)
     slowest = max(1.0 / sensor["rate_hz"] for sensor in summary["sensors"].values())
     scene.send_estimates(stream, tables["estimates"], tables["truth"], trackers, slowest)
     series.send_all_runs(stream, tables["steps"], tables["nis"], trackers)
-    series.send_shown_run(stream, tables["estimates"], tables["shown_nis"], tables["nis"], trackers)
+    series.send_recorded_run(stream, tables["estimates"], tables["recorded_nis"], tables["nis"], trackers)
     send_data(stream, result)
 
 
@@ -69,7 +69,7 @@ def _properties(summary: dict[str, Any]) -> dict[str, Any]:
         "scenario": summary["scenario"]["name"],
         "seed": summary["seed"],
         "runs": str(summary["runs"]),
-        "shown_run": summary["shown_run"],
+        "recorded_run": summary["recorded_run"],
         "fingerprint": summary["fingerprint"],
         "versions": [f"{name} {version}" for name, version in summary["versions"].items()],
     }

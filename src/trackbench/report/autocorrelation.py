@@ -29,7 +29,7 @@ def autocorrelation(table: pa.Table, sensor: str, shown: Sequence[Look], number:
         return None
 
     def paint(figure: Figure) -> None:
-        axes = figure.add_subplot(xlabel="lag, readings", ylabel="autocorrelation")
+        axes = figure.add_subplot(xlabel="lag, measurements", ylabel="autocorrelation")
         _, lag, _, reach = lines[0]
         axes.fill_between(lag, -reach, reach, color=MUTED, alpha=0.35)
         for look, lag, value, _ in reversed(lines):
@@ -39,10 +39,10 @@ def autocorrelation(table: pa.Table, sensor: str, shown: Sequence[Look], number:
 
     name, title = f"autocorrelation-{number}", f"Autocorrelation of the innovations of {sensor}"
     largest = ", ".join(f"{look.name} {value[np.argmax(abs(value))]:.2f}" for look, _, value, _ in lines)
-    alternative = f"{title} at lags of 1 to {int(lines[0][1].max())} readings. Largest: {largest}."
+    alternative = f"{title} at lags of 1 to {int(lines[0][1].max())} measurements. Largest: {largest}."
     caption = (
-        f"How much a surprise of {sensor} foretells the one so many readings later. A filter whose models fit leaves "
-        "nothing to foretell: 95 % of its points are in the grey band. Points above it: the filter follows too "
+        f"How much a surprise of {sensor} foretells the one so many measurements later. A filter whose models fit "
+        "leaves nothing to foretell: 95 % of its points are in the grey band. Points above it: the filter follows too "
         "slowly, and errors last; below it: it overreacts."
     )
     svg = in_page(draw(paint, 220), name, alternative, titles(look for look, *_ in lines))

@@ -49,9 +49,9 @@ def innovation_picture(exhibit: Exhibit, innovations: Innovations) -> Picture:
     chosen, first = telling(innovations), departure(innovations)
     names = joined([innovations.components[i].replace("_", " ") for i in chosen])
     caption = (
-        f"What each reading of {innovations.sensor} was worth to the tracker ({names}): the innovation by which its "
-        "estimate moved, and the reading less what a sound model expects of the tracker's own prediction. The two "
-        "should be one line. After a wrong step the prediction is off, and the sound innovation grows with it. The "
+        f"What each measurement of {innovations.sensor} was worth to the tracker ({names}): the innovation by which "
+        "its estimate moved, and the measurement less what a sound model expects of the tracker's own prediction. The "
+        "two should be one line. After a wrong step the prediction is off, and the sound innovation grows with it. The "
         "band is two standard deviations of the sensor's noise."
     )
     said = "The two lines agree."
@@ -108,7 +108,7 @@ def _map(exhibit: Exhibit) -> Picture:
 
     def paint(figure: Figure) -> None:
         axes = figure.add_subplot(xlabel="x, m", ylabel="y, m")
-        axes.plot(*_readings(exhibit), color=MUTED, marker=".", markersize=2.5, linestyle="none", alpha=0.6)
+        axes.plot(*_measurements(exhibit), color=MUTED, marker=".", markersize=2.5, linestyle="none", alpha=0.6)
         axes.plot(poses[0], poses[1], color=MUTED, linewidth=1.2, linestyle=(0, (1.5, 1.5)))
         axes.plot(poses[0][:1], poses[1][:1], color=MUTED, marker="s", markersize=5)
         axes.plot(*exhibit.reference_mean[:2], color=REFERENCE, linewidth=2.0)
@@ -120,14 +120,14 @@ def _map(exhibit: Exhibit) -> Picture:
 
     caption = (
         f"From above, {exhibit.purpose}: dashed is the truth from the dot on, the square is the sensors' place at the "
-        "start, small dots are readings. A tracker that is lost may leave the map."
+        "start, small dots are measurements. A tracker that is lost may leave the map."
     )
     alternative = f"Map of {exhibit.purpose}: the true path, the tracker's and the reference's."
     legend = (
         Entry("truth", "currentColor", "dash"),
         _TRACKER_ENTRY,
         _REFERENCE_ENTRY,
-        Entry("readings", "var(--muted)", "dot"),
+        Entry("measurements", "var(--muted)", "dot"),
     )
     height = float(np.clip(60 + (WIDTH - 50) * (top - bottom) / (right - left), 160, _TALLEST))
     name = _identity(f"{exhibit.course}-map")
@@ -147,8 +147,8 @@ def _limits(exhibit: Exhibit, target: Array, sensor: Array, axis: int) -> tuple[
     return float(shown.min()) - _MARGIN_M, float(shown.max()) + _MARGIN_M
 
 
-def _readings(exhibit: Exhibit) -> Array:
-    """``(2, readings)`` m in the fixed frame."""
+def _measurements(exhibit: Exhibit) -> Array:
+    """``(2, measurements)`` m in the fixed frame."""
     seen = [SENSOR_MODELS[scan.kind].position(scan).mean for scan in exhibit.scans if scan.valid]
     return np.array(seen).reshape(-1, 2).T
 

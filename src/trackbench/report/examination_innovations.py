@@ -8,12 +8,12 @@ import numpy as np
 
 from trackbench.doctor.exhibits import Innovations
 
-#: Innovations taken and sound that are further apart, in standard deviations of the reading, are not the same.
+#: Innovations taken and sound that are further apart, in standard deviations of the measurement, are not the same.
 APART = 3.0
 
 
 class Departure(NamedTuple):
-    """The first reading that is not taken for what it is."""
+    """The first measurement that is not taken for what it is."""
 
     component: str
     time: float
@@ -45,7 +45,7 @@ def departure(innovations: Innovations) -> Departure | None:
 
 
 def innovation_unit(component: str) -> str:
-    """The unit of a component of a reading."""
+    """The unit of a component of a measurement."""
     return {"azimuth": "rad", "range_rate": "m/s", "speed": "m/s"}.get(component, "m")
 
 

@@ -67,7 +67,7 @@ def _accuracy(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
         error_over_time(steps, shown, "position", "m", acceleration),
         error_over_time(steps, shown, "velocity", "m/s", acceleration),
         spread(steps, shown),
-        map_of_run(result.tables, result.summary["shown_run"], shown),
+        map_of_run(result.tables, result.summary["recorded_run"], shown),
     )
     return (picture for picture in pictures if picture)
 

@@ -32,7 +32,7 @@ def print_inspection(found: Json, console: Console) -> None:
 
 
 def _head(found: Json, console: Console) -> None:
-    what = f"run {found['shown_run']} of {found['runs']}, {counted(len(found['objects']), 'vehicle')}, "
+    what = f"run {found['recorded_run']} of {found['runs']}, {counted(len(found['objects']), 'vehicle')}, "
     line = f": {what}{fixed(found['duration_s'], 1)} s, seed {found['seed']}"
     console.print(Text.assemble((found["scenario"], "bold"), line), highlight=False)
 
@@ -44,9 +44,10 @@ def _contents(found: Json, console: Console) -> None:
     lines = [
         f"{found['file']}: {written}",
         ", ".join(f"{name} {version}" for name, version in found["versions"].items()),
-        f"readings: {found['fingerprint']}",
+        f"measurements: {found['fingerprint']}",
         *(
-            f"{name}: {sensor['kind']}, {counted(sensor['readings'], 'reading')} at {sensor['instants']} instants"
+            f"{name}: {sensor['kind']}, {counted(sensor['measurements'], 'measurement')} at {sensor['instants']} "
+            "instants"
             for name, sensor in found["sensors"].items()
         ),
         f"made by: {found['command']}",
@@ -56,7 +57,7 @@ def _contents(found: Json, console: Console) -> None:
 
 
 def _scores(found: Json, console: Console) -> None:
-    console.print(Text(f"\nRun {found['shown_run']} alone, scored afresh from what was recorded"), highlight=False)
+    console.print(Text(f"\nRun {found['recorded_run']} alone, scored afresh from what was recorded"), highlight=False)
     scored = [tracker for tracker in found["trackers"] if "metrics" in tracker]
     sensors = list(found["sensors"])
     names = ("position_rmse", "velocity_rmse", "course_rmse")
@@ -88,7 +89,7 @@ def _scene(scene: Json, console: Console) -> None:
             fixed(vehicle["py_m"], 2),
             fixed(vehicle["speed_mps"], 2),
             fixed(math.degrees(vehicle["course_rad"]), 1),
-            ", ".join(item["sensor"] for item in scene["readings"] if item["object"] == vehicle["name"]),
+            ", ".join(item["sensor"] for item in scene["measurements"] if item["object"] == vehicle["name"]),
         ]
         for vehicle in scene["vehicles"]
     ]

@@ -1,4 +1,4 @@
-"""The shown run from above, coloured by the position error."""
+"""The recorded run from above, coloured by the position error."""
 
 from __future__ import annotations
 

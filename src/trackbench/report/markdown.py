@@ -68,7 +68,7 @@ def _reproduce(summary: Mapping[str, Any]) -> list[str]:
         lines += [*_fenced(summary["command"], "sh"), ""]
     lines += [f"{', '.join(f'{name} {number}' for name, number in summary['versions'].items())}.", ""]
     lines += [
-        f"Fingerprint of all readings: `{summary['fingerprint']}`",
+        f"Fingerprint of all measurements: `{summary['fingerprint']}`",
         "",
         f"Scenario {escape(scenario['file'])}:",
         "",

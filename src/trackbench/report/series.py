@@ -122,7 +122,7 @@ def spread(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
         Entry("10th to 90th percentile", "var(--muted)", "band"),
         *([Entry("Cramér-Rao bound", "currentColor", "dash")] if bounds else []),
     )
-    return Picture(name, "Spread of the runs", caption, alternative, svg, legend)
+    return Picture(name, "InitialSigmas of the runs", caption, alternative, svg, legend)
 
 
 def nees_over_time(steps: pa.Table, shown: Sequence[Look]) -> Picture | None:
@@ -143,8 +143,8 @@ def nis_over_time(nis: pa.Table, sensor: str, shown: Sequence[Look], number: int
     if lines and np.nanmax(column(table, "count")) <= 1:
         return _single_nis(table, sensor, lines, number)
     caption = (
-        f"Squared innovation of {sensor} (reading minus prediction) in units of its predicted covariance. In the "
-        "grey band, predictions and readings agree as well as the tracker says they do; above it, the noise or the "
+        f"Squared innovation of {sensor} (measurement minus prediction) in units of its predicted covariance. In the "
+        "grey band, predictions and measurements agree as well as the tracker says they do; above it, the noise or the "
         "motion is larger than the tracker assumes."
     )
     return _with_band(f"nis-{number}", f"NIS of {sensor} over time", caption, "NIS", table, lines, "nis")
@@ -154,8 +154,8 @@ def _single_nis(table: pa.Table, sensor: str, lines: Sequence[_Line], number: in
     limits = {point95(dof): dof for dof in sorted({int(dof) for dof in column(table, "dof")})}
     where_they_are = joined([f"{limit:.3f} ({dof} degrees of freedom)" for limit, dof in limits.items()])
     caption = (
-        f"Squared innovation of {sensor} (reading minus prediction) in units of its predicted covariance, each one by "
-        f"itself. Of a consistent tracker 95 % are below the dashed line, at {where_they_are}. If fewer are, "
+        f"Squared innovation of {sensor} (measurement minus prediction) in units of its predicted covariance, each one "
+        f"by itself. Of a consistent tracker 95 % are below the dashed line, at {where_they_are}. If fewer are, "
         "the noise or the motion is larger than the tracker assumes; if nearly all are, it is smaller."
     )
 

@@ -185,8 +185,8 @@ def sensors(summary: Summary) -> Table:
         ("sensor", ""),
         ("kind", ""),
         ("rate", ""),
-        ("components", "of one reading"),
-        ("detections", "share of the instants with a vehicle present that gave a reading of it"),
+        ("components", "of one measurement"),
+        ("detections", "share of the instants with a vehicle present that gave a measurement of it"),
     ]
     return Table(headings, rows)
 

@@ -19,7 +19,7 @@ from trackbench.types import Estimate, Scan
 
 
 class Stepper(Protocol):
-    """A tracker made ready for a number of lanes."""
+    """A tracker made ready for a number of batch."""
 
     def step(self, scan: Scan) -> Estimate | None: ...
 
@@ -27,7 +27,7 @@ class Stepper(Protocol):
 def adapt(
     config: FilterConfig | PluginConfig,
     folder: Path | None,
-    lanes: int,
+    batch: int,
     primed: Callable[[FilterTracker], FilterTracker],
 ) -> Stepper:
     """A fresh tracker, as a scenario names it.
@@ -35,7 +35,7 @@ def adapt(
     Args:
         config: the scenario's entry.
         folder: where a tracker's module is looked for first.
-        lanes: how many tracks it follows at once.
+        batch: how many tracks it follows at once.
         primed: gives a built-in tracker its first states, where it starts from the truth.
 
     Raises:
@@ -49,12 +49,12 @@ def adapt(
         return Direct(primed(tracker))
     if getattr(tracker, "batched", False):
         return Batched(tracker)
-    return Looped(make, lanes)
+    return Looped(make, batch)
 
 
-def blinded(scan: Scan) -> Scan:
+def masked(scan: Scan) -> Scan:
     """The scan of a sensor that the tracker does not read: it only tells the time."""
-    return scan._replace(reading=np.full_like(scan.reading, np.nan), valid=np.zeros_like(scan.valid))
+    return scan._replace(measurement=np.full_like(scan.measurement, np.nan), valid=np.zeros_like(scan.valid))
 
 
 def cause_of(error: BaseException) -> str:
@@ -74,13 +74,13 @@ class Direct:
         self._state: TrackState | None = None
 
     def step(self, scan: Scan) -> Estimate:
-        """The estimates of all lanes."""
+        """The estimates of all batch."""
         self._state, estimate = self._tracker.step(self._state, scan)
         return estimate
 
 
 class Batched:
-    """A tracker that takes all lanes at once."""
+    """A tracker that takes all batch at once."""
 
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = tracker
@@ -88,7 +88,7 @@ class Batched:
         self._estimated = False
 
     def step(self, scan: Scan) -> Estimate | None:
-        """The estimates of all lanes, or None while there is none at all."""
+        """The estimates of all batch, or None while there is none at all."""
         self._state, answer = unpack(self._tracker.step(self._state, scan))
         estimate = checked(answer, scan)
         if estimate is None and self._estimated:
@@ -98,69 +98,69 @@ class Batched:
 
 
 class Looped:
-    """A tracker that knows one object: a fresh one for each lane, called from the lane's first reading on."""
+    """A tracker that knows one object: a fresh one for each member, called from the member's first measurement on."""
 
-    def __init__(self, make: Callable[[], Tracker], lanes: int) -> None:
-        self._trackers = [make() for _ in range(lanes)]
-        self._states: list[Any] = [None] * lanes
-        self._begun = [False] * lanes
-        self._known = [False] * lanes
+    def __init__(self, make: Callable[[], Tracker], batch: int) -> None:
+        self._trackers = [make() for _ in range(batch)]
+        self._states: list[Any] = [None] * batch
+        self._begun = [False] * batch
+        self._known = [False] * batch
 
     def step(self, scan: Scan) -> Estimate | None:
-        """Step every lane that has had a reading. Lanes are ``(lanes,)``.
+        """Step every member that has had a measurement. Members are ``(batch,)``.
 
         Raises:
-            LaneFault: a lane's tracker raised, or what it gave is not an estimate.
+            TrackFault: a member's tracker raised, or what it gave is not an estimate.
         """
         answers: list[Estimate | None] = []
-        for lane in range(len(self._trackers)):
-            self._begun[lane] = self._begun[lane] or bool(scan.valid[lane])
+        for member in range(len(self._trackers)):
+            self._begun[member] = self._begun[member] or bool(scan.valid[member])
             try:
-                answers.append(self._one(lane, scan) if self._begun[lane] else None)
+                answers.append(self._one(member, scan) if self._begun[member] else None)
             except (Exception, SystemExit) as error:
-                raise LaneFault(error, lane) from error
-        return together(answers, len(scan.reading))
+                raise TrackFault(error, member) from error
+        return together(answers, len(scan.measurement))
 
-    def _one(self, lane: int, scan: Scan) -> Estimate | None:
-        own = scan._replace(reading=scan.reading[:, lane], valid=scan.valid[lane])
-        self._states[lane], answer = unpack(self._trackers[lane].step(self._states[lane], own))
+    def _one(self, member: int, scan: Scan) -> Estimate | None:
+        own = scan._replace(measurement=scan.measurement[:, member], valid=scan.valid[member])
+        self._states[member], answer = unpack(self._trackers[member].step(self._states[member], own))
         estimate = checked(answer, own)
         if estimate is None:
-            if self._known[lane]:
+            if self._known[member]:
                 raise TrackerFault(GIVEN_UP)
             return None
         if not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
             raise TrackerFault(NOT_FINITE)
-        self._known[lane] = True
+        self._known[member] = True
         return estimate
 
 
-class LaneFault(Exception):
-    """A fault of one lane."""
+class TrackFault(Exception):
+    """A fault of one member."""
 
-    def __init__(self, cause: BaseException, lane: int) -> None:
+    def __init__(self, cause: BaseException, member: int) -> None:
         super().__init__(str(cause))
         self.cause = cause
-        self.lane = lane
+        self.member = member
 
 
 def together(answers: list[Estimate | None], size: int) -> Estimate | None:
-    """One estimate with a lane axis from those of single lanes; NaN where there is none."""
+    """One estimate with a member axis from those of single batch; NaN where there is none."""
     given = [answer for answer in answers if answer is not None]
     if not given:
         return None
     size = next((len(answer.innovation) for answer in given if answer.innovation is not None), size)
-    lanes = len(answers)
-    mean, covariance = np.full((4, lanes), np.nan), np.full((4, 4, lanes), np.nan)
-    innovation, spread = np.full((size, lanes), np.nan), np.full((size, size, lanes), np.nan)
-    repaired = np.zeros(lanes, dtype=bool)
-    for lane, answer in enumerate(answers):
+    batch = len(answers)
+    mean, covariance = np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan)
+    innovation, spread = np.full((size, batch), np.nan), np.full((size, size, batch), np.nan)
+    repaired = np.zeros(batch, dtype=bool)
+    for member, answer in enumerate(answers):
         if answer is None:
             continue
-        mean[:, lane], covariance[:, :, lane] = answer.mean, answer.covariance
-        repaired[lane] = bool(answer.repaired) if answer.repaired is not None else False
+        mean[:, member], covariance[:, :, member] = answer.mean, answer.covariance
+        repaired[member] = bool(answer.repaired) if answer.repaired is not None else False
         if answer.innovation is not None and answer.innovation_covariance is not None:
-            innovation[:, lane], spread[:, :, lane] = answer.innovation, answer.innovation_covariance
+            innovation[:, member], spread[:, :, member] = answer.innovation, answer.innovation_covariance
     if np.isnan(innovation).all():
         return Estimate(mean, covariance, repaired=repaired)
     return Estimate(mean, covariance, innovation=innovation, innovation_covariance=spread, repaired=repaired)

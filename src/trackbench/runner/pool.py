@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection, wait
 
 from trackbench.errors import TrackbenchError
 from trackbench.runner.block import Block, Observer, Work, run_block
-from trackbench.types import Progress, untold
+from trackbench.types import Progress, no_progress
 
 #: Least time between two words on how far a block is, s.
 INTERVAL = 0.1
@@ -22,7 +22,7 @@ DIED = "a worker process died; --workers 1 may show what it died of"
 
 
 def run_blocks(
-    work: Work, workers: int, progress: Progress = untold, observer: Observer | None = None, at_hand: int = 0
+    work: Work, workers: int, progress: Progress = no_progress, observer: Observer | None = None, at_hand: int = 0
 ) -> Iterator[Block]:
     """The blocks in their order, however many processes make them.
 
@@ -30,7 +30,7 @@ def run_blocks(
         work: what is the same for all of them.
         workers: number of processes.
         progress: called with the number of runs done and of all.
-        observer: called in this process, whichever makes the shown run.
+        observer: called in this process, whichever makes the recorded run.
         at_hand: how many of the first ones there are already.
 
     Raises:

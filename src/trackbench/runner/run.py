@@ -1,4 +1,4 @@
-"""Run a scenario: truth, readings, trackers, scores, verdicts."""
+"""Run a scenario: truth, measurements, trackers, scores, verdicts."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from trackbench.runner.expectations import judge
 from trackbench.runner.pool import run_blocks
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.config import BoundConfig, Scenario
-from trackbench.sensing.readings import ideal_sensors
+from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
-from trackbench.types import Array, Progress, untold
+from trackbench.types import Array, Progress, no_progress
 from trackbench.words import counted
 
 Json = dict[str, Any]
@@ -55,7 +55,7 @@ def run(
     *,
     workers: int = 1,
     command: str = "",
-    progress: Progress = untold,
+    progress: Progress = no_progress,
     observer: Observer | None = None,
 ) -> RunResult:
     """The result of a scenario.
@@ -68,7 +68,7 @@ def run(
         workers: number of processes.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
-        observer: called with what is found of the shown run, as it is found; it should return at once.
+        observer: called with what is found of the recorded run, as it is found; it should return at once.
     """
     work = work_of(loaded, truth)
     begin = time.perf_counter()
@@ -85,12 +85,12 @@ def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
         seed=scenario.monte_carlo.seed,
         runs=scenario.monte_carlo.runs,
         truth=truth.truth,
-        sensors=ideal_sensors(truth.truth, scenario.sensors, truth.readings),
+        sensors=ideal_sensors(truth.truth, scenario.sensors, truth.measurements),
         trackers=scenario.trackers,
         folder=loaded.path.resolve().parent,
         settle=scenario.score.settle_s,
         divergence=scenario.score.divergence_m,
-        shown_run=scenario.recording.run,
+        recorded_run=scenario.recording.run,
     )
 
 
@@ -166,7 +166,7 @@ class _Assembly:
                 "velocity_sigma_mps": scenario.score.bound.velocity_sigma_mps,
             },
             "score": {"settle_s": work.settle, "divergence_m": work.divergence},
-            "shown_run": work.shown_run,
+            "recorded_run": work.recorded_run,
             "trackers": list(entries.values()),
             "ranking": self._ranking(intervals),
             "differences": _differences(intervals),
@@ -203,7 +203,7 @@ class _Assembly:
         return found
 
     def _rates(self) -> dict[str, Array]:
-        """Share of the runs in which each object was detected, at each reading of each sensor."""
+        """Share of the runs in which each object was detected, at each measurement of each sensor."""
         return {
             sensor.name: np.sum([block.detections[sensor.name] for block in self._blocks], axis=0) / self._work.runs
             for sensor in self._work.sensors
@@ -221,7 +221,7 @@ class _Assembly:
             seen = visible.sum()
             found[sensor.name] = {
                 "kind": sensor.config.type,
-                "dof": len(sensor.noise),
+                "dof": len(sensor.noise_covariance),
                 "rate_hz": sensor.config.rate_hz,
                 "preset": sensor.config.preset,
                 "detection_rate": float(rates[sensor.name].sum() / seen) if seen > 0 else None,
@@ -229,7 +229,7 @@ class _Assembly:
         return found
 
     def _fingerprint(self) -> str:
-        """Of every reading of every run: equal fingerprints mean equal readings."""
+        """Of every measurement of every run: equal fingerprints mean equal measurements."""
         whole = hashlib.sha256()
         for block in self._blocks:
             for digest in block.digests:
@@ -247,17 +247,17 @@ class _Assembly:
         shown = next(block for block in self._blocks if block.scans is not None)
         assert shown.scans is not None
         times = {sensor.name: sensor.time for sensor in work.sensors}
-        traces = {name: trace for name, trace in shown.traces.items() if name in self._scores}
+        recorded = {name: recorded for name, recorded in shown.recorded.items() if name in self._scores}
         return {
             "steps": tables.steps_table(self._scores, bounds, truth.time[self._instants]),
             "nis": tables.nis_table(self._scores, times),
             "runs": tables.runs_table(self._scores),
             "breakdown": tables.breakdown_table(self._scores),
             "autocorrelation": tables.autocorrelation_table(self._scores),
-            "truth": tables.truth_table(truth, work.shown_run),
-            "readings": tables.readings_table(shown.scans, truth.ids),
-            "estimates": tables.estimates_table(traces, truth, self._instants, work.shown_run),
-            "shown_nis": tables.shown_nis_table(traces, work, times),
+            "truth": tables.truth_table(truth, work.recorded_run),
+            "measurements": tables.measurements_table(shown.scans, truth.ids),
+            "estimates": tables.estimates_table(recorded, truth, self._instants, work.recorded_run),
+            "recorded_nis": tables.recorded_nis_table(recorded, work, times),
             "roads": tables.roads_table(truth),
         }
 

@@ -1,4 +1,4 @@
-"""What a run leaves per step, per run and of the shown run, as tables with a unit in each column's name."""
+"""What a run leaves per step, per run and of the recorded run, as tables with a unit in each column's name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackbench.metrics.consistency import mean_bounds, normalised_square
 from trackbench.metrics.scores import Scores
 from trackbench.metrics.summary import ERROR, NIS_RUN, NIS_STEP
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.runner.block import Trace, Work
+from trackbench.runner.block import RecordedEstimates, Work
 from trackbench.types import Array, Indices, Scan, Truth
 
 Columns = dict[str, Array | list[str]]
@@ -24,7 +24,7 @@ def steps_table(scores: Mapping[str, Scores], bounds: Mapping[str, Array], time:
 
 
 def nis_table(scores: Mapping[str, Scores], sensor_times: Mapping[str, Array]) -> pa.Table:
-    """Normalised innovation squared of each tracker and sensor at each reading."""
+    """Normalised innovation squared of each tracker and sensor at each measurement."""
     parts = []
     for name, item in scores.items():
         for sensor, nis in item.nis.items():
@@ -78,7 +78,7 @@ def breakdown_table(scores: Mapping[str, Scores]) -> pa.Table:
 
 
 def autocorrelation_table(scores: Mapping[str, Scores]) -> pa.Table:
-    """Autocorrelation of each tracker's whitened innovations over all runs, by lag in readings.
+    """Autocorrelation of each tracker's whitened innovations over all runs, by lag in measurements.
 
     ``low`` and ``high`` hold 95 % of the values where the innovations are white.
     """
@@ -156,13 +156,13 @@ def truth_table(truth: Truth, run: int) -> pa.Table:
     return table.set_column(table.schema.get_field_index("alive"), "alive", table["alive"].cast(pa.bool_()))
 
 
-def readings_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
-    """Every reading of the shown run, with the position in the fixed frame that it states."""
+def measurements_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
+    """Every measurement of the recorded run, with the position in the fixed frame that it states."""
     rows = len(ids)
     parts: list[Columns] = []
     for scan in scans:
         position = SENSOR_MODELS[scan.kind].position(scan).mean
-        third = scan.reading[2] if len(scan.reading) > 2 else np.full(rows, np.nan)
+        third = scan.measurement[2] if len(scan.measurement) > 2 else np.full(rows, np.nan)
         parts.append(
             {
                 "sensor": [scan.sensor] * rows,
@@ -171,8 +171,8 @@ def readings_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
                 "time_s": np.full(rows, scan.time),
                 "arrival_time_s": np.full(rows, scan.arrival_time),
                 "valid": scan.valid.astype(float),
-                "z0": scan.reading[0],
-                "z1": scan.reading[1],
+                "z0": scan.measurement[0],
+                "z1": scan.measurement[1],
                 "z2": third,
                 "x_m": position[0],
                 "y_m": position[1],
@@ -185,17 +185,17 @@ def readings_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
     return table.set_column(table.schema.get_field_index("valid"), "valid", table["valid"].cast(pa.bool_()))
 
 
-def estimates_table(traces: Mapping[str, Trace], truth: Truth, instants: Indices, run: int) -> pa.Table:
+def estimates_table(recorded: Mapping[str, RecordedEstimates], truth: Truth, instants: Indices, run: int) -> pa.Table:
     """Every tracker's estimates of one run at some steps of the truth, with their errors."""
     column = min(run, truth.px.shape[2] - 1)
     state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[..., column][:, instants]
     rows = len(instants)
     parts: list[Columns] = []
-    for name, trace in traces.items():
-        error = trace.mean - state
-        nees = normalised_square(error, trace.covariance)[0]
+    for name, of in recorded.items():
+        error = of.mean - state
+        nees = normalised_square(error, of.covariance)[0]
         for i, target in enumerate(truth.ids):
-            mean, covariance = trace.mean[:, :, i], trace.covariance[:, :, :, i]
+            mean, covariance = of.mean[:, :, i], of.covariance[:, :, :, i]
             parts.append(
                 {
                     "tracker": [name] * rows,
@@ -211,11 +211,13 @@ def estimates_table(traces: Mapping[str, Trace], truth: Truth, instants: Indices
     return _stacked(parts)
 
 
-def shown_nis_table(traces: Mapping[str, Trace], work: Work, sensor_times: Mapping[str, Array]) -> pa.Table:
-    """Normalised innovation squared of every reading of the shown run."""
+def recorded_nis_table(
+    recorded: Mapping[str, RecordedEstimates], work: Work, sensor_times: Mapping[str, Array]
+) -> pa.Table:
+    """Normalised innovation squared of every measurement of the recorded run."""
     parts: list[Columns] = []
-    for name, trace in traces.items():
-        for sensor, values in trace.nis.items():
+    for name, of in recorded.items():
+        for sensor, values in of.nis.items():
             nis = np.stack(values)
             for i, target in enumerate(work.truth.ids):
                 rows = len(nis)

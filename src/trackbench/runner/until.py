@@ -18,7 +18,7 @@ from trackbench.scenario import LoadedScenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth, most_runs, varies
-from trackbench.types import Progress, untold
+from trackbench.types import Progress, no_progress
 
 #: Fewer runs do not show their own spread well enough to stop by it.
 FIRST_RUNS = 50
@@ -50,7 +50,7 @@ def run_until(
     *,
     workers: int = 1,
     command: Callable[[LoadedScenario], str],
-    progress: Progress = untold,
+    progress: Progress = no_progress,
     observer: Observer | None = None,
 ) -> RunResult:
     """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
@@ -67,7 +67,7 @@ def run_until(
         workers: number of processes.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
-        observer: called with what is found of the shown run, which is among those of the first look.
+        observer: called with what is found of the recorded run, which is among those of the first look.
     """
     blocks: list[Block] = []
     while True:

@@ -29,7 +29,7 @@ class BoundConfig(Config):
         "acceleration of the truth unless given.",
     )
     velocity_sigma_mps: Positive = Field(
-        20, description="Standard deviation of the velocity before the first reading, m/s."
+        20, description="Standard deviation of the velocity before the first measurement, m/s."
     )
 
 
@@ -70,7 +70,7 @@ class Expectation(Config):
 class RecordingConfig(Config):
     """What the Rerun recording shows."""
 
-    run: int = Field(0, ge=0, description="The Monte-Carlo run whose readings and estimates are shown, from 0.")
+    run: int = Field(0, ge=0, description="The Monte-Carlo run whose measurements and estimates are shown, from 0.")
 
 
 class Scenario(Config):

@@ -55,7 +55,7 @@ def _times(scenario: Scenario, truth: HighwayTruth | ScriptedTruth) -> Iterator[
             message = f"must be below the sensor's period, which is {1 / sensor.rate_hz:g} s"
             yield Problem(("sensors", name, "phase_s"), message)
         elif sensor.phase_s > truth.duration_s:
-            message = f"the first reading is after the end, which is at {truth.duration_s:g} s"
+            message = f"the first measurement is after the end, which is at {truth.duration_s:g} s"
             yield Problem(("sensors", name, "phase_s"), message)
         elif not _whole(sensor.phase_s * truth_rate):
             near = f"{round(sensor.phase_s * truth_rate) / truth_rate:g}"

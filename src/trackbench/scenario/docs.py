@@ -140,7 +140,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "TruthColumns": "`columns`",
         "ObserverColumns": "`columns.observer`",
         "Units": "`units`",
-        "ReadingColumns": "Each of `readings`",
+        "MeasurementColumns": "Each of `readings`",
     },
     "sensors": {
         "RadarConfig": "Radar",

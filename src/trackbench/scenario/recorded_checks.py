@@ -9,12 +9,12 @@ from trackbench.config import Problem
 from trackbench.errors import nearest
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config import RecordingTruth
-from trackbench.truth.config.recording import READING_COLUMNS
+from trackbench.truth.config.recording import MEASUREMENT_COLUMNS
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Scenario
 
-#: Keys of a sensor that say what it would read; recorded readings are taken as they are.
+#: Keys of a sensor that say what it would read; recorded measurements are taken as they are.
 SYNTHETIC = ("phase_s", "fov_deg", "max_range_m", "detection_probability")
 
 
@@ -29,18 +29,18 @@ def problems(scenario: Scenario, truth: RecordingTruth) -> Iterator[Problem]:
         yield from _synthetic(scenario, name)
     if len(fed) == len(kinds) and scenario.monte_carlo.runs > 1 and not _random_starts(scenario):
         message = (
-            f"must be 1, not {scenario.monte_carlo.runs}: all readings are recorded, so every run would be the same"
+            f"must be 1, not {scenario.monte_carlo.runs}: all measurements are recorded, so every run would be the same"
         )
         yield Problem(("monte_carlo", "runs"), message)
 
 
 def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
-    for name, columns in truth.readings.items():
+    for name, columns in truth.measurements.items():
         at = ("truth", "readings", name)
         if name not in kinds:
             yield Problem(at, f"the scenario has no sensor {name!r}; {nearest(name, kinds)}")
             continue
-        needed = READING_COLUMNS[kinds[name]]
+        needed = MEASUREMENT_COLUMNS[kinds[name]]
         for component in needed:
             if component not in columns.components:
                 yield Problem((*at, component), f"missing: a {kinds[name]} reads {', '.join(needed)}")
@@ -62,7 +62,9 @@ def _synthetic(scenario: Scenario, name: str) -> Iterator[Problem]:
     biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
     for key in (*SYNTHETIC, *biases):
         if key in sensor.model_fields_set and sensor.preset is None:
-            yield Problem(("sensors", name, key), f"the readings of {name} are recorded and taken as they are; remove")
+            yield Problem(
+                ("sensors", name, key), f"the measurements of {name} are recorded and taken as they are; remove"
+            )
 
 
 def _random_starts(scenario: Scenario) -> bool:

@@ -1,1 +1,1 @@
-"""Truth and sensor models to readings."""
+"""Truth and sensor models to measurements."""

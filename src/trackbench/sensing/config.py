@@ -23,8 +23,8 @@ class Mount(Config):
 class Dropout(Config):
     """An interval in which the sensor is silent."""
 
-    from_s: NonNegative = Field(description="First instant without a reading, s.")
-    to_s: NonNegative = Field(description="First instant with readings again, s.")
+    from_s: NonNegative = Field(description="First instant without a measurement, s.")
+    to_s: NonNegative = Field(description="First instant with measurements again, s.")
 
     def problems(self) -> Iterator[Problem]:
         if self.from_s >= self.to_s:
@@ -40,9 +40,9 @@ class SensorConfig(Config):
         description="A real sensor whose published figures are the defaults of the other keys "
         "(`trackbench list sensors` shows them).",
     )
-    rate_hz: float = Field(gt=0, le=1000, description="Readings per second, Hz; it divides truth.rate_hz.")
+    rate_hz: float = Field(gt=0, le=1000, description="Measurements per second, Hz; it divides truth.rate_hz.")
     phase_s: NonNegative = Field(
-        0, description="Time of the first reading, s; a whole number of truth steps, shorter than a period."
+        0, description="Time of the first measurement, s; a whole number of truth steps, shorter than a period."
     )
     mount: Mount = Field(default_factory=Mount, description="Pose on the observer.")
     fov_deg: float = Field(
@@ -52,7 +52,7 @@ class SensorConfig(Config):
         None, description="Beyond this range nothing is detected, m; no limit unless given."
     )
     detection_probability: Probability = Field(
-        1, description="Probability that a vehicle within range and field of view gives a reading, 0 to 1."
+        1, description="Probability that a vehicle within range and field of view gives a measurement, 0 to 1."
     )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
     latency_s: float = Field(0, ge=0, le=60, description="Delay from the measurement to its arrival at the tracker, s.")
@@ -92,7 +92,7 @@ class RadarConfig(PolarConfig):
 class SpeedRadarConfig(PolarConfig):
     """Measures range, azimuth and, in place of the range rate, the target's speed over ground.
 
-    No radar does; it is for trackers that were written for such readings.
+    No radar does; it is for trackers that were written for such measurements.
     """
 
     type: Literal["speed_radar"] = Field("speed_radar", description="The kind of sensor.")

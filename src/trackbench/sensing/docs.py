@@ -18,7 +18,7 @@ Published figures of real sensors, named in a scenario as `preset:`; a key that 
 preset's. What each key means is in [sensors](sensors.md).
 
 Makers rarely say what "accuracy" means. Where the source states no standard deviation, the figure is taken as one: the
-cautious reading, as a bound or a two-sigma figure would mean less noise. A figure that no source gives is marked
+cautious measurement, as a bound or a two-sigma figure would mean less noise. A figure that no source gives is marked
 assumed, with the reason. A lidar's figure is that of a single point; the position of a whole vehicle, found from its
 points, is less certain: set `position_sigma_m` where that matters.
 """

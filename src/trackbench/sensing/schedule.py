@@ -13,7 +13,7 @@ TOLERANCE = 5e-7
 
 
 def firing_steps(config: SensorConfig, time: Array) -> npt.NDArray[np.intp]:
-    """Indices of the truth steps at which the sensor takes a reading: the first at or after each instant of its rate.
+    """Indices of the truth steps at which the sensor measures: the first at or after each instant of its rate.
 
     On a regular grid whose rate that of the sensor divides, these are the instants themselves.
     """

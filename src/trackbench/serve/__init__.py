@@ -1,1 +1,1 @@
-"""Trackers as live servers: a client sends readings and gets estimates."""
+"""Trackers as live servers: a client sends measurements and gets estimates."""

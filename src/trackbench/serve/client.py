@@ -55,10 +55,10 @@ class Client:
     def report(self) -> None:
         """Log what the session came to."""
         session = self._session
-        if session.readings:
+        if session.measurements:
             px, py, vx, vy = session.rmse
-            text = "%s: %d readings, %d estimates, RMSE %.4f %.4f m, %.4f %.4f m/s"
-            log.info(text, self._name, session.readings, session.estimates, px, py, vx, vy)
+            text = "%s: %d measurements, %d estimates, RMSE %.4f %.4f m, %.4f %.4f m/s"
+            log.info(text, self._name, session.measurements, session.estimates, px, py, vx, vy)
 
     def _measured(self, telemetry: Telemetry) -> str:
         measurement, last = telemetry.measurement, self._last

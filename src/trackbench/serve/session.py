@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.errors import InputError, nearest
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.scores import OVERFLOW
-from trackbench.runner.adapters import LaneFault, Stepper, adapt, blinded, cause_of
+from trackbench.runner.adapters import Stepper, TrackFault, adapt, cause_of, masked
 from trackbench.scenario import LoadedScenario
 from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.geometry import sensor_motion
@@ -40,7 +40,7 @@ class Sensor(NamedTuple):
 
     name: str
     config: LidarConfig | RadarConfig
-    noise: Array
+    noise_covariance: Array
     """``(m, m)``"""
     pose: Array
     """``(3,)`` x m, y m, yaw rad in the simulator's frame."""
@@ -109,7 +109,7 @@ class Session:
             raise TrackerFailed(f"to start: {cause_of(error)}") from error
         self._first: int | None = None
         self._squares = np.zeros(4)
-        self.readings = 0
+        self.measurements = 0
         self.estimates = 0
 
     @property
@@ -128,7 +128,7 @@ class Session:
         """
         if self._first is None:
             self._first = measurement.stamp
-        self.readings += 1
+        self.measurements += 1
         estimate = self._step(self._scan(measurement, self._first))
         if estimate is None:
             return None
@@ -142,31 +142,31 @@ class Session:
 
     def _scan(self, measurement: Measurement, first: int) -> Scan:
         sensor = self._served.sensors[measurement.kind]
-        reading = np.array(measurement.reading)[:, None]
+        values = np.array(measurement.measurement)[:, None]
         if measurement.kind == "radar":
-            reading[1] = wrap_angle(reading[1])
+            values[1] = wrap_angle(values[1])
         time = (measurement.stamp - first) / SECOND
         valid = ~silent(sensor.config, np.array([time]))
         scan = Scan(
             time=time,
             sensor=sensor.name,
             kind=measurement.kind,
-            reading=np.where(valid, reading, np.nan),
+            measurement=np.where(valid, values, np.nan),
             valid=valid,
-            noise=sensor.noise,
+            noise_covariance=sensor.noise_covariance,
             sensor_pose=sensor.pose,
             sensor_velocity=np.zeros(2),
             arrival_time=time + sensor.config.latency_s,
         )
-        named = self._served.config.heard
-        return scan if named is None or sensor.name in named else blinded(scan)
+        named = self._served.config.sensors_used
+        return scan if named is None or sensor.name in named else masked(scan)
 
     def _step(self, scan: Scan) -> Estimate | None:
         """The tracker's estimate, held against what the runner asks of one."""
         try:
             with np.errstate(all="ignore"):
                 estimate = self._stepper.step(scan)
-        except LaneFault as fault:
+        except TrackFault as fault:
             raise self._failed(cause_of(fault.cause)) from fault
         except (Exception, SystemExit) as error:
             raise self._failed(cause_of(error)) from error
@@ -179,7 +179,7 @@ class Session:
         return estimate
 
     def _failed(self, cause: str) -> TrackerFailed:
-        return TrackerFailed(f"at reading {self.readings}: {cause}")
+        return TrackerFailed(f"at measurement {self.measurements}: {cause}")
 
 
 def _noise_and_pose(config: LidarConfig | RadarConfig, observer: FixedObserver | str) -> tuple[Array, Array]:

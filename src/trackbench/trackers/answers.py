@@ -11,7 +11,7 @@ from trackbench.types import Array, Estimate, Scan
 NOT_FINITE = "the estimate is not finite"
 NOT_DEFINITE = "the covariance is not positive definite"
 TOO_LARGE = "the error, or its ratio to the covariance, is too large for any score"
-GIVEN_UP = "it gave None after an estimate: where a reading is missed, the estimate is to be predicted"
+GIVEN_UP = "it gave None after an estimate: where a measurement is missed, the estimate is to be predicted"
 
 #: Largest difference of mirrored entries of a covariance, relative to its largest entry.
 ASYMMETRY = 1e-6
@@ -60,16 +60,16 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
     batch = np.shape(scan.valid)
     mean = _array("mean", answer.mean, (4, *batch))
     covariance = _array("covariance", answer.covariance, (4, 4, *batch))
-    innovation, spread = answer.innovation, answer.innovation_covariance
-    if innovation is not None and spread is not None:
+    innovation, sigmas = answer.innovation, answer.innovation_covariance
+    if innovation is not None and sigmas is not None:
         size = len(np.atleast_1d(innovation))
         innovation = _array("innovation", innovation, (size, *batch))
-        spread = _array("innovation covariance", spread, (size, size, *batch))
+        sigmas = _array("innovation covariance", sigmas, (size, size, *batch))
     repaired = answer.repaired
     if repaired is not None and np.shape(repaired) != batch:
         raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
     # The whitened innovation is left out: it is computed here, rather than believed.
-    return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, spread, None, repaired)
+    return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, sigmas, None, repaired)
 
 
 def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:

@@ -9,13 +9,13 @@ from trackbench.types import Array, Estimate, Scan
 
 
 class Tracker(Protocol):
-    """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its readings."""
+    """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its measurements."""
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Estimate | tuple[Array, Array] | None]:
         """The state and the estimate after a scan.
 
-        ``state`` is None at the first reading and is never changed in place. The estimate is None while there is none;
-        a batched tracker gives NaN where an object has none yet.
+        ``state`` is None at the first measurement and is never changed in place. The estimate is None while there is
+        none; a batched tracker gives NaN where an object has none yet.
         """
         ...
 
@@ -28,8 +28,8 @@ def require_in_sequence(scan: Scan, time: float) -> None:
     """
     if scan.time < time:
         raise TrackbenchError(
-            f"reading of {scan.sensor} at {scan.time:g} s is older than the estimate at {time:g} s: "
-            "out-of-sequence readings are not supported"
+            f"measurement of {scan.sensor} at {scan.time:g} s is older than the estimate at {time:g} s: "
+            "out-of-sequence measurements are not supported"
         )
 
 

@@ -14,13 +14,13 @@ from trackbench.filters import (
     classic,
     scaled,
 )
-from trackbench.models.motion import MOTION_MODELS, MotionModel, StatedNoise
+from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel
 from trackbench.trackers.config import MOTION_NOISE, FilterConfig
 from trackbench.trackers.filtered import FilterTracker
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
 FILTERS = {
-    "kf": "Kalman filter on positions (a radar reading is converted, its range rate left out); motion cv or ca",
+    "kf": "Kalman filter on positions (a radar measurement is converted, its range rate left out); motion cv or ca",
     "ekf": "extended Kalman filter of first order",
     "iekf": "iterated extended Kalman filter",
     "ukf": "unscented Kalman filter, scaled or classic sigma points, augmented or not",
@@ -61,7 +61,7 @@ def ckf(**options: Any) -> FilterTracker:
 def _motion(config: FilterConfig) -> MotionModel:
     model, keys = MOTION_MODELS[config.motion], MOTION_NOISE[config.motion]
     if config.process_noise_diag is not None:
-        return StatedNoise(model(*(0.0 for _ in keys)), tuple(config.process_noise_diag))
+        return ConstantProcessNoise(model(*(0.0 for _ in keys)), tuple(config.process_noise_diag))
     return model(*(getattr(config, key) for key in keys))
 
 

@@ -42,7 +42,7 @@ LINEAR_MOTION = ("cv", "ca")
 #: The components of each motion model's state.
 MOTION_STATE = {name: model.components for name, model in MOTION_MODELS.items()}
 
-#: Where each key of the initial state is used; elsewhere the readings give it.
+#: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "sensors": ("first_reading", "two_readings"),
     "skip": ("first_reading", "two_readings"),
@@ -64,31 +64,31 @@ class InitialConfig(Config):
     source: InitialSource = Field(
         "two_readings",
         alias="from",
-        description="first_reading: position of the first reading, velocity unknown. two_readings: velocity "
+        description="first_reading: position of the first measurement, velocity unknown. two_readings: velocity "
         "from the displacement between the first two. truth: drawn from the truth with the standard "
         "deviations below, for consistency tests.",
     )
     sensors: list[str] | None = Field(
         None,
         min_length=1,
-        description="Names of the sensors whose readings start a track; those that the tracker reads unless given. Not "
-        "from truth.",
+        description="Names of the sensors whose measurements start a track; those that the tracker reads unless given. "
+        "Not from truth.",
     )
     skip: int = Field(
         0,
         ge=0,
         le=1000,
-        description="How many readings of an object are passed over before those that start its track.",
+        description="How many measurements of an object are passed over before those that start its track.",
     )
     waiting: Literal["nothing", "at_rest"] = Field(
         "nothing",
         description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
-        "latest reading says, its velocity being as unknown as from first_reading.",
+        "latest measurement says, its velocity being as unknown as from first_reading.",
     )
     velocity: Literal["zero", "radial"] = Field(
         "zero",
-        description="First velocity, from first_reading only. radial: the third component of a radar's reading, along "
-        "the line of sight.",
+        description="First velocity, from first_reading only. radial: the third component of a radar's measurement, "
+        "along the line of sight.",
     )
     position_sigma_m: Positive = Field(
         1, description="Standard deviation of each position component, m; from truth only."
@@ -102,7 +102,7 @@ class InitialConfig(Config):
     yaw_sigma_rad: Positive | None = Field(
         None,
         description="Standard deviation of the course, rad; motion ctrv and ctra. From truth: 0.1 unless given. "
-        "From readings: the most that is said of it, pi / sqrt(3) (nothing known) unless given.",
+        "From measurements: the most that is said of it, pi / sqrt(3) (nothing known) unless given.",
     )
     yaw_rate_sigma_radps: Positive = Field(
         0.3, description="Standard deviation of the yaw rate, rad/s; motion ctrv and ctra."
@@ -116,7 +116,7 @@ class InitialConfig(Config):
     covariance_diag: list[Positive] | None = Field(
         None,
         description="Diagonal of the covariance that the first state is said to have, one variance for each component "
-        "of the state. Unless given, it is what the reading and the standard deviations above give.",
+        "of the state. Unless given, it is what the measurement and the standard deviations above give.",
     )
 
     def problems(self) -> Iterator[Problem]:
@@ -162,15 +162,15 @@ class FilterConfig(Config):
         description="ukf only. scaled: weights from alpha, beta and kappa (van der Merwe). classic: from "
         "kappa alone (Julier).",
     )
-    augmented: bool = Field(True, description="ukf only. Whether the sigma points also spread over the process noise.")
-    alpha: float = Field(1, gt=0, le=1, description="ukf with scaled sigma points only. Their spread, 0 to 1.")
+    augmented: bool = Field(True, description="ukf only. Whether the sigma points also sigmas over the process noise.")
+    alpha: float = Field(1, gt=0, le=1, description="ukf with scaled sigma points only. Their sigmas, 0 to 1.")
     beta: float = Field(
         2, ge=0, description="ukf with scaled sigma points only. 2 is best for a Gaussian distribution."
     )
     kappa: float | None = Field(
         None,
-        description="ukf only. Secondary spread of the sigma points. Unless given: 0 with scaled, and 3 "
-        "minus the number of spread components with classic.",
+        description="ukf only. Secondary sigmas of the sigma points. Unless given: 0 with scaled, and 3 "
+        "minus the number of sigmas components with classic.",
     )
     iterations: int = Field(5, ge=1, le=100, description="iekf only. How often an update is linearised again.")
     sensor_models: dict[str, SensorKind] = Field(
@@ -181,8 +181,8 @@ class FilterConfig(Config):
     sweep: Sweep = None
 
     @property
-    def heard(self) -> list[str] | None:
-        """Names of the sensors whose readings it is given: those that it reads or starts tracks from; None: all."""
+    def sensors_used(self) -> list[str] | None:
+        """Names of the sensors whose measurements it is given: those that it reads or starts tracks from; None: all."""
         return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
 
     def problems(self) -> Iterator[Problem]:
@@ -241,8 +241,8 @@ class PluginConfig(Config):
     sweep: Sweep = None
 
     @property
-    def heard(self) -> list[str] | None:
-        """Names of the sensors whose readings it is given; None: all."""
+    def sensors_used(self) -> list[str] | None:
+        """Names of the sensors whose measurements it is given; None: all."""
         return self.sensors
 
     def problems(self) -> Iterator[Problem]:

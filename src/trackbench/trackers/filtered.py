@@ -14,7 +14,7 @@ from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
 from trackbench.trackers.base import Prior, require_in_sequence
 from trackbench.trackers.config import InitialConfig
-from trackbench.trackers.initial import Waiting
+from trackbench.trackers.initial import TentativeTrack
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
 
@@ -25,7 +25,7 @@ class TrackState(NamedTuple):
     belief: Belief
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
-    waiting: Waiting | None = None
+    waiting: TentativeTrack | None = None
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class FilterTracker:
     sensor_models: Mapping[str, str] = field(default_factory=dict)
     """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
     sensors: Collection[str] | None = None
-    """Names of the sensors whose readings it takes in; None: all that it is given."""
+    """Names of the sensors whose measurements it takes in; None: all that it is given."""
 
     batched: ClassVar = True
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
-        """Predict to the scan's time and take its readings in.
+        """Predict to the scan's time and take its measurements in.
 
         Raises:
             TrackbenchError: the scan is older than the state.
@@ -124,7 +124,7 @@ class FilterTracker:
             chosen = chosen._replace(points=points)
         return chosen, started | fresh
 
-    def _estimate(self, belief: Belief, started: Mask, waiting: Waiting | None) -> Estimate:
+    def _estimate(self, belief: Belief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
         mean, covariance = self.filter.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)

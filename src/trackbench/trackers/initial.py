@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion import MotionModel, Spread
+from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
@@ -16,17 +16,17 @@ from trackbench.types import Array, Gaussian, Mask, Scan
 TRUE_YAW_SIGMA = 0.1
 
 
-class Waiting(NamedTuple):
-    """What is known of the objects whose tracks have not started, each ``(..., lanes)``."""
+class TentativeTrack(NamedTuple):
+    """What is known of the objects whose tracks have not started, each ``(..., batch)``."""
 
-    readings: Array
+    measurements: Array
     """How many there were."""
     time: Array
-    """Of the first reading that counts, s; NaN where there was none yet."""
+    """Of the first measurement that counts, s; NaN where there was none yet."""
     position: Gaussian
-    """Of the first reading that counts."""
+    """Of the first measurement that counts."""
     latest: Gaussian
-    """Position of the latest reading; NaN where there was none yet."""
+    """Position of the latest measurement; NaN where there was none yet."""
 
 
 class Start(NamedTuple):
@@ -34,38 +34,38 @@ class Start(NamedTuple):
 
     ready: Mask
     belief: Gaussian
-    waiting: Waiting
+    waiting: TentativeTrack
 
 
-def spread(config: InitialConfig) -> Spread:
+def sigmas(config: InitialConfig) -> InitialSigmas:
     """What is assumed of the components that position and velocity leave open."""
-    known = Spread(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
+    known = InitialSigmas(config.acceleration_sigma_mps2, config.yaw_rate_sigma_radps)
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: Waiting | None) -> Start:
-    """Start the tracks that a scan allows to start, from its reading alone or with an earlier one."""
+def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
+    """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one."""
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
-    counts = scan.valid & (waiting.readings >= config.skip)
+    counts = scan.valid & (waiting.measurements >= config.skip)
     after = _taken_in(waiting, scan, position, counts)
     if config.source == "first_reading":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
         velocity = velocity if config.velocity == "radial" else np.zeros_like(velocity)
-        belief = motion.from_cartesian(_from_one(position, velocity, config.velocity_sigma_mps), spread(config))
+        belief = motion.from_cartesian(_from_one(position, velocity, config.velocity_sigma_mps), sigmas(config))
         return Start(counts, _stated(belief, config), after)
     elapsed = scan.time - waiting.time
     ready = counts & (elapsed > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
-        begun = motion.from_cartesian(belief, spread(config))
+        begun = motion.from_cartesian(belief, sigmas(config))
     return Start(ready, _stated(begun, config), after)
 
 
-def at_rest(waiting: Waiting, config: InitialConfig) -> Gaussian:
-    """px, py, vx, vy of objects that stand where their latest reading says; NaN where there was none."""
+def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
+    """px, py, vx, vy of objects that stand where their latest measurement says; NaN where there was none."""
     belief = _from_one(waiting.latest, np.zeros_like(waiting.latest.mean), config.velocity_sigma_mps)
-    return Gaussian(*(np.where(waiting.readings > 0, part, np.nan) for part in belief))
+    return Gaussian(*(np.where(waiting.measurements > 0, part, np.nan) for part in belief))
 
 
 def prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
@@ -112,17 +112,17 @@ def _stated(belief: Gaussian, config: InitialConfig) -> Gaussian:
     return Gaussian(belief.mean, np.broadcast_to(covariance, belief.covariance.shape))
 
 
-def _none_yet(scan: Scan) -> Waiting:
+def _none_yet(scan: Scan) -> TentativeTrack:
     batch = scan.valid.shape
     nowhere = Gaussian(np.full((2, *batch), np.nan), np.full((2, 2, *batch), np.nan))
     nothing = Gaussian(np.zeros((2, *batch)), np.zeros((2, 2, *batch)))
-    return Waiting(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)
+    return TentativeTrack(np.zeros(batch), np.full(batch, np.nan), nothing, nowhere)
 
 
-def _taken_in(waiting: Waiting, scan: Scan, position: Gaussian, counts: Mask) -> Waiting:
+def _taken_in(waiting: TentativeTrack, scan: Scan, position: Gaussian, counts: Mask) -> TentativeTrack:
     first = counts & np.isnan(waiting.time)
-    return Waiting(
-        waiting.readings + scan.valid,
+    return TentativeTrack(
+        waiting.measurements + scan.valid,
         np.where(first, scan.time, waiting.time),
         _choose(first, position, waiting.position),
         _choose(scan.valid, position, waiting.latest),

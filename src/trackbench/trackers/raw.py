@@ -12,8 +12,8 @@ from trackbench.trackers.base import require_in_sequence
 from trackbench.types import Array, Estimate, Mask, Scan
 
 
-class Fix(NamedTuple):
-    """The position that a reading states."""
+class PositionFix(NamedTuple):
+    """The position that a measurement states."""
 
     time: Array
     """``(...)`` s, NaN where there is none."""
@@ -28,32 +28,32 @@ class RawState(NamedTuple):
 
     time: float
     """Of the last scan, s."""
-    last: Fix
-    before: Fix
+    last: PositionFix
+    before: PositionFix
 
 
 class RawTracker:
-    """The last reading as it is: its position, and the velocity between the last two instants with a reading.
+    """The last measurement as it is: its position, and the velocity between the last two instants with a measurement.
 
-    Of readings at one instant the more precise counts. Nothing is predicted: while readings are missing the last
-    position stays, which is what any filter has to beat.
+    Of measurements at one instant the more precise counts. Nothing is predicted: while measurements are missing the
+    last position stays, which is what any filter has to beat.
     """
 
     batched: ClassVar = True
 
     def step(self, state: RawState | None, scan: Scan) -> tuple[RawState, Estimate]:
-        """Keep the reading, and difference it with the one before.
+        """Keep the measurement, and difference it with the one before.
 
         Raises:
             TrackbenchError: the scan is older than the one before.
         """
         if state is None:
             nowhere = np.full(np.shape(scan.valid), np.nan)
-            none = Fix(nowhere, np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2))
+            none = PositionFix(nowhere, np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2))
             state = RawState(scan.time, none, none)
         require_in_sequence(scan, state.time)
         mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
-        new = Fix(np.where(scan.valid, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
+        new = PositionFix(np.where(scan.valid, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
         later = scan.valid & ~(state.last.time >= scan.time)
         better = scan.valid & ~later & (_size(new) < _size(state.last))
         last = _choose(later | better, new, state.last)
@@ -69,9 +69,9 @@ class RawTracker:
         return RawState(scan.time, last, before), estimate
 
 
-def _size(fix: Fix) -> Array:
+def _size(fix: PositionFix) -> Array:
     return np.asarray(fix.covariance[0, 0] + fix.covariance[1, 1])
 
 
-def _choose(where: Mask, a: Fix, b: Fix) -> Fix:
-    return Fix(*(np.where(where, x, y) for x, y in zip(a, b, strict=True)))
+def _choose(where: Mask, a: PositionFix, b: PositionFix) -> PositionFix:
+    return PositionFix(*(np.where(where, x, y) for x, y in zip(a, b, strict=True)))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from trackbench.truth import cache as store
 from trackbench.truth import scripted
 from trackbench.truth.config import AnyTruth, HighwayTruth, RecordingTruth, ScriptedTruth
-from trackbench.types import Progress, RecordedReadings, Truth, untold
+from trackbench.types import Progress, RecordedMeasurements, Truth, no_progress
 
 __all__ = ["Draw", "LoadedTruth", "list_envs", "load_truth", "most_runs", "validate", "varies"]
 
@@ -39,8 +39,8 @@ class LoadedTruth(NamedTuple):
     """Whether it was read from the cache."""
     notes: tuple[str, ...] = ()
     """What went wrong with the cache, a line each."""
-    readings: dict[str, RecordedReadings] | None = None
-    """By sensor; None where readings are to be synthesised."""
+    measurements: dict[str, RecordedMeasurements] | None = None
+    """By sensor; None where measurements are to be synthesised."""
 
 
 def load_truth(
@@ -50,7 +50,7 @@ def load_truth(
     folder: Path,
     sensors: Mapping[str, str] | None = None,
     cache: bool = True,
-    progress: Progress = untold,
+    progress: Progress = no_progress,
 ) -> LoadedTruth:
     """The truth that ``config`` describes.
 
@@ -75,7 +75,7 @@ def load_truth(
             from trackbench.truth import recorded
 
             recording = recorded.load(config, sensors or {}, folder)
-            return LoadedTruth(recording.truth, cached=False, readings=recording.readings)
+            return LoadedTruth(recording.truth, cached=False, measurements=recording.measurements)
 
 
 def validate(config: AnyTruth, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:

@@ -1,6 +1,6 @@
 """Does the truth tell the truth? Velocity against displacement, jumps, and the clock.
 
-A velocity that contradicts the motion corrupts every Doppler reading, velocity error and NEES. So each step's
+A velocity that contradicts the motion corrupts every Doppler measurement, velocity error and NEES. So each step's
 displacement is compared with the velocity that is said to cause it.
 """
 

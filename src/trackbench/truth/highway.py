@@ -22,7 +22,7 @@ from trackbench.truth.frames import Frames, held
 from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
-from trackbench.types import Observer, Progress, Truth, untold
+from trackbench.types import Observer, Progress, Truth, no_progress
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")
@@ -75,7 +75,7 @@ def validate(config: HighwayTruth) -> None:
         _prepare(config).close()
 
 
-def simulate(config: HighwayTruth, progress: Progress = untold) -> Truth:
+def simulate(config: HighwayTruth, progress: Progress = no_progress) -> Truth:
     """Run the environment and record every simulation step of every vehicle.
 
     Args:

@@ -17,7 +17,7 @@ LOST = 20.0
 
 
 def drives(bench: Bench) -> Outcome:
-    """Take the tracker through every drive of the battery, on the readings that the reference had."""
+    """Take the tracker through every drive of the battery, on the measurements that the reference had."""
     outcome = Outcome()
     for course, theirs in bench.courses:
         question = f"Does it keep {course.drive.purpose}?"

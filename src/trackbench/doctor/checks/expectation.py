@@ -1,4 +1,4 @@
-"""Which reading does the tracker expect of the target that it believes in?"""
+"""Which measurement does the tracker expect of the target that it believes in?"""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from trackbench.doctor.misreadings import Misreading, misreadings
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array
 
-#: An innovation where there should be none, in standard deviations of the reading: a sigma-point filter's own second
-#: order stays below a third of one.
+#: An innovation where there should be none, in standard deviations of the measurement: a sigma-point filter's own
+#: second order stays below a third of one.
 MET = 0.75
 #: Share of the stations at which an expectation must be met.
 MOST = 0.85
@@ -35,23 +35,22 @@ def expectation(bench: Bench) -> Outcome:
 def _examine(sensor: str, replies: Sequence[Reply], outcome: Outcome) -> None:
     kind = replies[0].scan.kind
     if not any(_moves(reply, kind) for reply in replies):
-        text = f"no reading of {sensor} moves the estimate, at any of {len(replies)} stations"
+        text = f"no measurement of {sensor} moves the estimate, at any of {len(replies)} stations"
         outcome.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor))
         outcome.checks.append(Check(f"expectation.{sensor}", _question(sensor), False, text))
         return
     surprises = np.array([_surprise(reply, reply.expected) for reply in replies])
     right = float(np.mean(surprises < MET))
     if right >= MOST:
-        text = (
-            f"the reading of the predicted target leaves the estimate where it is, to {np.nanmax(surprises):.2f} sigma"
-        )
+        text = "the measurement of the predicted target leaves the estimate where it is, to "
+        text += f"{np.nanmax(surprises):.2f} sigma"
         outcome.checks.append(Check(f"expectation.{sensor}", _question(sensor), True, text))
         return
     found = _misread(sensor, kind, replies) or _offset(sensor, replies)
     worst = replies[int(np.nanargmax(np.where(np.isfinite(surprises), surprises, -1.0)))]
     text = (
-        f"at {np.sum(~(surprises < MET))} of {len(replies)} stations the reading of the predicted target itself is a "
-        f"surprise, of {np.nanmedian(surprises):.3g} sigma in the median"
+        f"at {np.sum(~(surprises < MET))} of {len(replies)} stations the measurement of the predicted target itself is "
+        f"a surprise, of {np.nanmedian(surprises):.3g} sigma in the median"
     )
     outcome.checks.append(
         Check(f"expectation.{sensor}", _question(sensor), False, f"{text} (worst: {worst.station.purpose})")
@@ -81,14 +80,14 @@ def _misread(sensor: str, kind: str, replies: Sequence[Reply]) -> Finding | None
         for i in shown
     )
     text = (
-        f"{misreading.words}: of {telling.station.purpose}, {numbers}; that reading leaves its estimate where it is at "
-        f"{share:.0%} of {len(replies)} stations, and the right one does not"
+        f"{misreading.words}: of {telling.station.purpose}, {numbers}; that measurement leaves its estimate where it "
+        f"is at {share:.0%} of {len(replies)} stations, and the right one does not"
     )
     return Finding(misreading.fault, 0.6 + 0.39 * share, text, sensor=sensor, station=telling.station.name)
 
 
 def _offset(sensor: str, replies: Sequence[Reply]) -> Finding | None:
-    """A constant error of the readings."""
+    """A constant error of the measurements."""
     offsets = np.array([offset for reply in replies if (offset := _null(reply)) is not None])
     if len(offsets) < MOST * len(replies):
         return None
@@ -104,29 +103,29 @@ def _offset(sensor: str, replies: Sequence[Reply]) -> Finding | None:
         for i in np.flatnonzero(biased)
     ]
     text = (
-        f"the reading that it expects is off by the same at every station: {', '.join(parts)} "
+        f"the measurement that it expects is off by the same at every station: {', '.join(parts)} "
         f"(spread {np.max(spread[biased]):.2g} sigma over {len(offsets)} questions)"
     )
     return Finding("sensor_bias", 0.9, text, sensor=sensor, station=replies[0].station.name)
 
 
 def _null(reply: Reply) -> Array | None:
-    """``(m,)`` from the expected reading to the one that leaves the estimate where it is."""
-    reading = reply.expected.copy()
+    """``(m,)`` from the expected measurement to the one that leaves the estimate where it is."""
+    measurement = reply.expected.copy()
     for _ in range(6):
-        effect = reply.effect(reading)
+        effect = reply.effect(measurement)
         if effect is None or not effect.used.any():
             return None
         step = np.nan_to_num(effect.surprise) * reply.sigma
-        reading = reading - step
+        measurement = measurement - step
         if np.max(np.abs(step) / reply.sigma) < 0.02:
-            return reading - reply.expected
+            return measurement - reply.expected
     return None
 
 
-def _surprise(reply: Reply, reading: Array) -> float:
-    """How far a reading is from what the tracker expects, in sigma; infinite where it says nothing."""
-    effect = reply.effect(reading)
+def _surprise(reply: Reply, measurement: Array) -> float:
+    """How far a measurement is from what the tracker expects, in sigma; infinite where it says nothing."""
+    effect = reply.effect(measurement)
     if effect is None or not effect.used.any():
         return np.inf
     size = float(np.nanmax(np.abs(effect.surprise)))
@@ -139,9 +138,9 @@ def _apart(reply: Reply, misreading: Misreading) -> float:
 
 
 def _moves(reply: Reply, kind: str) -> bool:
-    tried = [reply.expected, reply.scan.reading]
+    tried = [reply.expected, reply.scan.measurement]
     tried += [misreading.expect(reply.predicted.mean, reply.scan) for misreading in misreadings(kind)]
-    effects = (reply.effect(reading) for reading in tried)
+    effects = (reply.effect(measurement) for measurement in tried)
     return any(
         effect is not None and effect.used.any() and np.abs(effect.relative_gain).max() > 1e-9 for effect in effects
     )

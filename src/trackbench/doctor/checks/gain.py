@@ -1,7 +1,7 @@
 """What the tracker's gain says of the Jacobian and of the noise that it uses.
 
-Of a Kalman filter ``P^-1 K`` is ``H^T R^-1``, and the information that a reading adds, ``P^-1 - P_predicted^-1``, is
-``H^T R^-1 H`` (Bar-Shalom, Li and Kirubarajan 2001, section 5.2.3): together they give H and R away.
+Of a Kalman filter ``P^-1 K`` is ``H^T R^-1``, and the information that a measurement adds, ``P^-1 - P_predicted^-1``,
+is ``H^T R^-1 H`` (Bar-Shalom, Li and Kirubarajan 2001, section 5.2.3): together they give H and R away.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ NOISE_BAND = 2.0
 DIRECTION = 0.08
 #: The same of the size of a row. Sigma points: 1.25.
 SIZE = 1.7
-#: Second order of a reading over the spread of the prediction, in sigma, above which gains say little of the Jacobian.
+#: Second order of a measurement over the spread of the prediction, in sigma, above which gains say little of the
+#: Jacobian.
 CURVED = 0.3
 #: Part of the change of the covariance that may lie outside what the gain can cause: 0.01 of sigma points, 0.08 and
 #: more of fixed gains.
@@ -32,7 +33,7 @@ OUTSIDE = 0.05
 
 
 class Row(NamedTuple):
-    """What one answer says of each component of a reading."""
+    """What one answer says of each component of a measurement."""
 
     reply: Reply
     used: Mask
@@ -57,7 +58,7 @@ def gain(bench: Bench) -> Outcome:
             why = (
                 "its predictions are too uncertain"
                 if len(straight) < 3
-                else "it does not weigh readings as a Kalman filter"
+                else "it does not weigh measurements as a Kalman filter"
             )
             outcome.checks.append(Check(name, question, None, why))
             continue

@@ -15,7 +15,7 @@ COURSE = "azimuth_crossing"
 
 
 def innovations(bench: Bench) -> Outcome:
-    """Mean, whiteness, size and relation to the bearing, of what each reading was worth to the tracker."""
+    """Mean, whiteness, size and relation to the bearing, of what each measurement was worth to the tracker."""
     outcome = Outcome()
     for course, _ in bench.courses:
         if course.name == COURSE:

@@ -9,9 +9,9 @@ from trackbench.doctor.findings import Check, Finding, Outcome
 from trackbench.doctor.session import Answer, Broken, blind
 from trackbench.doctor.stations import Station
 
-#: Growth in 1 s without readings, at 20 steps a second, of the standard deviation of a road vehicle's speed, m/s. White
-#: accelerations of 0.5 and 18 m/s^2 give these: the rule of half to all of the largest acceleration (Bar-Shalom, Li and
-#: Kirubarajan 2001, section 6.3.2) with 1 to 9 m/s^2 lies well within.
+#: Growth in 1 s without measurements, at 20 steps a second, of the standard deviation of a road vehicle's speed, m/s.
+#: White accelerations of 0.5 and 18 m/s^2 give these: the rule of half to all of the largest acceleration (Bar-Shalom,
+#: Li and Kirubarajan 2001, section 6.3.2) with 1 to 9 m/s^2 lies well within.
 BAND = (0.115, 4.0)
 #: The same of the reference, a white acceleration of 3 m/s^2.
 REFERENCE = 3.0 * np.sqrt(0.05)
@@ -19,7 +19,7 @@ STEP = 0.05
 
 
 def process_noise(bench: Bench) -> Outcome:
-    """Leave the tracker without readings for a second, and see how its uncertainty of the speed grows."""
+    """Leave the tracker without measurements for a second, and see how its uncertainty of the speed grows."""
     question = "Does it let a target's velocity change as much as a road vehicle's does?"
     grown = [
         one
@@ -32,7 +32,7 @@ def process_noise(bench: Bench) -> Outcome:
     growth = float(np.median(grown))
     equal = growth / np.sqrt(STEP)
     text = (
-        f"in 1 s without a reading its standard deviation of the speed grows by {growth:.3g} m/s (root of the "
+        f"in 1 s without a measurement its standard deviation of the speed grows by {growth:.3g} m/s (root of the "
         f"difference of the squares), as from a white acceleration of {equal:.3g} m/s^2 at 20 steps a second; "
         f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
     )

@@ -12,11 +12,12 @@ from trackbench.doctor.vitals import Symptom, Vitals
 
 #: Asymmetry that rounding does not explain, relative to the variances.
 ASYMMETRY = 1e-6
-#: Readings within which a track begins.
+#: Measurements within which a track begins.
 BEGUN = 4
 #: Share of the covariances that are indefinite, below which something else has probably brought it about.
 SELDOM = 0.02
-#: The same, below which it is no fault: sigma points that start from two readings close together lose one now and then.
+#: The same, below which it is no fault: sigma points that start from two measurements close together lose one now and
+#: then.
 RARE = 1e-3
 
 
@@ -36,7 +37,7 @@ def vital_signs(bench: Bench) -> Outcome:
     )
     outcome.checks.append(Check("finite", "Is every number of every answer finite?", bad is None, text))
     if bad is not None:
-        said = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a reading of {bad.sensor}"
+        said = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
         outcome.findings.append(Finding("nonfinite", 0.98, said, station=bad.where))
     outcome.checks += [_symmetric(vitals, outcome.findings), _definite(vitals, outcome.findings)]
     return outcome
@@ -88,13 +89,16 @@ def _meet(bench: Bench, station: Station, first: str) -> None:
 
 
 def repeatability(bench: Bench) -> Outcome:
-    """The same readings to three fresh trackers."""
-    question = "Do fresh trackers say the same of the same readings?"
+    """The same measurements to three fresh trackers."""
+    question = "Do fresh trackers say the same of the same measurements?"
     station, by = bench.stations.open[0], bench.kinds()[-1]
     scans = approach(station, {name: bench.sensors[name] for name in by})
     random = np.random.default_rng([bench.seed, 1])
     noisy = [
-        scan._replace(reading=scan.reading + np.sqrt(np.diag(scan.noise)) * random.standard_normal(len(scan.reading)))
+        scan._replace(
+            measurement=scan.measurement
+            + np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
+        )
         for scan in scans
     ]
     try:
@@ -110,7 +114,7 @@ def repeatability(bench: Bench) -> Outcome:
     same = all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:])
     if same:
         return Outcome([Check("repeatable", question, True, "three fresh trackers agree to the last bit")])
-    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(noisy)} readings"
+    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(noisy)} measurements"
     return Outcome(
         [Check("repeatable", question, False, text)], [Finding("not_deterministic", 0.99, text, station=station.name)]
     )

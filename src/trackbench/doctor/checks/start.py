@@ -78,20 +78,20 @@ def _allowed(begun: Begun) -> float:
 
 
 def _polar(name: str, begun: list[Begun]) -> list[Finding]:
-    """The first two components of the reading where the position should be."""
-    same = [one for one in begun if np.allclose(one.answer.mean[:2], one.scan.reading[:2], atol=0.2)]
+    """The first two components of the measurement where the position should be."""
+    same = [one for one in begun if np.allclose(one.answer.mean[:2], one.scan.measurement[:2], atol=0.2)]
     moved = [
         one
         for one in begun
-        if np.allclose(one.answer.mean[:2] - one.scan.sensor_pose[:2], one.scan.reading[:2], atol=0.2)
+        if np.allclose(one.answer.mean[:2] - one.scan.sensor_pose[:2], one.scan.measurement[:2], atol=0.2)
     ]
     best = max(same, moved, key=len)
     if len(best) < 0.7 * len(begun):
         return []
     station, scan, answer, truth = best[0]
     text = (
-        f"a track that begins with range {scan.reading[0]:.4g} m and azimuth {scan.reading[1]:.4g} rad begins at "
-        f"px {answer.mean[0]:.4g}, py {answer.mean[1]:.4g}, where the target is at {truth[0]:.4g}, {truth[1]:.4g} "
+        f"a track that begins with range {scan.measurement[0]:.4g} m and azimuth {scan.measurement[1]:.4g} rad begins "
+        f"at px {answer.mean[0]:.4g}, py {answer.mean[1]:.4g}, where the target is at {truth[0]:.4g}, {truth[1]:.4g} "
         f"({len(best)} of {len(begun)} tracks)"
     )
     return [Finding("polar_start", 0.98, text, sensor=name, station=station.name)]
@@ -162,8 +162,8 @@ def _first_square(bench: Bench, station: Station, name: str, random: np.random.G
     try:
         for k in range(SCANS):
             scan = station.scan(name, sensor, k / rate)
-            noise = np.sqrt(np.diag(scan.noise)) * random.standard_normal(len(scan.reading))
-            answer = session.step(scan._replace(reading=scan.reading + noise))
+            noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
+            answer = session.step(scan._replace(measurement=scan.measurement + noise))
             bench.vitals.note(answer, scan, "start")
             if answer is not None:
                 if not answer.finite:

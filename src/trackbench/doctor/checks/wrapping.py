@@ -1,7 +1,7 @@
 """Does an angle that passes pi disturb the tracker?
 
-Turned about the sensor, the same target and the same reading must lead to the same estimate, turned: unless an angle is
-handled wrongly where it passes pi.
+Turned about the sensor, the same target and the same measurement must lead to the same estimate, turned: unless an
+angle is handled wrongly where it passes pi.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TURN = -1.9
 
 
 def wrapping(bench: Bench) -> Outcome:
-    """Nudge the reading of a target at the azimuth of pi, and of one whose course is pi."""
+    """Nudge the measurement of a target at the azimuth of pi, and of one whose course is pi."""
     outcome = Outcome()
     polar = [name for name, sensor in bench.sensors.items() if sensor.type != "lidar"]
     for angle, stations, asked, question in (
@@ -42,7 +42,7 @@ def wrapping(bench: Bench) -> Outcome:
             for jump in _jumps(bench, station, name, by)
         ]
         if not jumps:
-            outcome.checks.append(Check(f"{angle}_wrapping", question, None, "no reading could be tried there"))
+            outcome.checks.append(Check(f"{angle}_wrapping", question, None, "no measurement could be tried there"))
             continue
         size, words, sensor = max(jumps, key=lambda jump: jump[0])
         outcome.checks.append(Check(f"{angle}_wrapping", question, size < FAR, words))
@@ -83,17 +83,17 @@ def _alike(here: Reply, there: Reply) -> bool:
 
 
 def _moved(reply: Reply, side: float) -> Array | None:
-    """``(4,)`` by how much the answer to a reading beside the expected one differs from that to the expected one."""
+    """``(4,)`` how much the answer to a measurement beside the expected one differs from that to it."""
     answer, centre = reply.ask(_beside(reply, side)), reply.ask(reply.expected)
     return None if answer is None or centre is None else answer.mean - centre.mean
 
 
 def _beside(reply: Reply, side: float) -> Array:
-    """A reading some standard deviations to the left, seen from the sensor."""
+    """A measurement some standard deviations to the left, seen from the sensor."""
     if reply.scan.kind != "lidar":
-        reading = reply.expected.copy()
-        reading[1] = wrap_angle(reading[1] + side * reply.sigma[1])
-        return reading
+        measurement = reply.expected.copy()
+        measurement[1] = wrap_angle(measurement[1] + side * reply.sigma[1])
+        return measurement
     dx, dy = reply.predicted.mean[:2] - reply.scan.sensor_pose[:2]
     aside = side * reply.sigma[0] * np.array([-dy, dx, 0.0, 0.0]) / np.hypot(dx, dy)
     target, scan = reply.predicted.mean + aside, reply.scan
@@ -101,15 +101,15 @@ def _beside(reply: Reply, side: float) -> Array:
 
 
 def _words(reply: Reply, side: float, size: float) -> str:
-    reading = _beside(reply, side)
+    measurement = _beside(reply, side)
     if reply.scan.kind == "lidar":
         course = np.arctan2(reply.predicted.mean[3], reply.predicted.mean[2])
         return (
-            f"course {course:+.4f} rad: a reading {abs(side):g} sigma aside moves the estimate by {size:.3g} of its "
-            "own standard deviations more than it does the same target turned away from pi"
+            f"course {course:+.4f} rad: a measurement {abs(side):g} sigma aside moves the estimate by {size:.3g} of "
+            "its own standard deviations more than it does the same target turned away from pi"
         )
     return (
-        f"predicted azimuth {reply.expected[1]:+.4f} rad, reading {reading[1]:+.4f} rad, {abs(side):g} sigma beside it "
-        f"(difference {reading[1] - reply.expected[1]:+.4f}): the estimate moves by {size:.3g} of its own standard "
-        "deviations more than that of the same target turned away from pi"
+        f"predicted azimuth {reply.expected[1]:+.4f} rad, measurement {measurement[1]:+.4f} rad, {abs(side):g} sigma "
+        f"beside it (difference {measurement[1] - reply.expected[1]:+.4f}): the estimate moves by {size:.3g} of its "
+        "own standard deviations more than that of the same target turned away from pi"
     )

@@ -1,11 +1,11 @@
 """Motion models, by the short names that scenarios use."""
 
-from trackbench.models.motion.base import Kinematics, MotionModel, Spread, process_noise
+from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, process_noise
 from trackbench.models.motion.ca import ConstantAcceleration
+from trackbench.models.motion.constant_noise import ConstantProcessNoise
 from trackbench.models.motion.ctra import ConstantTurnRateAcceleration
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
-from trackbench.models.motion.stated import StatedNoise
 
 #: Short name to class; each class takes its noise sigmas as keyword arguments.
 MOTION_MODELS: dict[str, type[MotionModel]] = {
@@ -18,12 +18,12 @@ MOTION_MODELS: dict[str, type[MotionModel]] = {
 __all__ = [
     "MOTION_MODELS",
     "ConstantAcceleration",
+    "ConstantProcessNoise",
     "ConstantTurnRateAcceleration",
     "ConstantTurnRateVelocity",
     "ConstantVelocity",
+    "InitialSigmas",
     "Kinematics",
     "MotionModel",
-    "Spread",
-    "StatedNoise",
     "process_noise",
 ]

@@ -26,7 +26,7 @@ class Kinematics(NamedTuple):
 UNKNOWN_ANGLE = np.pi / np.sqrt(3.0)
 
 
-class Spread(NamedTuple):
+class InitialSigmas(NamedTuple):
     """Standard deviations for the components of a state that position and velocity do not determine."""
 
     acceleration: float
@@ -79,7 +79,7 @@ class MotionModel(Hashable, Protocol):
         """The distribution of px, py, vx, vy under a belief of the state."""
         ...
 
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         """The state whose position and velocity have the given distribution."""
         ...
 

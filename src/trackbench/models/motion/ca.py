@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion.base import Kinematics, Spread
+from trackbench.models.motion.base import InitialSigmas, Kinematics
 from trackbench.types import Array, Gaussian
 
 SELECT = np.eye(4, 6)
@@ -51,12 +51,12 @@ class ConstantAcceleration:
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
         return Gaussian(belief.mean[:4], belief.covariance[:4, :4])
 
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         mean, covariance = belief
         batch = mean.shape[1:]
         extended = np.zeros((6, 6, *batch))
         extended[:4, :4] = covariance
-        extended[4, 4] = extended[5, 5] = spread.acceleration**2
+        extended[4, 4] = extended[5, 5] = sigmas.acceleration**2
         return Gaussian(np.concatenate([mean, np.zeros((2, *batch))]), extended)
 
     def from_kinematics(self, motion: Kinematics) -> Array:

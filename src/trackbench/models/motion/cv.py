@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion.base import Kinematics, Spread
+from trackbench.models.motion.base import InitialSigmas, Kinematics
 from trackbench.types import Array, Gaussian
 
 SELECT = np.eye(4)
@@ -50,7 +50,7 @@ class ConstantVelocity:
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
         return belief
 
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
+    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         return belief
 
     def from_kinematics(self, motion: Kinematics) -> Array:

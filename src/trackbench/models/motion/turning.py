@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion.base import Spread
+from trackbench.models.motion.base import InitialSigmas
 from trackbench.types import Array, Gaussian
 from trackbench.units import cos_sin
 
@@ -111,10 +111,10 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), result)
 
 
-def from_cartesian(belief: Gaussian, spread: Spread, components: int) -> Gaussian:
+def from_cartesian(belief: Gaussian, sigmas: InitialSigmas, components: int) -> Gaussian:
     """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.
 
-    The spread of the yaw is limited to that of an angle of which nothing is known, with its correlations kept, since
+    The sigmas of the yaw is limited to that of an angle of which nothing is known, with its correlations kept, since
     the first-order one grows without bound as the speed goes to zero.
     """
     px, py, vx, vy = belief.mean
@@ -123,14 +123,14 @@ def from_cartesian(belief: Gaussian, spread: Spread, components: int) -> Gaussia
     c, s = np.where(speed > 0, vx / safe, 1.0), np.where(speed > 0, vy / safe, 0.0)
     slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / safe, c / safe]])
     p = linalg.quadratic(slope, belief.covariance)
-    scale = np.minimum(1.0, spread.yaw / np.sqrt(p[3, 3]))
+    scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
     p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
     batch = px.shape
     covariance = np.zeros((components, components, *batch))
     covariance[:4, :4] = linalg.symmetrise(p)
-    covariance[4, 4] = spread.yaw_rate**2
+    covariance[4, 4] = sigmas.yaw_rate**2
     if components > 5:
-        covariance[5, 5] = spread.acceleration**2
+        covariance[5, 5] = sigmas.acceleration**2
     zeros = np.zeros((components - 4, *batch))
     return Gaussian(np.concatenate([linalg.vector([px, py, speed, np.arctan2(vy, vx)]), zeros]), covariance)
 
@@ -149,5 +149,5 @@ class SpeedAndYaw:
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
         return cartesian_belief(belief)
 
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
-        return from_cartesian(belief, spread, len(self.components))
+    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
+        return from_cartesian(belief, sigmas, len(self.components))

@@ -28,12 +28,12 @@ class SensorModel(Protocol):
         ...
 
     def position(self, scan: Scan) -> Gaussian:
-        """The position ``(2, ...)`` in the fixed frame that a reading states, with its covariance."""
+        """The position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance."""
         ...
 
     def radial_velocity(self, scan: Scan) -> Array:
         """The velocity ``(2, ...)`` in the fixed frame of a target that moves along the line of sight.
 
-        A first guess from one reading; zero where the reading says nothing of the velocity.
+        A first guess from one measurement; zero where the measurement says nothing of the velocity.
         """
         ...

@@ -29,9 +29,11 @@ class Lidar:
     def position(self, scan: Scan) -> Gaussian:
         sx, sy, yaw = scan.sensor_pose
         c, s = np.cos(yaw), np.sin(yaw)
-        x, y = scan.reading
+        x, y = scan.measurement
         rotation = linalg.matrix([[c, -s], [s, c]])
-        return Gaussian(linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), linalg.quadratic(rotation, scan.noise))
+        return Gaussian(
+            linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), linalg.quadratic(rotation, scan.noise_covariance)
+        )
 
     def radial_velocity(self, scan: Scan) -> Array:
-        return np.zeros((2, *scan.reading.shape[1:]))
+        return np.zeros((2, *scan.measurement.shape[1:]))

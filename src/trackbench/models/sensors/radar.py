@@ -49,8 +49,8 @@ class Radar:
         Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking", with the
         covariance conditioned on the measurement.
         """
-        r, azimuth = scan.reading[0], scan.reading[1]
-        var_r, var_a = scan.noise[0, 0], scan.noise[1, 1]
+        r, azimuth = scan.measurement[0], scan.measurement[1]
+        var_r, var_a = scan.noise_covariance[0, 0], scan.noise_covariance[1, 1]
         shrink = np.exp(-var_a / 2)
         angle = azimuth + scan.sensor_pose[2]
         c, s = cos_sin(angle)
@@ -68,6 +68,6 @@ class Radar:
 
 
 def along_sight(scan: Scan) -> Array:
-    """``(2, ...)`` the third component of a reading as a vector along the line of sight, in the fixed frame."""
-    c, s = cos_sin(scan.reading[1] + scan.sensor_pose[2])
-    return linalg.vector([scan.reading[2] * c, scan.reading[2] * s])
+    """``(2, ...)`` the third component of a measurement as a vector along the line of sight, in the fixed frame."""
+    c, s = cos_sin(scan.measurement[1] + scan.sensor_pose[2])
+    return linalg.vector([scan.measurement[2] * c, scan.measurement[2] * s])

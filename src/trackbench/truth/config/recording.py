@@ -1,4 +1,4 @@
-"""Motion, and perhaps readings, from a file."""
+"""Motion, and perhaps measurements, from a file."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from trackbench.config import Config, Name, Positive, Problem
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config.observer import FixedObserver
 
-#: The components of a reading of each kind of sensor, as columns are called that hold them.
-READING_COLUMNS = {kind: model.components for kind, model in SENSOR_MODELS.items()}
+#: The components of a measurement of each kind of sensor, as columns are called that hold them.
+MEASUREMENT_COLUMNS = {kind: model.components for kind, model in SENSOR_MODELS.items()}
 #: The two ways to state a velocity.
 VELOCITY = (("vx", "vy"), ("speed", "course"))
 TABLES = ("csv", "parquet")
@@ -70,8 +70,8 @@ class TruthColumns(Config):
                 yield Problem((key,), f"missing: a velocity is {' and '.join(given[0])}")
 
 
-class ReadingColumns(Config):
-    """Names of the columns that hold a sensor's readings; where they are empty, it did not detect the object."""
+class MeasurementColumns(Config):
+    """Names of the columns that hold a sensor's measurements; where they are empty, it did not detect the object."""
 
     path: str | None = Field(None, description="The file, of the same format; that of the truth unless given.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
@@ -85,13 +85,13 @@ class ReadingColumns(Config):
 
     @property
     def components(self) -> dict[str, str]:
-        """The column of each component of a reading that is given."""
-        named = {name: getattr(self, name) for names in READING_COLUMNS.values() for name in names}
+        """The column of each component of a measurement that is given."""
+        named = {name: getattr(self, name) for names in MEASUREMENT_COLUMNS.values() for name in names}
         return {name: column for name, column in named.items() if column is not None}
 
 
 class RecordingTruth(Config):
-    """Motion from a file, and readings where it has them."""
+    """Motion from a file, and measurements where it has them."""
 
     source: Literal["recording"] = Field(description="Where the true motion comes from.")
     format: Literal["udacity", "csv", "parquet"] = Field(
@@ -106,9 +106,10 @@ class RecordingTruth(Config):
     )
     columns: TruthColumns | None = Field(None, description="csv and parquet, required there: names of the columns.")
     units: Units = Field(default_factory=Units, description="csv and parquet: units of the columns.")
-    readings: dict[Name, ReadingColumns] = Field(
+    measurements: dict[Name, MeasurementColumns] = Field(
         default_factory=dict,
-        description="csv and parquet: recorded readings, by sensor; the readings of other sensors are synthesised.",
+        alias="readings",
+        description="csv and parquet: recorded measurements, by sensor; those of other sensors are synthesised.",
     )
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
     length_m: Positive = Field(4.5, description="Length of every object, m, to draw it.")
@@ -120,10 +121,10 @@ class RecordingTruth(Config):
         return False
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
-        """Those of the sensors, given by name with their kinds, whose readings are recorded."""
+        """Those of the sensors, given by name with their kinds, whose measurements are recorded."""
         if self.format == "udacity":
             return {name: kind for name, kind in kinds.items() if kind in ("lidar", "radar")}
-        return {name: kind for name, kind in kinds.items() if name in self.readings}
+        return {name: kind for name, kind in kinds.items() if name in self.measurements}
 
     def problems(self) -> Iterator[Problem]:
         if self.format in TABLES:
@@ -132,6 +133,6 @@ class RecordingTruth(Config):
             elif self.columns.observer is not None and "observer" in self.model_fields_set:
                 yield Problem(("observer",), "not used with columns.observer; remove one of them")
             return
-        for key in ("columns", "units", "readings"):
-            if key in self.model_fields_set:
+        for name, key in (("columns", "columns"), ("units", "units"), ("measurements", "readings")):
+            if name in self.model_fields_set:
                 yield Problem((key,), f"format {self.format} has fixed columns and units; remove this")

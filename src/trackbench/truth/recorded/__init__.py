@@ -1,4 +1,4 @@
-"""Truth and readings that come from a file."""
+"""Truth and measurements that come from a file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from trackbench.truth.config import RecordingTruth
-from trackbench.types import RecordedReadings, Truth
+from trackbench.types import RecordedMeasurements, Truth
 
 __all__ = ["Recording", "load"]
 
@@ -16,7 +16,7 @@ class Recording(NamedTuple):
     """What a file says."""
 
     truth: Truth
-    readings: dict[str, RecordedReadings]
+    measurements: dict[str, RecordedMeasurements]
     """By sensor."""
 
 

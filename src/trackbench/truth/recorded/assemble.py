@@ -1,4 +1,4 @@
-"""Recorded motion and readings on one grid of times."""
+"""Recorded motion and measurements on one grid of times."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config import FixedObserver, RecordingTruth
-from trackbench.types import Array, Indices, Observer, RecordedReadings, Truth
+from trackbench.types import Array, Indices, Observer, RecordedMeasurements, Truth
 from trackbench.units import wrap_angle
 
 
@@ -29,13 +29,13 @@ class Motion(NamedTuple):
 
 
 class Log(NamedTuple):
-    """The recorded readings of one sensor, one row a detection."""
+    """The recorded measurements of one sensor, one row a detection."""
 
     time: Array
     """``(rows,)`` s."""
     object: Indices
     """``(rows,)`` number of the object."""
-    reading: Array
+    measurement: Array
     """``(m, rows)``"""
 
 
@@ -81,8 +81,8 @@ def truth(
     )
 
 
-def readings(log: Log, kind: str, times: Array, objects: int) -> RecordedReadings:
-    """A sensor's readings by step and object, its angles wrapped to (-pi, pi].
+def measurements(log: Log, kind: str, times: Array, objects: int) -> RecordedMeasurements:
+    """A sensor's measurements by step and object, its angles wrapped to (-pi, pi].
 
     Args:
         log: at most one row for each time and object.
@@ -92,11 +92,11 @@ def readings(log: Log, kind: str, times: Array, objects: int) -> RecordedReading
     """
     model = SENSOR_MODELS[kind]
     instants, of_row = np.unique(log.time, return_inverse=True)
-    reading = np.full((len(model.components), len(instants), objects), np.nan)
-    reading[:, of_row, log.object] = log.reading
+    measurement = np.full((len(model.components), len(instants), objects), np.nan)
+    measurement[:, of_row, log.object] = log.measurement
     for i in model.angular:
-        reading[i] = wrap_angle(reading[i])
-    return RecordedReadings(np.searchsorted(times, instants), reading, np.isfinite(reading).all(axis=0))
+        measurement[i] = wrap_angle(measurement[i])
+    return RecordedMeasurements(np.searchsorted(times, instants), measurement, np.isfinite(measurement).all(axis=0))
 
 
 def grid(arrays: Sequence[Array]) -> Array:

@@ -1,4 +1,4 @@
-"""Truth and readings from tables whose columns and units the scenario names."""
+"""Truth and measurements from tables whose columns and units the scenario names."""
 
 from __future__ import annotations
 
@@ -10,11 +10,17 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.truth.config import RecordingTruth
-from trackbench.truth.config.recording import READING_COLUMNS, ObserverColumns, ReadingColumns, TruthColumns, Units
+from trackbench.truth.config.recording import (
+    MEASUREMENT_COLUMNS,
+    MeasurementColumns,
+    ObserverColumns,
+    TruthColumns,
+    Units,
+)
 from trackbench.truth.recorded import assemble, files, rows
 from trackbench.truth.recorded.assemble import Log, Motion
 from trackbench.truth.recorded.rows import Rows
-from trackbench.types import Array, Observer, RecordedReadings, Truth
+from trackbench.types import Array, Observer, RecordedMeasurements, Truth
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"
@@ -30,8 +36,10 @@ SPEEDS = {"vx", "vy", "speed", "range_rate"}
 ANGLES = {"course", "heading", "yaw", "yaw_rate", "azimuth"}
 
 
-def load(config: RecordingTruth, kinds: Mapping[str, str], folder: Path) -> tuple[Truth, dict[str, RecordedReadings]]:
-    """The truth of all objects, and the readings of the sensors whose columns are named.
+def load(
+    config: RecordingTruth, kinds: Mapping[str, str], folder: Path
+) -> tuple[Truth, dict[str, RecordedMeasurements]]:
+    """The truth of all objects, and the measurements of the sensors whose columns are named.
 
     Raises:
         InputError: a file cannot be read, or a row of it is damaged.
@@ -39,25 +47,25 @@ def load(config: RecordingTruth, kinds: Mapping[str, str], folder: Path) -> tupl
     assert config.columns is not None
     columns = config.columns
     file = files.find(config.path, folder, "truth.path")
-    inside = [entry for entry in config.readings.values() if entry.path is None]
+    inside = [entry for entry in config.measurements.values() if entry.path is None]
     table = rows.read(file, config.format, [*_names(columns), *(c for e in inside for c in _own(e, columns))])
     stamps = table.times(columns.time)
     start = stamps[0]
     seconds = _seconds(stamps, start, config.units)
     motions = _motions(table, columns, seconds, config.units)
     logs = {}
-    for name, entry in config.readings.items():
+    for name, entry in config.measurements.items():
         source, times = table, seconds
         if entry.path is not None or entry.time is not None:
             if entry.path is not None:
                 other = files.find(entry.path, folder, f"truth.readings.{name}.path")
                 source = rows.read(other, config.format, _own(entry, columns))
             times = _seconds(source.times(entry.time or columns.time), start, config.units)
-        logs[name] = _log(source, entry, columns, times, config.units, READING_COLUMNS[kinds[name]], motions)
+        logs[name] = _log(source, entry, columns, times, config.units, MEASUREMENT_COLUMNS[kinds[name]], motions)
     times = assemble.grid([motion.time for motion in motions.values()] + [log.time for log in logs.values()])
     observer = None if columns.observer is None else _observer(table, columns.observer, seconds, times, config.units)
     truth = assemble.truth(config, motions, logs, observer, times, {"file": file.name, "rows": len(table)})
-    return truth, {name: assemble.readings(log, kinds[name], times, len(motions)) for name, log in logs.items()}
+    return truth, {name: assemble.measurements(log, kinds[name], times, len(motions)) for name, log in logs.items()}
 
 
 def _names(columns: TruthColumns) -> list[str]:
@@ -66,7 +74,7 @@ def _names(columns: TruthColumns) -> list[str]:
     return [*own.values(), *observer.values()]
 
 
-def _own(entry: ReadingColumns, columns: TruthColumns) -> list[str]:
+def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str]:
     named = [entry.time or columns.time, entry.object or columns.object, *entry.components.values()]
     return [name for name in named if name is not None]
 
@@ -91,7 +99,7 @@ def _motions(table: Rows, columns: TruthColumns, seconds: Array, units: Units) -
 
 def _log(
     table: Rows,
-    entry: ReadingColumns,
+    entry: MeasurementColumns,
     columns: TruthColumns,
     seconds: Array,
     units: Units,
@@ -99,35 +107,37 @@ def _log(
     motions: Mapping[str, Motion],
 ) -> Log:
     named = entry.components
-    reading = np.stack([_scaled(table.numbers(named[name], optional=True), name, units) for name in components])
-    there = np.isfinite(reading)
+    measurement = np.stack([_scaled(table.numbers(named[name], optional=True), name, units) for name in components])
+    there = np.isfinite(measurement)
     for row in np.flatnonzero(there.any(axis=0) & ~there.all(axis=0)).tolist():
         missing = named[components[int(np.argmin(there[:, row]))]]
-        raise table.error(row, f"{missing} is empty, but other columns of the same reading are not")
+        raise table.error(row, f"{missing} is empty, but other columns of the same measurement are not")
     kept = np.flatnonzero(there.all(axis=0))
     if not len(kept):
-        raise InputError(f"there is no reading in {', '.join(named.values())}", file=table.file)
+        raise InputError(f"there is no measurement in {', '.join(named.values())}", file=table.file)
     column = entry.object or columns.object
     ids = list(motions)
     names = [ids[0]] * len(table) if column is None else table.names(column)
     seen: set[tuple[float, str]] = set()
-    for reading_row in kept.tolist():
-        _check_reading(table, reading_row, names[reading_row], float(seconds[reading_row]), motions, seen)
-    return Log(seconds[kept], np.array([ids.index(names[row]) for row in kept], dtype=np.intp), reading[:, kept])
+    for measurement_row in kept.tolist():
+        _check_measurement(
+            table, measurement_row, names[measurement_row], float(seconds[measurement_row]), motions, seen
+        )
+    return Log(seconds[kept], np.array([ids.index(names[row]) for row in kept], dtype=np.intp), measurement[:, kept])
 
 
-def _check_reading(
+def _check_measurement(
     table: Rows, row: int, name: str, time: float, motions: Mapping[str, Motion], seen: set[tuple[float, str]]
 ) -> None:
     if name not in motions:
         raise table.error(row, f"the truth has no object {name!r}; {nearest(name, motions)}")
     if (time, name) in seen:
-        raise table.error(row, f"a second reading of {name} at the same time")
+        raise table.error(row, f"a second measurement of {name} at the same time")
     seen.add((time, name))
     known = motions[name].time
     if not known[0] <= time <= known[-1]:
         span = f"from {known[0]:g} to {known[-1]:g} s after the recording's start"
-        raise table.error(row, f"a reading of {name} at {time:g} s, where its truth is not known ({span})")
+        raise table.error(row, f"a measurement of {name} at {time:g} s, where its truth is not known ({span})")
 
 
 def _observer(table: Rows, columns: ObserverColumns, seconds: Array, times: Array, units: Units) -> Observer:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from trackbench.errors import InputError
 
-#: The sensor that each letter stands for, and the components of its reading.
+#: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
     "L": ("lidar", ("px", "py")),
     "R": ("radar", ("range", "azimuth", "range rate")),
@@ -31,7 +31,7 @@ class Measurement(NamedTuple):
 
     kind: str
     """"lidar" or "radar"."""
-    reading: tuple[float, ...]
+    measurement: tuple[float, ...]
     """Lidar: x, y, m. Radar: range m, azimuth rad as recorded (it may lie outside (-pi, pi]), range rate m/s."""
     stamp: int
     """us"""

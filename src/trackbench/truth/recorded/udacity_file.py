@@ -11,13 +11,15 @@ from trackbench.errors import InputError
 from trackbench.truth.config import RecordingTruth
 from trackbench.truth.recorded import assemble, files
 from trackbench.truth.recorded.udacity import Measurement, parse_line
-from trackbench.types import RecordedReadings, Truth
+from trackbench.types import RecordedMeasurements, Truth
 
 OBJECT = "cyclist"
 
 
-def load(config: RecordingTruth, kinds: Mapping[str, str], folder: Path) -> tuple[Truth, dict[str, RecordedReadings]]:
-    """The one object's truth at every line, and the readings of the sensors of the given kinds.
+def load(
+    config: RecordingTruth, kinds: Mapping[str, str], folder: Path
+) -> tuple[Truth, dict[str, RecordedMeasurements]]:
+    """The one object's truth at every line, and the measurements of the sensors of the given kinds.
 
     Raises:
         InputError: the file cannot be read, or a line of it is damaged.
@@ -40,11 +42,11 @@ def load(config: RecordingTruth, kinds: Mapping[str, str], folder: Path) -> tupl
         rows = [i for i, item in enumerate(measurements) if item.kind == kind]
         if not rows:
             raise InputError(f"the file has no line of a {kind}, which sensor {name} is", file=file)
-        reading = np.array([measurements[i].reading for i in rows]).T
-        logs[name] = assemble.Log(seconds[rows], np.zeros(len(rows), dtype=np.intp), reading)
+        measurement = np.array([measurements[i].measurement for i in rows]).T
+        logs[name] = assemble.Log(seconds[rows], np.zeros(len(rows), dtype=np.intp), measurement)
     source = {"file": file.name, "lines": len(measurements)}
     truth = assemble.truth(config, {OBJECT: motion}, logs, None, times, source)
-    return truth, {name: assemble.readings(log, kinds[name], times, 1) for name, log in logs.items()}
+    return truth, {name: assemble.measurements(log, kinds[name], times, 1) for name, log in logs.items()}
 
 
 def parse(text: str, file: Path) -> list[Measurement]:

@@ -1,4 +1,4 @@
-"""The readings of a block of Monte-Carlo runs: synthesised, or as recorded."""
+"""The measurements of a block of Monte-Carlo runs: synthesised, or as recorded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.noise import biases, noise_covariance, standard_deviations
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.streams import stream
-from trackbench.types import Array, Mask, RecordedReadings, Scan, Truth
+from trackbench.types import Array, Mask, RecordedMeasurements, Scan, Truth
 from trackbench.units import difference
 
 
@@ -29,7 +29,7 @@ class IdealSensor:
     """``(instants,)`` indices into the truth."""
     time: Array
     """``(instants,)`` s."""
-    reading: Array
+    measurement: Array
     """``(m, instants, objects, runs or 1)``."""
     visible: Mask
     """``(instants, objects, runs or 1)``: present, in range, in view, and the sensor not silent."""
@@ -37,14 +37,14 @@ class IdealSensor:
     """``(3, instants)``."""
     velocity: Array
     """``(2, instants)``."""
-    noise: Array
+    noise_covariance: Array
     """``(m, m)``."""
     recorded: bool = False
-    """Whether the readings are as recorded: no noise is added, and every visible object is detected."""
+    """Whether the measurements are as recorded: no noise is added, and every visible object is detected."""
 
 
 def ideal_sensors(
-    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, RecordedReadings] | None = None
+    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, RecordedMeasurements] | None = None
 ) -> list[IdealSensor]:
     """The side of sensing that is the same in every run.
 
@@ -61,7 +61,7 @@ def ideal_sensors(
 
 
 @dataclass(frozen=True)
-class Readings:
+class Measurements:
     """The scans of a block of runs, in the order in which a tracker gets them."""
 
     scans: list[Scan]
@@ -69,19 +69,19 @@ class Readings:
     detections: dict[str, Array]
     """Per sensor ``(instants, objects)``: in how many runs of the block the object was detected."""
     digests: list[bytes]
-    """A fingerprint of each run's readings."""
+    """A fingerprint of each run's measurements."""
 
 
-def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Readings:
-    """The readings of some of the runs. A run's noise depends on nothing but its number and the seed."""
+def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range) -> Measurements:
+    """The measurements of some of the runs. A run's noise depends on nothing but its number and the seed."""
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
     detections: dict[str, Array] = {}
     for sensor in sensors:
-        reading, valid = _noisy(sensor, seed, scenario, runs, hashes)
+        measurement, valid = _noisy(sensor, seed, scenario, runs, hashes)
         detections[sensor.name] = valid.sum(axis=-1).astype(float)
-        size, lanes = len(sensor.noise), valid.shape[1] * valid.shape[2]
-        for shared in (reading, valid, sensor.noise, sensor.pose, sensor.velocity):
+        size, batch = len(sensor.noise_covariance), valid.shape[1] * valid.shape[2]
+        for shared in (measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity):
             # One tracker must not change what the next one reads.
             shared.setflags(write=False)
         for k, time in enumerate(sensor.time):
@@ -90,9 +90,9 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
                     time=float(time),
                     sensor=sensor.name,
                     kind=sensor.config.type,
-                    reading=reading[k].reshape(size, lanes),
-                    valid=valid[k].reshape(lanes),
-                    noise=sensor.noise,
+                    measurement=measurement[k].reshape(size, batch),
+                    valid=valid[k].reshape(batch),
+                    noise_covariance=sensor.noise_covariance,
                     sensor_pose=sensor.pose[:, k],
                     sensor_velocity=sensor.velocity[:, k],
                     arrival_time=float(time) + sensor.config.latency_s,
@@ -100,7 +100,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
             )
     # Stable: sensors that fire together stay in the scenario's order.
     scans.sort(key=lambda scan: scan.time)
-    return Readings(scans, detections, [run.digest() for run in hashes])
+    return Measurements(scans, detections, [run.digest() for run in hashes])
 
 
 def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
@@ -108,7 +108,7 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     motion = sensor_motion(truth.observer, config.mount)
     pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
-    reading = SENSOR_MODELS[config.type].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
+    measurement = SENSOR_MODELS[config.type].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
     polar = SENSOR_MODELS["radar"].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
     time = truth.time[steps]
     visible = truth.alive[steps][:, :, None] & ~silent(config, time)[:, None, None]
@@ -116,40 +116,42 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     if config.max_range_m is not None:
         visible = visible & (polar[0] <= config.max_range_m)
     noise = noise_covariance(config)
-    return IdealSensor(name, config, steps, time, reading, visible, pose, velocity, noise)
+    return IdealSensor(name, config, steps, time, measurement, visible, pose, velocity, noise)
 
 
-def _as_recorded(truth: Truth, name: str, config: Sensor, readings: RecordedReadings) -> IdealSensor:
+def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: RecordedMeasurements) -> IdealSensor:
     motion = sensor_motion(truth.observer, config.mount)
-    time = truth.time[readings.steps]
-    visible = readings.valid[:, :, None] & ~silent(config, time)[:, None, None]
-    pose, velocity = motion.pose[:, readings.steps], motion.velocity[:, readings.steps]
+    time = truth.time[measurements.steps]
+    visible = measurements.valid[:, :, None] & ~silent(config, time)[:, None, None]
+    pose, velocity = motion.pose[:, measurements.steps], motion.velocity[:, measurements.steps]
     noise = noise_covariance(config)
-    reading = readings.reading[..., None]
-    return IdealSensor(name, config, readings.steps, time, reading, visible, pose, velocity, noise, recorded=True)
+    measurement = measurements.measurement[..., None]
+    return IdealSensor(
+        name, config, measurements.steps, time, measurement, visible, pose, velocity, noise, recorded=True
+    )
 
 
 def _noisy(
     sensor: IdealSensor, seed: int, scenario: str, runs: range, hashes: Sequence[hashlib._Hash]
 ) -> tuple[Array, Mask]:
-    """Readings ``(instants, m, objects, runs)``, NaN where not detected, and where they are."""
-    size, instants, objects = sensor.reading.shape[:3]
+    """Measurements ``(instants, m, objects, runs)``, NaN where not detected, and where they are."""
+    size, instants, objects = sensor.measurement.shape[:3]
     model = SENSOR_MODELS[sensor.config.type]
     sigma, bias = standard_deviations(sensor.config), biases(sensor.config)
     probability = sensor.config.detection_probability
     if sensor.recorded:
         sigma, bias, probability = np.zeros_like(sigma), np.zeros_like(bias), 1.0
-    readings = np.empty((instants, size, objects, len(runs)))
+    measurements = np.empty((instants, size, objects, len(runs)))
     valid = np.empty((instants, objects, len(runs)), dtype=bool)
     for i, run in enumerate(runs):
         random = stream(seed, scenario, run, sensor.name)
         error = random.standard_normal((size, instants, objects)) * sigma[:, None, None] + bias[:, None, None]
         chance = random.random((instants, objects))
-        of_run = run if sensor.reading.shape[-1] > 1 else 0
+        of_run = run if sensor.measurement.shape[-1] > 1 else 0
         detected = sensor.visible[..., of_run] & (chance < probability)
-        noisy = difference(sensor.reading[..., of_run], -error, model.angular)
+        noisy = difference(sensor.measurement[..., of_run], -error, model.angular)
         noisy = np.where(detected, noisy, np.nan)
         hashes[i].update(noisy.tobytes())
-        readings[..., i] = np.swapaxes(noisy, 0, 1)
+        measurements[..., i] = np.swapaxes(noisy, 0, 1)
         valid[..., i] = detected
-    return readings, valid
+    return measurements, valid

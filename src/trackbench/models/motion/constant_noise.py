@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from trackbench.models.motion.base import Kinematics, MotionModel, Spread
+from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel
 from trackbench.types import Array, Gaussian
 
 
 @dataclass(frozen=True)
-class StatedNoise:
+class ConstantProcessNoise:
     """A motion model whose process noise is the same at every step, however long the step is.
 
     Each component of the state is driven by a noise of its own; a step of no time has none.
@@ -52,8 +52,8 @@ class StatedNoise:
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
         return self.motion.cartesian_belief(belief)
 
-    def from_cartesian(self, belief: Gaussian, spread: Spread) -> Gaussian:
-        return self.motion.from_cartesian(belief, spread)
+    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
+        return self.motion.from_cartesian(belief, sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         return self.motion.from_kinematics(motion)
