@@ -45,7 +45,7 @@ def main(runs: int) -> None:
     begin = time.perf_counter()
     result = run(loaded, LoadedTruth(weaving(STEPS), False))
     seconds = time.perf_counter() - begin
-    assert all(entry["failed"] is None for entry in result.summary["trackers"])
+    assert all(entry["failed"] is None for entry in result.json()["trackers"])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
     print(json.dumps({"runs": runs, "steps": STEPS, "trackers": len(TRACKERS), "seconds": seconds, "peak_bytes": peak}))
 

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import settings
 
 from trackbench.cli import main
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
@@ -46,7 +46,7 @@ trackers:
 monte_carlo: {runs: 4, seed: 7}
 """
 
-Run = Callable[..., RunResult]
+Run = Callable[..., Result]
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -78,7 +78,7 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs the tiny scenario with ``key.path=value`` set over it; trackers' modules are looked for in ``folder``."""
     texts = tmp_path_factory.mktemp("tiny")
 
-    def call(*overrides: str, folder: Path = texts, workers: int = 1) -> RunResult:
+    def call(*overrides: str, folder: Path = texts, workers: int = 1) -> Result:
         file = folder / "tiny.yaml"
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
@@ -88,7 +88,7 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.fixture(scope="session")
-def tiny_result(run_tiny: Run) -> RunResult:
+def tiny_result(run_tiny: Run) -> Result:
     """The result of the tiny scenario as it is."""
     return run_tiny()
 

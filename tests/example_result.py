@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 SENSORS = {"front_radar": 3, "roof_lidar": 2}
 RMSE = {"ukf_ctrv": 0.382, "ekf_ctrv": 0.385, "ekf_cv": 0.412, "ekf_tight": 0.63, "alpha_beta": 0.71, "raw": 1.93}
@@ -284,5 +284,5 @@ def make_tables() -> dict[str, pa.Table]:
     }
 
 
-def make_result() -> RunResult:
-    return RunResult(make_summary(), make_tables())
+def make_result() -> Result:
+    return Result.from_json(make_summary(), make_tables())

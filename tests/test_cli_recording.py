@@ -66,7 +66,7 @@ def test_inspect_prints_json_and_nothing_else(cli: Cli, folder: Path) -> None:
     assert done.err == ""
     assert found["at"]["time_s"] == 1.0
     assert {name: len(moments) for name, moments in found["worst"].items()} == {"raw": 2, "ekf": 2}
-    assert found["fingerprint"] == results.load(folder).summary["fingerprint"]
+    assert found["fingerprint"] == results.Result.load(folder).json()["fingerprint"]
 
 
 def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:

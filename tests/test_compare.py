@@ -21,9 +21,9 @@ from trackbench.compare.regression import ERROR, FAILED, PASSED, UNDECIDED, Limi
 from trackbench.compare.stored import StoredRun
 from trackbench.errors import InputError
 from trackbench.metrics.intervals import paired, ratio, unpaired
-from trackbench.results import RunResult
+from trackbench.results import Result
 
-Run = Callable[..., RunResult]
+Run = Callable[..., Result]
 Keep = Callable[..., StoredRun]
 
 WORSE_EKF = "trackers.ekf.acceleration_sigma_mps2=30"
@@ -39,7 +39,7 @@ def keep(run_tiny: Run, tmp_path_factory: pytest.TempPathFactory) -> Keep:
     def call(*overrides: str) -> StoredRun:
         if overrides not in known:
             folder = tmp_path_factory.mktemp("runs") / "tiny"
-            results.save(run_tiny("monte_carlo.runs=12", *overrides), folder, {})
+            run_tiny("monte_carlo.runs=12", *overrides).save(folder, {})
             known[overrides] = stored.load(folder)
         return known[overrides]
 
@@ -48,10 +48,10 @@ def keep(run_tiny: Run, tmp_path_factory: pytest.TempPathFactory) -> Keep:
 
 def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path: Path) -> None:
     result = run_tiny("monte_carlo.runs=12", TWIN, WORSE_EKF)
-    results.save(result, tmp_path / "tiny", {})
+    result.save(tmp_path / "tiny", {})
     metrics = ("position_rmse", "velocity_rmse")
     found = differences.compare([stored.load(tmp_path / "tiny" / "result.json")], metrics)
-    stated = {(d["metric"], frozenset((d["a"], d["b"]))): d for d in result.summary["differences"]}
+    stated = {(d["metric"], frozenset((d["a"], d["b"]))): d for d in result.json()["differences"]}
     assert len(found.differences) == len(stated) == 6
     for item in found.differences:
         expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
@@ -132,9 +132,9 @@ def test_what_bears_on_no_error_may_differ(keep: Keep, setting: str) -> None:
 def changed(run: StoredRun, folder: Path, **fields: Any) -> Path:
     """A copy of a run with other fields in its result."""
     original = Path(run.label)
-    result = results.load(original)
+    result = results.Result.load(original)
     result.summary.update(fields)
-    results.save(result, folder, {})
+    result.save(folder, {})
     return folder
 
 

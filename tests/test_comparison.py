@@ -11,12 +11,10 @@ import pytest
 from tests.example_result import failed_tracker, tracker
 
 from trackbench.report.comparison import Comparison, compare
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
-def scenario(
-    name: str, rmse: dict[str, float], tied: tuple[tuple[str, str], ...] = (), failed: bool = False
-) -> RunResult:
+def scenario(name: str, rmse: dict[str, float], tied: tuple[tuple[str, str], ...] = (), failed: bool = False) -> Result:
     """A result that holds only what a comparison reads."""
     trackers = []
     for i, (who, value) in enumerate(rmse.items()):
@@ -47,7 +45,7 @@ def scenario(
         "differences": differences,
         "expectations": [{"passed": True}, {"passed": False}],
     }
-    return RunResult(summary, {})
+    return Result.from_json(summary, {})
 
 
 @pytest.fixture(scope="module")

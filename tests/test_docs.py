@@ -68,12 +68,12 @@ def test_the_example_is_short_and_needs_nothing_of_trackbench() -> None:
 def test_the_example_is_honest_and_worth_it() -> None:
     loaded = load_scenario(EXAMPLES / "alpha_beta.yaml", ["monte_carlo.runs=5", "truth.duration_s=5"])
     result = run(loaded, truth_of(loaded))
-    mine = next(entry for entry in result.summary["trackers"] if entry["name"] == "mine")
+    mine = next(entry for entry in result.json()["trackers"] if entry["name"] == "mine")
     assert mine["failed"] is None
     assert 2.5 < mine["metrics"]["nees"]["mean"] < 5
     assert mine["metrics"]["coverage"]["value"] > 0.99
     assert mine["health"]["diverged_runs"] == 0
-    assert result.summary["passed"] is True
+    assert result.json()["passed"] is True
 
 
 def test_every_field_of_a_scan_is_explained() -> None:

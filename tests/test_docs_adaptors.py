@@ -59,7 +59,7 @@ def test_the_models_of_stone_soup_measure_as_many_components_as_is_said() -> Non
 
 def test_the_example_s_extended_filter_is_the_built_in_one() -> None:
     loaded = load_scenario(EXAMPLES / "own_filters.yaml", ["monte_carlo.runs=2", "truth.duration_s=4"])
-    summary = run(loaded, truth_of(loaded)).summary
+    summary = run(loaded, truth_of(loaded)).json()
     metrics = {entry["name"]: entry["metrics"] for entry in summary["trackers"]}
     assert all(entry["failed"] is None for entry in summary["trackers"])
     own, built_in = metrics["extended"], metrics["ekf_cv"]

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from trackbench.results import RunResult, to_json
+from trackbench.results import Result, to_json
 
-Run = Callable[..., RunResult]
+Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
 
 HEAD = """
@@ -98,7 +98,7 @@ def indented(code: str, by: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory, write_module: Write, run_tiny: Run) -> RunResult:
+def outcome(tmp_path_factory: pytest.TempPathFactory, write_module: Write, run_tiny: Run) -> Result:
     """A run of all of them beside the tiny scenario's own trackers."""
     folder = tmp_path_factory.mktemp("failing")
     code = HEAD
@@ -110,12 +110,12 @@ def outcome(tmp_path_factory: pytest.TempPathFactory, write_module: Write, run_t
     return run_tiny(*(f"trackers.{name}.use={module}:{name}" for name in (*ANSWERS, *WHOLE)), folder=folder)
 
 
-def entry(result: RunResult, name: str) -> dict[str, Any]:
-    return next(tracker for tracker in result.summary["trackers"] if tracker["name"] == name)
+def entry(result: Result, name: str) -> dict[str, Any]:
+    return next(tracker for tracker in result.json()["trackers"] if tracker["name"] == name)
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_the_cause_and_the_place_are_reported(outcome: RunResult, name: str) -> None:
+def test_the_cause_and_the_place_are_reported(outcome: Result, name: str) -> None:
     failed = entry(outcome, name)["failed"]
     _, cause, place = ANSWERS[name]
     assert failed["cause"].startswith(cause)
@@ -124,30 +124,30 @@ def test_the_cause_and_the_place_are_reported(outcome: RunResult, name: str) -> 
 
 
 @pytest.mark.parametrize("name", WHOLE)
-def test_the_cause_is_reported(outcome: RunResult, name: str) -> None:
+def test_the_cause_is_reported(outcome: Result, name: str) -> None:
     assert entry(outcome, name)["failed"]["cause"].startswith(WHOLE[name][1])
 
 
-def test_the_lane_of_a_batch_is_named(outcome: RunResult) -> None:
+def test_the_lane_of_a_batch_is_named(outcome: Result) -> None:
     # Members are runs within objects: of 2 objects and 4 runs, member 6 is run 2 of the second object.
     failed = entry(outcome, "batch_nan")["failed"]
-    assert (failed["run"], failed["object"], failed["step"]) == (2, outcome.summary["truth"]["objects"][1], 1)
+    assert (failed["run"], failed["object"], failed["step"]) == (2, outcome.json()["truth"]["objects"][1], 1)
 
 
-def test_the_others_finish_as_if_they_were_alone(outcome: RunResult, tiny_result: RunResult) -> None:
-    assert outcome.summary["fingerprint"] == tiny_result.summary["fingerprint"]
+def test_the_others_finish_as_if_they_were_alone(outcome: Result, tiny_result: Result) -> None:
+    assert outcome.json()["fingerprint"] == tiny_result.json()["fingerprint"]
     for name in ("raw", "ekf"):
         metrics = [{**entry(result, name)["metrics"], "step_time": None} for result in (outcome, tiny_result)]
         assert metrics[0] == metrics[1]
         assert entry(outcome, name)["failed"] is None
-    assert outcome.summary["ranking"][:2] == tiny_result.summary["ranking"]
-    assert sorted(outcome.summary["ranking"]) == sorted(["raw", "ekf", *ANSWERS, *WHOLE])
+    assert outcome.json()["ranking"][:2] == tiny_result.json()["ranking"]
+    assert sorted(outcome.json()["ranking"]) == sorted(["raw", "ekf", *ANSWERS, *WHOLE])
     for name, table in tiny_result.tables.items():
         assert outcome.tables[name].equals(table), name
 
 
-def test_the_result_has_no_nan_and_every_metric_a_reason(outcome: RunResult) -> None:
-    parsed = json.loads(to_json(outcome.summary), parse_constant=pytest.fail)
+def test_the_result_has_no_nan_and_every_metric_a_reason(outcome: Result) -> None:
+    parsed = json.loads(to_json(outcome.json()), parse_constant=pytest.fail)
     for tracker in parsed["trackers"]:
         if tracker["failed"]:
             assert tracker["metrics"]["position_rmse"] == {"value": None, "unit": "m", "reason": "the tracker failed"}

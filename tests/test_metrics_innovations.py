@@ -54,7 +54,7 @@ def test_a_measurement_without_an_innovation_counts_in_no_pair():
 def test_the_table_agrees_with_the_whiteness_at_lag_one(run_tiny: Run):
     result = run_tiny("monte_carlo.runs=6")
     table = result.tables["autocorrelation"].to_pylist()
-    tracker = next(entry for entry in result.summary["trackers"] if entry["name"] == "ekf")
+    tracker = next(entry for entry in result.json()["trackers"] if entry["name"] == "ekf")
     for sensor, whiteness in tracker["metrics"]["whiteness"].items():
         rows = {row["lag"]: row for row in table if row["sensor"] == sensor}
         assert rows[0]["correlation"] == pytest.approx(1)

@@ -10,7 +10,7 @@ from tests.scenes import fixed_observer, truth
 
 from trackbench.metrics.bound import Prior, cramer_rao
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
@@ -23,13 +23,13 @@ SCENARIOS = Path(__file__).parent.parent / "scenarios" / "scripted"
 RADAR = RadarConfig(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.3)
 
 
-def result(name: str, *overrides: str) -> RunResult:
+def result(name: str, *overrides: str) -> Result:
     loaded = load_scenario(SCENARIOS / f"{name}.yaml", overrides)
     return run(loaded, truth_of(loaded))
 
 
-def by_name(of: RunResult) -> dict[str, dict[str, Any]]:
-    return {tracker["name"]: tracker["metrics"] for tracker in of.summary["trackers"]}
+def by_name(of: Result) -> dict[str, dict[str, Any]]:
+    return {tracker["name"]: tracker["metrics"] for tracker in of.json()["trackers"]}
 
 
 @pytest.mark.parametrize("name", ["own_model", "own_model_ctrv"])

@@ -29,8 +29,8 @@ def test_the_cases_differ_in_their_truth_alone():
 @pytest.mark.parametrize("case", CASES)
 def test_expectations_hold(project, case):
     found = project.result(case, "monte_carlo.runs=200")
-    assert [item["text"] for item in found.summary["expectations"] if not item["passed"]] == []
-    assert not any(tracker["failed"] for tracker in found.summary["trackers"])
+    assert [item["text"] for item in found.json()["expectations"] if not item["passed"]] == []
+    assert not any(tracker["failed"] for tracker in found.json()["trackers"])
 
 
 @pytest.mark.parametrize(("case", "velocity", "steps"), [("a", (22, 0), 100), ("b", (0, 22), 100), ("c", (12, 8), 50)])
@@ -46,7 +46,7 @@ def test_raw_error_is_that_of_the_closed_form(project, case, velocity, steps):
         np.sqrt(np.mean((along * np.cos(bearing)) ** 2 + (across * np.sin(bearing)) ** 2)),
         np.sqrt(np.mean((along * np.sin(bearing)) ** 2 + (across * np.cos(bearing)) ** 2)),
     ]
-    rmse = found.summary["trackers"][0]["metrics"]["rmse"]
+    rmse = found.json()["trackers"][0]["metrics"]["rmse"]
     # Of 400 runs of some 100 measurements each, the RMSE is known to half a per cent.
     np.testing.assert_allclose([rmse["px"]["value"], rmse["py"]["value"]], expected, rtol=0.015)
 
@@ -66,7 +66,7 @@ def test_every_hypothesis_is_a_tracker(project):
     for options, settings in project.HYPOTHESES.values():
         tracker = f"trackers={{ekf: {{filter: ekf, motion: cv, sensors: [speed_radar], {options}}}}}"
         found = project.result("c", "monte_carlo.runs=3", "expect=[]", tracker, *settings)
-        assert found.summary["trackers"][0]["failed"] is None
+        assert found.json()["trackers"][0]["failed"] is None
 
 
 def test_place(project):

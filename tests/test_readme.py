@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.testing import check_tracker
 
 ROOT = Path(__file__).parents[1]
@@ -23,7 +23,7 @@ def test_the_tracker_of_the_readme_works(
     tmp_path: Path,
     fenced: Callable[[Path], list[Any]],
     write_module: Callable[[Path, str], str],
-    run_tiny: Callable[..., RunResult],
+    run_tiny: Callable[..., Result],
 ) -> None:
     code = next(block.text for block in fenced(README) if "class AlphaBeta" in block.text)
     assert len(code.splitlines()) <= 30
@@ -32,6 +32,6 @@ def test_the_tracker_of_the_readme_works(
     check_tracker(namespace["AlphaBeta"], alpha=0.3)
     use = f"trackers.mine={{use: '{write_module(tmp_path, code)}:AlphaBeta', options: {{alpha: 0.3}}}}"
     result = run_tiny(use, folder=tmp_path)
-    mine = next(entry for entry in result.summary["trackers"] if entry["name"] == "mine")
+    mine = next(entry for entry in result.json()["trackers"] if entry["name"] == "mine")
     assert mine["failed"] is None
     assert mine["health"]["diverged_runs"] == 0

@@ -12,7 +12,7 @@ from tests.udacity import synthetic_lines
 
 from trackbench.cli.main import cli
 from trackbench.errors import InputError
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
@@ -46,7 +46,7 @@ def write(folder: Path, scenario: dict[str, object], lines: list[str] = LINES) -
     return file
 
 
-def result(file: Path) -> RunResult:
+def result(file: Path) -> Result:
     loaded = load_scenario(file)
     return run(loaded, truth_of(loaded))
 
@@ -65,10 +65,10 @@ def test_recorded_measurements_reach_the_trackers_unchanged(tmp_path: Path) -> N
         values = [float(value) for value in line.split()[1:3]]
         assert [rows["z0"][row], rows["z1"][row]] == pytest.approx(values, rel=1e-12)
         assert rows["sensor"][row] == {"L": "lidar", "R": "radar"}[line[0]]
-    assert found.summary["sensors"]["lidar"]["detection_rate"] == 1.0
-    truth = found.summary["truth"]
+    assert found.json()["sensors"]["lidar"]["detection_rate"] == 1.0
+    truth = found.json()["truth"]
     assert (truth["source"], truth["format"], truth["lines"]) == ("recording", "udacity", len(LINES))
-    assert not any(tracker["failed"] for tracker in found.summary["trackers"])
+    assert not any(tracker["failed"] for tracker in found.json()["trackers"])
 
 
 def test_a_dropout_silences_a_recorded_sensor(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_a_dropout_silences_a_recorded_sensor(tmp_path: Path) -> None:
 def test_truth_alone_gets_synthetic_measurements_at_its_own_irregular_times(tmp_path: Path) -> None:
     scenario = {**UDACITY, "truth": TABLE, "monte_carlo": {"runs": 20}}
     found = result(write(tmp_path, scenario))
-    entries = {item["name"]: item for item in found.summary["trackers"]}
+    entries = {item["name"]: item for item in found.json()["trackers"]}
     assert entries["ekf"]["metrics"]["position_rmse"]["value"] < 0.3
     times = found.tables["truth"].to_pydict()["time_s"]
     read = found.tables["measurements"].to_pydict()["time_s"]
@@ -96,7 +96,7 @@ def test_truth_alone_gets_synthetic_measurements_at_its_own_irregular_times(tmp_
 def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
     truth = {**TABLE, "readings": {"lidar": {"x": "a", "y": "b"}}}
     found = result(write(tmp_path, {**UDACITY, "truth": truth, "monte_carlo": {"runs": 5}}))
-    assert found.summary["truth"]["recorded"] == ["lidar"]
+    assert found.json()["truth"]["recorded"] == ["lidar"]
     rows = found.tables["measurements"].to_pydict()
     lidar = [i for i, name in enumerate(rows["sensor"]) if name == "lidar"]
     np.testing.assert_allclose([rows["z1"][i] for i in lidar], [10 - rows["z0"][i] / 3 for i in lidar])

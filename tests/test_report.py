@@ -12,7 +12,7 @@ from tests.example_result import RMSE, breakdown, failed_tracker, make_result, m
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report import html
 from trackbench.report.claims import confidence
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
 class Page(HTMLParser):
@@ -196,7 +196,7 @@ def test_text_is_escaped() -> None:
     summary["truth"]["objects"][0] = attack
     tables = make_tables()
     tables["truth"] = tables["truth"].set_column(0, "object", pa.array([attack] * tables["truth"].num_rows))
-    page = Page(html.render(RunResult(summary, tables)))
+    page = Page(html.render(Result.from_json(summary, tables)))
     assert not page.all("script")
     assert page.text.count(attack) >= 4
 
@@ -207,7 +207,7 @@ def test_every_tracker_failed() -> None:
     empty = pa.table({})
     page = Page(
         html.render(
-            RunResult(
+            Result.from_json(
                 summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty, "autocorrelation": empty}
             )
         )
@@ -225,7 +225,7 @@ def test_one_run_gives_no_intervals() -> None:
                 value["ci95"] = None
     for entry in summary["differences"]:
         entry |= {"ci95": None, "p_value": 1.0, "verdict": "no difference shown"}
-    page = Page(html.render(RunResult(summary, make_tables())))
+    page = Page(html.render(Result.from_json(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text
 
@@ -235,8 +235,8 @@ def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
     nis = tables["nis"]
     alone = pa.array(np.ones(nis.num_rows))
     tables["nis"] = nis.set_column(nis.column_names.index("count"), "count", alone)
-    page = Page(html.render(RunResult(make_summary(), tables)))
+    page = Page(html.render(Result.from_json(make_summary(), tables)))
     assert "95 % are below the dashed line, at 7.815 (3 degrees of freedom)" in page.text
     assert "at 5.991 (2 degrees of freedom)" in page.text
-    whole = Page(html.render(RunResult(make_summary(), make_tables())))
+    whole = Page(html.render(Result.from_json(make_summary(), make_tables())))
     assert "below the dashed line" not in whole.text

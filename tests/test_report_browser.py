@@ -7,7 +7,7 @@ from tests.browser import CHROMIUM, Seen, look
 from tests.example_result import make_result
 
 from trackbench.report import comparison, html
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (apt-get install chromium)")
 
@@ -18,7 +18,7 @@ BROKEN = """<!doctype html>
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory, tiny_result: RunResult) -> Seen:
+def seen(tmp_path_factory: pytest.TempPathFactory, tiny_result: Result) -> Seen:
     pages = {
         "example": html.render(make_result()),
         "tiny": html.render(tiny_result),

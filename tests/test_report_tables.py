@@ -12,15 +12,15 @@ from tests.example_result import RMSE, make_result
 from trackbench.report import markdown
 from trackbench.report.console import print_summary
 from trackbench.report.significance import Differences, letters
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
 @pytest.fixture(scope="module")
-def result() -> RunResult:
+def result() -> Result:
     return make_result()
 
 
-def test_markdown_table(result: RunResult) -> None:
+def test_markdown_table(result: Result) -> None:
     lines = markdown.render(result).splitlines()
     start = lines.index("## Ranking") + 2
     assert lines[start].count("|") == lines[start + 2].count("|")
@@ -29,7 +29,7 @@ def test_markdown_table(result: RunResult) -> None:
     assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
 
 
-def test_markdown_holds_the_whole_report(result: RunResult) -> None:
+def test_markdown_holds_the_whole_report(result: Result) -> None:
     text = markdown.render(result)
     headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
     assert headings == [
@@ -45,13 +45,13 @@ def test_markdown_holds_the_whole_report(result: RunResult) -> None:
     ]
     assert "too confident about velocity in turns (errors 1.6 times the claim)" in text
     assert "1 of 2 expectations failed." in text
-    assert "```yaml\n" + result.summary["scenario"]["text"].rstrip() + "\n```" in text
-    assert result.summary["command"] in text
+    assert "```yaml\n" + result.json()["scenario"]["text"].rstrip() + "\n```" in text
+    assert result.json()["command"] in text
     assert "None" not in text
 
 
 @pytest.mark.parametrize("width", [80, 120])
-def test_terminal_output_fits(result: RunResult, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     output = io.StringIO()
     print_summary(result, Console(file=output, width=width))
@@ -65,7 +65,7 @@ def test_terminal_output_fits(result: RunResult, width: int, monkeypatch: pytest
     assert "FAILED mine: ValueError: matrix <3> is singular" in text
 
 
-def test_terminal_colours_only_where_wanted(result: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_terminal_colours_only_where_wanted(result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     def printed(**options: Any) -> str:
         output = io.StringIO()
         print_summary(result, Console(file=output, width=80, force_terminal=True, **options))

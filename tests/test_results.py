@@ -10,9 +10,9 @@ import pytest
 
 from trackbench import results
 from trackbench.errors import InputError, TrackbenchError
-from trackbench.results import RunResult
+from trackbench.results import Result
 
-SMALL = RunResult(
+SMALL = Result.from_json(
     {"schema_version": 1, "scenario": {"name": "süd"}, "runs": 3, "value": None},
     {
         "steps": pa.table({"time_s": [0.0, 0.1], "error_m": [None, 0.25]}),
@@ -26,9 +26,9 @@ def names(folder: Path) -> set[str]:
 
 
 def test_round_trip(tmp_path: Path) -> None:
-    results.save(SMALL, tmp_path / "run", {"report.html": lambda path: path.write_bytes(b"<html>")})
-    loaded = results.load(tmp_path / "run")
-    assert loaded.summary == SMALL.summary
+    SMALL.save(tmp_path / "run", {"report.html": lambda path: path.write_bytes(b"<html>")})
+    loaded = results.Result.load(tmp_path / "run")
+    assert loaded.json() == SMALL.json()
     assert loaded.tables.keys() == SMALL.tables.keys()
     assert all(loaded.tables[name].equals(table) for name, table in SMALL.tables.items())
     assert names(tmp_path) == {"run"}
@@ -36,10 +36,10 @@ def test_round_trip(tmp_path: Path) -> None:
     assert "süd" in (tmp_path / "run" / "result.json").read_text(encoding="utf-8")
 
 
-def test_round_trip_of_a_run(tiny_result: RunResult, tmp_path: Path) -> None:
-    results.save(tiny_result, tmp_path / "run", {})
-    loaded = results.load(tmp_path / "run")
-    assert loaded.summary == tiny_result.summary
+def test_round_trip_of_a_run(tiny_result: Result, tmp_path: Path) -> None:
+    tiny_result.save(tmp_path / "run", {})
+    loaded = results.Result.load(tmp_path / "run")
+    assert loaded.json() == tiny_result.json()
     assert loaded.tables.keys() == tiny_result.tables.keys()
     for name, table in tiny_result.tables.items():
         assert loaded.tables[name].equals(table), name
@@ -48,12 +48,12 @@ def test_round_trip_of_a_run(tiny_result: RunResult, tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_no_nan_in_json(tmp_path: Path, value: float) -> None:
     with pytest.raises(ValueError, match="Out of range float"):
-        results.save(RunResult({"metrics": [{"value": value}]}, {}), tmp_path / "run", {})
+        Result.from_json({"metrics": [{"value": value}]}, {}).save(tmp_path / "run", {})
     assert names(tmp_path) == set()
 
 
 def test_anyone_can_read_what_is_written(tmp_path: Path) -> None:
-    results.save(SMALL, tmp_path / "run", {})
+    SMALL.save(tmp_path / "run", {})
     assert (tmp_path / "run").stat().st_mode & 0o777 == 0o755
 
 
@@ -63,23 +63,23 @@ def test_a_writer_that_fails_leaves_the_earlier_result(tmp_path: Path, error: Ba
         path.write_text("half")
         raise error
 
-    results.save(SMALL, tmp_path / "run", {})
-    changed = RunResult({**SMALL.summary, "runs": 4}, {})
+    SMALL.save(tmp_path / "run", {})
+    changed = Result.from_json({**SMALL.json(), "runs": 4}, {})
     with pytest.raises(TrackbenchError if isinstance(error, OSError) else type(error)) as caught:
-        results.save(changed, tmp_path / "run", {"report.html": fail})
+        changed.save(tmp_path / "run", {"report.html": fail})
     if isinstance(error, OSError):
         assert str(caught.value) == f"cannot write {tmp_path / 'run'}: No space left on device"
     assert names(tmp_path) == {"run"}
-    assert results.load(tmp_path / "run").summary == SMALL.summary
+    assert results.Result.load(tmp_path / "run").json() == SMALL.json()
     with pytest.raises(type(caught.value)):
-        results.save(changed, tmp_path / "new", {"report.html": fail})
+        changed.save(tmp_path / "new", {"report.html": fail})
     assert names(tmp_path) == {"run"}
 
 
 def test_an_earlier_result_comes_back_if_the_new_one_cannot_take_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    results.save(SMALL, tmp_path / "run", {})
+    SMALL.save(tmp_path / "run", {})
     replace = results.os.replace
 
     def refuse(source: Any, target: Any) -> None:
@@ -89,10 +89,10 @@ def test_an_earlier_result_comes_back_if_the_new_one_cannot_take_its_name(
 
     monkeypatch.setattr(results.os, "replace", refuse)
     with pytest.raises(TrackbenchError, match=r"cannot write .*/run: Permission denied"):
-        results.save(RunResult({"runs": 4}, {}), tmp_path / "run", {})
+        Result.from_json({"runs": 4}, {}).save(tmp_path / "run", {})
     monkeypatch.undo()
     assert names(tmp_path) == {"run"}
-    assert results.load(tmp_path / "run").summary == SMALL.summary
+    assert results.Result.load(tmp_path / "run").json() == SMALL.json()
 
 
 def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
@@ -104,9 +104,9 @@ def test_a_folder_that_is_no_result_is_not_replaced(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="not the folder of a run: not replaced"):
             results.require_replaceable(tmp_path / name)
         with pytest.raises(InputError, match="not replaced"):
-            results.save(SMALL, tmp_path / name, {})
+            SMALL.save(tmp_path / name, {})
     assert (tmp_path / "notes" / "thesis.txt").read_text() == "years of work"
-    results.save(SMALL, tmp_path / "empty", {})
+    SMALL.save(tmp_path / "empty", {})
     results.require_replaceable(tmp_path / "empty")
     results.require_replaceable(tmp_path / "free")
     assert names(tmp_path) == {"notes", "file", "empty"}
@@ -116,7 +116,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for attempt in (
         lambda: results.require_writable(tmp_path / "file" / "results"),
-        lambda: results.save(SMALL, tmp_path / "file" / "run", {}),
+        lambda: SMALL.save(tmp_path / "file" / "run", {}),
     ):
         with pytest.raises(InputError, match=r"cannot write to .*/file.*: (Not a directory|File exists)"):
             attempt()
@@ -138,7 +138,7 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def damage(folder: Path, file: str, content: bytes) -> None:
-    results.save(SMALL, folder, {})
+    SMALL.save(folder, {})
     (folder / file).write_bytes(content)
 
 
@@ -157,11 +157,11 @@ def damage(folder: Path, file: str, content: bytes) -> None:
 def test_damaged_results_are_refused(tmp_path: Path, file: str, content: bytes, message: str) -> None:
     damage(tmp_path / "run", file, content)
     with pytest.raises(InputError, match=message) as caught:
-        results.load(tmp_path / "run")
+        results.Result.load(tmp_path / "run")
     assert str(tmp_path / "run") in str(caught.value)
 
 
 def test_a_folder_without_a_result(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(InputError, match=r"no result\.json in this folder: it is not the folder of a run"):
-            results.load(folder)
+            results.Result.load(folder)

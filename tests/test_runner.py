@@ -12,11 +12,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from trackbench.results import RunResult, to_json
+from trackbench.results import Result, to_json
 from trackbench.runner import block, expectations
 from trackbench.scenario.config import Expectation
 
-Run = Callable[..., RunResult]
+Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
 
 BATCHED = """
@@ -45,8 +45,8 @@ class Fixed:
 """
 
 
-def tracker(result: RunResult, name: str) -> dict[str, Any]:
-    return next(entry for entry in result.summary["trackers"] if entry["name"] == name)
+def tracker(result: Result, name: str) -> dict[str, Any]:
+    return next(entry for entry in result.json()["trackers"] if entry["name"] == name)
 
 
 def numbers(node: Any, path: str = "") -> dict[str, float]:
@@ -74,8 +74,8 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
     whole = run_tiny("monte_carlo.runs=7")
     monkeypatch.setattr(block, "BATCH_SIZE", 4)  # two objects: two runs to a block, and one in the last
     parts = run_tiny("monte_carlo.runs=7")
-    assert parts.summary["fingerprint"] == whole.summary["fingerprint"]
-    assert parts.summary["ranking"] == whole.summary["ranking"]
+    assert parts.json()["fingerprint"] == whole.json()["fingerprint"]
+    assert parts.json()["ranking"] == whole.json()["ranking"]
     for name in ("raw", "ekf"):
         one, two = (numbers(tracker(result, name)) for result in (whole, parts))
         assert one.keys() == two.keys()
@@ -95,7 +95,7 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
 def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(block, "BATCH_SIZE", 4)
     one, two = (run_tiny("monte_carlo.runs=5", workers=workers) for workers in (1, 2))
-    assert one.summary["fingerprint"] == two.summary["fingerprint"]
+    assert one.json()["fingerprint"] == two.json()["fingerprint"]
     for name in ("raw", "ekf"):
         assert numbers(tracker(one, name)) == numbers(tracker(two, name))
     assert all(table.equals(two.tables[name]) for name, table in one.tables.items())
@@ -109,17 +109,17 @@ def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:
         for who in ("raw", "ekf"):
             few_runs = column(few.tables["runs"], name, tracker=who)
             np.testing.assert_array_equal(few_runs, column(many.tables["runs"], name, tracker=who)[:3])
-    assert few.summary["fingerprint"] != many.summary["fingerprint"]
+    assert few.json()["fingerprint"] != many.json()["fingerprint"]
 
 
-def test_the_fingerprint_is_that_of_the_measurements(run_tiny: Run, tiny_result: RunResult) -> None:
+def test_the_fingerprint_is_that_of_the_measurements(run_tiny: Run, tiny_result: Result) -> None:
     same = ["score.settle_s=1", "trackers={raw: {use: raw}}", "recording.run=1"]
     other = ["monte_carlo.seed=8", "sensors.lidar.position_sigma_m=0.16", "truth.seed=2", "name: x"]
-    print_of = tiny_result.summary["fingerprint"]
+    print_of = tiny_result.json()["fingerprint"]
     assert print_of.startswith("sha256:")
     for override in same:
-        assert run_tiny(override).summary["fingerprint"] == print_of, override
-    found = {run_tiny(override.replace("name: ", "name=")).summary["fingerprint"] for override in other}
+        assert run_tiny(override).json()["fingerprint"] == print_of, override
+    found = {run_tiny(override.replace("name: ", "name=")).json()["fingerprint"] for override in other}
     assert len(found | {print_of}) == len(other) + 1
 
 
@@ -166,7 +166,7 @@ def test_a_batched_plug_in_equals_a_looped_one(run_tiny: Run, tmp_path: Path, wr
 def test_a_tracker_reads_its_sensors_alone(run_tiny: Run) -> None:
     lidar_only = "trackers.ekf.sensors=[lidar]"
     quiet, loud = (run_tiny(lidar_only, f"sensors.radar.range_sigma_m={sigma}") for sigma in (0.1, 9))
-    assert quiet.summary["fingerprint"] != loud.summary["fingerprint"]
+    assert quiet.json()["fingerprint"] != loud.json()["fingerprint"]
     assert numbers(tracker(quiet, "ekf")) == numbers(tracker(loud, "ekf"))
     assert numbers(tracker(quiet, "raw")) != numbers(tracker(loud, "raw"))
     metrics = tracker(quiet, "ekf")["metrics"]
@@ -177,7 +177,7 @@ def test_a_tracker_reads_its_sensors_alone(run_tiny: Run) -> None:
     assert len(column(quiet.tables["estimates"], "px_m", tracker="ekf", object="v1")) == 21
 
 
-def test_settling_time_is_left_out(run_tiny: Run, tiny_result: RunResult) -> None:
+def test_settling_time_is_left_out(run_tiny: Run, tiny_result: Result) -> None:
     settled = run_tiny("score.settle_s=1")
     counts = column(settled.tables["steps"], "count", tracker="ekf")
     np.testing.assert_array_equal(counts > 0, np.arange(21) >= 10)
@@ -187,7 +187,7 @@ def test_settling_time_is_left_out(run_tiny: Run, tiny_result: RunResult) -> Non
     assert time[10] == pytest.approx(1.0)
 
 
-def test_diverged_runs_are_counted(run_tiny: Run, tiny_result: RunResult) -> None:
+def test_diverged_runs_are_counted(run_tiny: Run, tiny_result: Result) -> None:
     worst = np.nanmax(column(tiny_result.tables["steps"], "position_rmse_m", tracker="raw"))
     assert tracker(tiny_result, "raw")["health"]["diverged_runs"] == 0
     strict = run_tiny(f"score.divergence_m={0.1 * worst}")
@@ -195,7 +195,7 @@ def test_diverged_runs_are_counted(run_tiny: Run, tiny_result: RunResult) -> Non
     assert column(strict.tables["runs"], "diverged", tracker="raw").sum() == 4
 
 
-def test_coverage_is_the_share_of_the_steps_with_an_estimate(run_tiny: Run, tiny_result: RunResult) -> None:
+def test_coverage_is_the_share_of_the_steps_with_an_estimate(run_tiny: Run, tiny_result: Result) -> None:
     # Both start from two measurements, and so have no estimate at the first instant.
     count = column(tiny_result.tables["steps"], "count", tracker="ekf")
     assert tracker(tiny_result, "ekf")["metrics"]["coverage"]["value"] == pytest.approx(count.sum() / (21 * 2 * 4))
@@ -225,9 +225,9 @@ def test_coverage_is_the_share_of_the_steps_with_an_estimate(run_tiny: Run, tiny
         ("metric: course_rmse, below: 90", 10, True),
     ],
 )  # fmt: skip
-def test_expectations(expected: RunResult, expectation: str, value: Any, passed: bool) -> None:
-    entries = {entry["name"]: entry for entry in expected.summary["trackers"]}
-    stated = next(item for item in expected.summary["expectations"] if item["text"] == text_of(expectation))
+def test_expectations(expected: Result, expectation: str, value: Any, passed: bool) -> None:
+    entries = {entry["name"]: entry for entry in expected.json()["trackers"]}
+    stated = next(item for item in expected.json()["expectations"] if item["text"] == text_of(expectation))
     assert stated["passed"] is passed
     assert stated["tracker"] == "ekf"
     assert stated["metric"] in expectation
@@ -245,13 +245,13 @@ def text_of(expectation: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def expected(run_tiny: Run, request: pytest.FixtureRequest) -> RunResult:
+def expected(run_tiny: Run, request: pytest.FixtureRequest) -> Result:
     mark = next(mark for mark in test_expectations.pytestmark if mark.name == "parametrize")
     stated = ", ".join(f"{{tracker: ekf, {case[0]}}}" for case in mark.args[1])
     twin = "trackers.twin={filter: ekf, motion: cv, acceleration_sigma_mps2: 3}"
     result = run_tiny(twin, f"expect=[{stated}]", "monte_carlo.runs=8")
-    assert result.summary["passed"] is False
-    json.loads(to_json(result.summary), parse_constant=pytest.fail)
+    assert result.json()["passed"] is False
+    json.loads(to_json(result.json()), parse_constant=pytest.fail)
     return result
 
 
@@ -259,16 +259,16 @@ def test_one_run_shows_no_difference(run_tiny: Run) -> None:
     result = run_tiny(
         "monte_carlo.runs=1", "expect=[{tracker: ekf, metric: position_rmse, better_than: raw}]", "score.settle_s=1"
     )
-    assert result.summary["passed"] is False
-    difference = result.summary["differences"][0]
+    assert result.json()["passed"] is False
+    difference = result.json()["differences"][0]
     assert (difference["ci95"], difference["verdict"]) == (None, "no difference shown")
     metric = tracker(result, "ekf")["metrics"]["position_rmse"]
     assert metric["ci95"] is None
     assert metric["reason"] == "one run gives no interval"
-    json.loads(to_json(result.summary), parse_constant=pytest.fail)
+    json.loads(to_json(result.json()), parse_constant=pytest.fail)
 
 
-def test_an_expectation_of_what_is_not_there_fails(tiny_result: RunResult) -> None:
+def test_an_expectation_of_what_is_not_there_fails(tiny_result: Result) -> None:
     entry = tracker(tiny_result, "raw")
     stated = Expectation(tracker="raw", metric="nis.radar.mean", below=1e9)
     judged = expectations.judge([stated], {"raw": entry}, {})
@@ -277,9 +277,9 @@ def test_an_expectation_of_what_is_not_there_fails(tiny_result: RunResult) -> No
     assert expectations.judge([rival], {"raw": entry}, {})[0]["passed"] is False
 
 
-def test_the_chosen_run_is_shown(run_tiny: Run, tiny_result: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_chosen_run_is_shown(run_tiny: Run, tiny_result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     shown = run_tiny("recording.run=3")
-    assert (shown.summary["recorded_run"], tiny_result.summary["recorded_run"]) == (3, 0)
+    assert (shown.json()["recorded_run"], tiny_result.json()["recorded_run"]) == (3, 0)
     assert not shown.tables["measurements"].equals(tiny_result.tables["measurements"])
     # Each run's table of errors agrees with the estimates of the run that is shown.
     for result, run in ((shown, 3), (tiny_result, 0)):
@@ -294,7 +294,7 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
     """Two cars before the ego car; the sensors see as far as the nearer one."""
     result = run_tiny("sensors.radar.max_range_m=30", "sensors.lidar.max_range_m=30")
     measurements = result.tables["measurements"]
-    seen = {name: column(measurements, "valid", object=name).any() for name in result.summary["truth"]["objects"]}
+    seen = {name: column(measurements, "valid", object=name).any() for name in result.json()["truth"]["objects"]}
     assert sorted(seen.values()) == [False, True], "the scene does not fit this test"
     hidden = next(name for name, was_seen in seen.items() if not was_seen)
     for name in ("raw", "ekf"):
@@ -306,14 +306,14 @@ def test_an_object_that_is_never_seen(run_tiny: Run) -> None:
 
 def test_nothing_is_ever_seen(run_tiny: Run) -> None:
     result = run_tiny("sensors.radar.max_range_m=0.1", "sensors.lidar.max_range_m=0.1")
-    json.loads(to_json(result.summary), parse_constant=pytest.fail)
-    assert result.summary["ranking"] == ["raw", "ekf"]
-    for entry in result.summary["trackers"]:
+    json.loads(to_json(result.json()), parse_constant=pytest.fail)
+    assert result.json()["ranking"] == ["raw", "ekf"]
+    for entry in result.json()["trackers"]:
         assert entry["failed"] is None
         assert entry["metrics"]["position_rmse"]["value"] is None
         assert entry["metrics"]["position_rmse"]["reason"]
         assert entry["metrics"]["coverage"]["value"] is None
-    assert result.summary["sensors"]["radar"]["detection_rate"] is None
+    assert result.json()["sensors"]["radar"]["detection_rate"] is None
 
 
 def test_objects_that_stand_still(run_tiny: Run) -> None:
@@ -322,9 +322,9 @@ def test_objects_that_stand_still(run_tiny: Run) -> None:
         "truth={source: highway-env, env: parking-v0, config: {vehicles_count: 2}, duration_s: 2, rate_hz: 10, "
         "ego: idle, observer: {x: -40}, targets: {nearest: 2}}"
     )
-    json.loads(to_json(result.summary), parse_constant=pytest.fail)
+    json.loads(to_json(result.json()), parse_constant=pytest.fail)
     assert column(result.tables["truth"], "speed_mps", role="target").max() == 0
-    for entry in result.summary["trackers"]:
+    for entry in result.json()["trackers"]:
         assert entry["failed"] is None
         assert entry["metrics"]["course_rmse"] == {
             "value": None,
@@ -342,7 +342,7 @@ def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_pat
         "        return 1, Estimate(np.ones(4), np.eye(4), None, None, np.zeros(size), np.eye(size))\n"
     )
     result = run_tiny(f"trackers.mine.use={write_module(tmp_path, code)}:T", folder=tmp_path)
-    json.loads(to_json(result.summary), parse_constant=pytest.fail)
+    json.loads(to_json(result.json()), parse_constant=pytest.fail)
     metrics = tracker(result, "mine")["metrics"]
     assert metrics["whiteness"]["radar"]["reason"] == "every innovation is zero"
     assert metrics["nis"]["radar"]["verdict"] == "pessimistic"
@@ -351,19 +351,19 @@ def test_a_tracker_that_never_is_wrong_by_its_own_account(run_tiny: Run, tmp_pat
 def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
     ukf = "trackers.ukf={filter: ukf, motion: cv, acceleration_sigma_mps2: 3}"
     result = run_tiny(ukf, "monte_carlo.runs=8", "score.settle_s=0.5")
-    pairs = [(item["a"], item["b"]) for item in result.summary["differences"] if item["metric"] == "position_rmse"]
+    pairs = [(item["a"], item["b"]) for item in result.json()["differences"] if item["metric"] == "position_rmse"]
     assert pairs == [("raw", "ekf"), ("raw", "ukf"), ("ekf", "ukf")]
-    values = {entry["name"]: entry["metrics"]["position_rmse"]["value"] for entry in result.summary["trackers"]}
-    for item in result.summary["differences"]:
+    values = {entry["name"]: entry["metrics"]["position_rmse"]["value"] for entry in result.json()["trackers"]}
+    for item in result.json()["differences"]:
         if item["metric"] == "position_rmse":
             assert item["value"] == pytest.approx(values[item["a"]] - values[item["b"]], rel=1e-12)
-    found = {(item["a"], item["b"]): item["verdict"] for item in result.summary["differences"] if item["unit"] == "m"}
+    found = {(item["a"], item["b"]): item["verdict"] for item in result.json()["differences"] if item["unit"] == "m"}
     assert found["raw", "ekf"] == "b better"
-    assert result.summary["ranking"][-1] == "raw"
+    assert result.json()["ranking"][-1] == "raw"
 
 
-def test_the_result_says_what_was_run(tiny_result: RunResult) -> None:
-    summary = tiny_result.summary
+def test_the_result_says_what_was_run(tiny_result: Result) -> None:
+    summary = tiny_result.json()
     described = {entry["name"]: entry["describe"] for entry in summary["trackers"]}
     assert described == {"raw": "raw, all sensors", "ekf": "ekf, cv, acceleration sigma 3 m/s^2, all sensors"}
     assert summary["truth"] | {"steps": 21, "dt": 0.1, "duration_s": 2.0, "objects": ["v1", "v2"]} == summary["truth"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner import block
 from trackbench.runner.run import run
 from trackbench.runner.until import FIRST_RUNS, first_look, run_until
@@ -24,7 +24,7 @@ RANDOM = """truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {
     b: {start: {x: 50}}}}"""
 
 
-def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: int = 1) -> RunResult:
+def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: int = 1) -> Result:
     first = first_look(load_scenario(tiny, overrides), max_runs)
     return run_until(first, truth_of(first), target, max_runs, workers=workers, command=command)
 
@@ -33,9 +33,9 @@ def command(loaded: LoadedScenario) -> str:
     return " ".join(loaded.overrides)
 
 
-def comparable(result: RunResult) -> dict[str, Any]:
+def comparable(result: Result) -> dict[str, Any]:
     """The result but for times and for how its number of runs was chosen."""
-    summary = json.loads(json.dumps(result.summary))
+    summary = json.loads(json.dumps(result.json()))
     for tracker in summary["trackers"]:
         tracker["metrics"].pop("step_time")
     summary["truth"].pop("cached")
@@ -51,8 +51,8 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
     """In one block that grows, and in several of which the last one is cut short."""
     monkeypatch.setattr(block, "BATCH_SIZE", batch)
     found = until(tiny, 0.012, 2000, *overrides)
-    runs = found.summary["runs"]
-    assert found.summary["precision"]["reached"]
+    runs = found.json()["runs"]
+    assert found.json()["precision"]["reached"]
     assert runs > 2 * FIRST_RUNS
     loaded = load_scenario(tiny, (*overrides, f"monte_carlo.runs={runs}"))
     same = run(loaded, truth_of(loaded))
@@ -64,7 +64,7 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
 
 
 def test_it_stops_as_soon_as_the_interval_is_that_narrow(tiny: Path) -> None:
-    found = until(tiny, 0.02, 2000).summary
+    found = until(tiny, 0.02, 2000).json()
     (difference,) = (item for item in found["differences"] if item["metric"] == "position_rmse")
     best = next(item for item in found["trackers"] if item["name"] == found["ranking"][0])
     low, high = difference["ci95"]
@@ -72,14 +72,14 @@ def test_it_stops_as_soon_as_the_interval_is_that_narrow(tiny: Path) -> None:
     assert precision["half_width"] == pytest.approx((high - low) / 2 / best["metrics"]["position_rmse"]["value"])
     assert precision["half_width"] <= 0.02
     assert (precision["best"], precision["second"]) == tuple(found["ranking"][:2])
-    fewer = until(tiny, 0.02, FIRST_RUNS).summary["precision"]
+    fewer = until(tiny, 0.02, FIRST_RUNS).json()["precision"]
     assert not fewer["reached"]
     assert fewer["half_width"] > 0.02
     assert found["command"] == f"monte_carlo.runs={found['runs']}"
 
 
 def test_it_ends_at_the_stated_number(tiny: Path) -> None:
-    found = until(tiny, 1e-6, 70).summary
+    found = until(tiny, 1e-6, 70).json()
     assert found["runs"] == 70
     assert found["precision"]["reached"] is False
     assert found["precision"]["half_width"] > 1e-6
@@ -91,14 +91,14 @@ def test_any_number_of_workers_gives_the_same(tiny: Path, monkeypatch: pytest.Mo
 
 
 def test_without_two_scores_it_does_not_go_on(tiny: Path) -> None:
-    found = until(tiny, 1e-6, 10_000, "trackers.ekf={use: 'math:pi'}").summary
+    found = until(tiny, 1e-6, 10_000, "trackers.ekf={use: 'math:pi'}").json()
     assert found["runs"] == FIRST_RUNS
     assert found["precision"]["half_width"] is None
     assert found["precision"]["reached"] is False
 
 
 def test_the_recorded_run_is_among_the_first(tiny: Path) -> None:
-    assert until(tiny, 1.0, 500, "monte_carlo.runs=100", "recording.run=80").summary["runs"] == 81
+    assert until(tiny, 1.0, 500, "monte_carlo.runs=100", "recording.run=80").json()["runs"] == 81
 
 
 def test_the_command_line_says_what_was_reached(cli: Cli, tiny: Path) -> None:
@@ -111,8 +111,8 @@ def test_the_command_line_says_what_was_reached(cli: Cli, tiny: Path) -> None:
     assert summary["command"] == f"trackbench run tiny.yaml --set monte_carlo.seed=3 --set monte_carlo.runs={runs}"
     done = cli(*summary["command"].split()[1:], "--no-recording", "--json")
     assert done.status == 0
-    again = RunResult(json.loads(done.out), {})
-    assert comparable(again) == comparable(RunResult(summary, {}))
+    again = Result.from_json(json.loads(done.out), {})
+    assert comparable(again) == comparable(Result.from_json(summary, {}))
     done = cli("run", "tiny.yaml", "--no-recording", "--runs-until", "0.0001", "--max-runs", "60")
     assert "wanted, not reached" in " ".join(done.out.split())
 

@@ -107,7 +107,7 @@ def rmse_of_a_run(folder: Path, name: str, lines: Sequence[str]) -> list[float]:
     file = write_scenario(folder)
     (folder / "lines.txt").write_text("\n".join(lines))
     prepared = prepare(file, [], [name])
-    (tracker,) = run(prepared.loaded, prepared.truth).summary["trackers"]
+    (tracker,) = run(prepared.loaded, prepared.truth).json()["trackers"]
     return [tracker["metrics"]["rmse"][component]["value"] for component in ("px", "py", "vx", "vy")]
 
 

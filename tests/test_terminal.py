@@ -23,7 +23,7 @@ from rich.console import Console
 
 from trackbench.cli.main import cli as root
 from trackbench.report.console import print_summary
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 Cli = Callable[..., Any]
 
@@ -165,17 +165,17 @@ def test_no_progress_where_there_is_no_terminal(tiny: Path, tmp_path: Path, trac
     assert done.stderr == ""
 
 
-def result_of(names: list[str], like: RunResult, position: float = 0.1) -> RunResult:
+def result_of(names: list[str], like: Result, position: float = 0.1) -> Result:
     """A result of trackers with these names, between any two of which no difference was shown."""
-    pattern = next(tracker for tracker in like.summary["trackers"] if tracker["name"] == "ekf")
+    pattern = next(tracker for tracker in like.json()["trackers"] if tracker["name"] == "ekf")
     error = {**pattern["metrics"]["position_rmse"], "value": position}
     trackers = [{**pattern, "name": name, "metrics": {**pattern["metrics"], "position_rmse": error}} for name in names]
-    return RunResult({**like.summary, "trackers": trackers, "ranking": names, "differences": []}, like.tables)
+    return Result.from_json({**like.json(), "trackers": trackers, "ranking": names, "differences": []}, like.tables)
 
 
 @pytest.mark.parametrize("longest", [8, 20, 64])
 @pytest.mark.parametrize("position", [0.1, 1234567.0])
-def test_the_table_fits_whatever_the_names(tiny_result: RunResult, longest: int, position: float) -> None:
+def test_the_table_fits_whatever_the_names(tiny_result: Result, longest: int, position: float) -> None:
     names = [f"{'x' * (longest - 3)}_{i:02}" for i in range(40)] + ["ekf"]
     console = Console(width=80, record=True, quiet=False, file=open(os.devnull, "w"))  # noqa: SIM115
     with console.file:
@@ -187,12 +187,12 @@ def test_the_table_fits_whatever_the_names(tiny_result: RunResult, longest: int,
         assert len((lines[row] + lines[row + 1]).split()) >= 8, "a name is on the line of its numbers or right above"
 
 
-def test_letters_that_say_nothing_at_a_glance_are_left_out(tiny_result: RunResult) -> None:
+def test_letters_that_say_nothing_at_a_glance_are_left_out(tiny_result: Result) -> None:
     names = [f"t{i}" for i in range(26)]
     result = result_of(names, tiny_result)
-    pattern = tiny_result.summary["differences"][0]
+    pattern = tiny_result.json()["differences"][0]
     # Each differs from its partner alone, which takes a letter for every choice of partners: more than fit.
-    result.summary["differences"] = [
+    result.json()["differences"] = [
         {**pattern, "a": names[i], "b": names[i + 1], "verdict": "a better"} for i in range(0, 8, 2)
     ]
     console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115

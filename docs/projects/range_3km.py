@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from tables import fill, markdown
 
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
@@ -88,14 +88,14 @@ class Place:
         return text if self.inside else f"**{text}**"
 
 
-def result(case: str, *overrides: str) -> RunResult:
+def result(case: str, *overrides: str) -> Result:
     """The result of one case."""
     path = SCENARIOS / f"range_3km_{case}.yaml"
     loaded = load_scenario(path, overrides)
     return run(loaded, truth_of(loaded))
 
 
-def places(case: str, found: RunResult, tracker: str) -> list[Place]:
+def places(case: str, found: Result, tracker: str) -> list[Place]:
     """Of the published values of x and y."""
     table = found.tables["runs"]
     of = np.array(table["tracker"].to_pylist()) == tracker
@@ -103,7 +103,7 @@ def places(case: str, found: RunResult, tracker: str) -> list[Place]:
     return [Place(*pair) for pair in zip(PUBLISHED[case][tracker], columns, strict=True)]
 
 
-def percentiles(results: dict[str, RunResult]) -> str:
+def percentiles(results: dict[str, Result]) -> str:
     head = ("case", "published, m", "median, m", "95 % of the runs, m", "percentile")
     words = {"ekf": "filtered", "raw": "raw"}
     rows = [
@@ -121,7 +121,7 @@ def percentiles(results: dict[str, RunResult]) -> str:
     return markdown(head, rows)
 
 
-def trackers(results: dict[str, RunResult]) -> str:
+def trackers(results: dict[str, Result]) -> str:
     """RMSE of x and y over all runs, and how many runs lost the target."""
 
     def cells(entry: dict) -> str:
@@ -129,8 +129,8 @@ def trackers(results: dict[str, RunResult]) -> str:
         text = f"{rmse['px']['value']:.1f}, {rmse['py']['value']:.1f}"
         return f"{text} ({lost} lost)" if lost else text
 
-    entries = {case: {item["name"]: item for item in found.summary["trackers"]} for case, found in results.items()}
-    names = [item["name"] for item in results["a"].summary["trackers"]]
+    entries = {case: {item["name"]: item for item in found.json()["trackers"]} for case, found in results.items()}
+    names = [item["name"] for item in results["a"].json()["trackers"]]
     rows = [(f"`{name}`", *(cells(entries[case][name]) for case in results)) for name in names]
     return markdown(("tracker", *(f"({case}) x, y, m" for case in results)), rows)
 

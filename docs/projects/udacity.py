@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from tables import fill, markdown
 
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
@@ -49,23 +49,23 @@ PUBLISHED = (
 )
 
 
-def result(name: str) -> RunResult:
+def result(name: str) -> Result:
     """The result of one of the scenarios."""
     path = SCENARIOS / f"{name}.yaml"
     loaded = load_scenario(path)
     return run(loaded, truth_of(loaded))
 
 
-def entry(found: RunResult, tracker: str) -> dict[str, Any]:
-    return next(item for item in found.summary["trackers"] if item["name"] == tracker)
+def entry(found: Result, tracker: str) -> dict[str, Any]:
+    return next(item for item in found.json()["trackers"] if item["name"] == tracker)
 
 
-def rmse(found: RunResult, tracker: str) -> list[float]:
+def rmse(found: Result, tracker: str) -> list[float]:
     errors = entry(found, tracker)["metrics"]["rmse"]
     return [errors[name]["value"] for name in COMPONENTS]
 
 
-def _beside(found: RunResult, rows: list[Row]) -> str:
+def _beside(found: Result, rows: list[Row]) -> str:
     head = ("", "tracker", *(f"{name} published, ours" for name in COMPONENTS), "largest difference")
     cells = []
     for row in rows:
@@ -76,7 +76,7 @@ def _beside(found: RunResult, rows: list[Row]) -> str:
     return markdown(head, cells)
 
 
-def _all(found: RunResult) -> str:
+def _all(found: Result) -> str:
     head = ("tracker", *COMPONENTS, "NEES", "lidar NIS under its line", "radar NIS under its line")
 
     def share(metrics: dict[str, Any], sensor: str) -> str:
@@ -84,7 +84,7 @@ def _all(found: RunResult) -> str:
         return "" if value is None else f"{100 * value:.1f} %"
 
     rows = []
-    for item in found.summary["trackers"]:
+    for item in found.json()["trackers"]:
         metrics = item["metrics"]
         errors = (f"{value:.4f}" for value in rmse(found, item["name"]))
         nees = f"{metrics['nees']['mean']:.1f}"

@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from scipy import stats
 
 from trackbench import recording
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 STEPS, DT, RUNS = 401, 0.05, 100
 TARGETS = ("v1", "v2", "v3", "v4", "v5")
@@ -22,7 +22,7 @@ SENSORS = {"front_radar": (1, 3), "roof_lidar": (2, 2)}
 TIME = np.arange(STEPS) * DT
 
 
-def synthetic_result() -> RunResult:
+def synthetic_result() -> Result:
     """Traffic on three lanes: v1 changes lane to the left, v4 arrives at 5 s, v5 leaves at 12 s."""
     rng = np.random.default_rng(5)
     truth = _truth()
@@ -88,7 +88,7 @@ def synthetic_result() -> RunResult:
         "nis": nis,
         "roads": [dict(zip(("line", "x_m", "y_m"), map(np.array, zip(*lanes, strict=True)), strict=True))],
     }
-    return RunResult(_summary(), {name: _table(parts) for name, parts in tables.items()})
+    return Result.from_json(_summary(), {name: _table(parts) for name, parts in tables.items()})
 
 
 def _truth() -> dict[str, dict[str, Any]]:
@@ -187,12 +187,12 @@ def _summary() -> dict[str, Any]:
 
 
 @pytest.fixture(scope="session")
-def result() -> RunResult:
+def result() -> Result:
     return synthetic_result()
 
 
 @pytest.fixture(scope="session")
-def file(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("run") / "recording.rrd"
     recording.write(result, path)
     return path

@@ -17,7 +17,7 @@ import rerun as rr
 from trackbench.recording import live, painter
 from trackbench.recording.live import Live, Scene
 from trackbench.recording.painter import Painter
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.block import Observation
 from trackbench.runner.run import run
 from trackbench.scenario import LoadedScenario, load_scenario
@@ -97,7 +97,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario
     viewer.end(result)
     viewer.close()
     assert viewer.lost
-    assert result.summary["trackers"][0]["failed"] is None
+    assert result.json()["trackers"][0]["failed"] is None
 
 
 def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
@@ -154,7 +154,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     assert "/data/result" not in half.entities()
 
 
-def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., RunResult], tiny: Path) -> None:
+def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., Result], tiny: Path) -> None:
     loaded = load_scenario(tiny, ["recording.run=3"])
     truth = truth_of(loaded).truth
     several = np.repeat(truth.px, 5, axis=2) + np.arange(5.0)

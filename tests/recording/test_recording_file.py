@@ -20,7 +20,7 @@ from scipy import stats
 from trackbench import recording
 from trackbench.errors import InputError, TrackbenchError
 from trackbench.palette import TRACKER_COLOURS, tracker_colour
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
 def test_rerun_verifies_the_file(file: Path) -> None:
@@ -31,14 +31,14 @@ def test_rerun_verifies_the_file(file: Path) -> None:
     assert "1 file verified without error" in done.stdout + done.stderr
 
 
-def test_five_vehicles_and_five_trackers_in_a_second_and_ten_megabytes(result: RunResult, tmp_path: Path) -> None:
+def test_five_vehicles_and_five_trackers_in_a_second_and_ten_megabytes(result: Result, tmp_path: Path) -> None:
     start = time.perf_counter()
     recording.write(result, tmp_path / "run.rrd")
     assert time.perf_counter() - start < 1.0
     assert (tmp_path / "run.rrd").stat().st_size < 10e6
 
 
-def test_the_layout_is_in_the_file(file: Path, result: RunResult) -> None:
+def test_the_layout_is_in_the_file(file: Path, result: Result) -> None:
     reader = RrdReader(file)
     assert len(reader.blueprints()) == 1
     (store,) = reader.blueprints()
@@ -48,11 +48,11 @@ def test_the_layout_is_in_the_file(file: Path, result: RunResult) -> None:
         if "ViewBlueprint:display_name" in (batch := chunk.to_record_batch()).schema.names
         for row in batch.column("ViewBlueprint:display_name").to_pylist()
     }
-    assert {"Seen from above", *result.summary["truth"]["objects"]} <= views
+    assert {"Seen from above", *result.json()["truth"]["objects"]} <= views
     assert {"Ranking", "About this run", "Position RMSE, 100 runs, m", "NEES and 95 % bounds, run 0"} <= views
 
 
-def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result: RunResult) -> None:
+def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result: Result) -> None:
     steps = [row for row in result.tables["steps"].to_pylist() if row["tracker"] == "ekf_cv"]
     rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
     assert [rmse[round(row["time_s"], 9)] for row in steps] == [[row["position_rmse_m"]] for row in steps]
@@ -62,15 +62,15 @@ def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result:
         "velocity_rmse/bounds/velocity_bound_mps_1",
         "nees/bounds/nees_low_1",
         "nees/bounds/nees_high_1",
-        *(f"nis/{sensor}/bounds/nis_{side}_1" for sensor in result.summary["sensors"] for side in ("low", "high")),
+        *(f"nis/{sensor}/bounds/nis_{side}_1" for sensor in result.json()["sensors"] for side in ("low", "high")),
     }
 
 
-def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: RunResult, tmp_path: Path, read_file: Any) -> None:
+def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: Result, tmp_path: Path, read_file: Any) -> None:
     nis = result.tables["nis"]
     own = pc.multiply(nis["nis_high"], pc.if_else(pc.equal(nis["tracker"], "kf_cv"), 0.7, 1.0))
     changed = nis.set_column(nis.column_names.index("nis_high"), "nis_high", own)
-    recording.write(RunResult(result.summary, result.tables | {"nis": changed}), tmp_path / "run.rrd")
+    recording.write(Result.from_json(result.json(), {**result.tables, "nis": changed}), tmp_path / "run.rrd")
     read = read_file(tmp_path / "run.rrd")
     place = "/series/all_runs/nis/front_radar/bounds"
     names = [read(f"{place}/nis_high_{i}", "SeriesLines:names")[None][0] for i in (1, 2)]
@@ -81,7 +81,7 @@ def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: RunResult, 
 
 
 def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_number(
-    read: Any, result: RunResult
+    read: Any, result: Result
 ) -> None:
     rows = [
         row
@@ -97,13 +97,13 @@ def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_
 
 
 def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
-    result: RunResult, tmp_path: Path, read_file: Any
+    result: Result, tmp_path: Path, read_file: Any
 ) -> None:
     nis, shown = result.tables["nis"], result.tables["recorded_nis"]
     nis = nis.set_column(nis.column_names.index("count"), "count", pc.if_else(pc.greater(nis["count"], 0), 1.0, 0.0))
     shown = shown.filter(pc.equal(shown["object"], "v1"))
     recording.write(
-        RunResult(result.summary, result.tables | {"nis": nis, "recorded_nis": shown}), tmp_path / "run.rrd"
+        Result.from_json(result.json(), {**result.tables, "nis": nis, "recorded_nis": shown}), tmp_path / "run.rrd"
     )
     read = read_file(tmp_path / "run.rrd")
     for run in ("all_runs", "recorded_run"):
@@ -114,21 +114,23 @@ def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
         np.testing.assert_allclose([value[0] for value in values], 7.815, atol=5e-4)
 
 
-def test_a_line_is_broken_where_there_is_no_value(result: RunResult, tmp_path: Path, read_file: Any) -> None:
+def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path, read_file: Any) -> None:
     steps = result.tables["steps"]
     column = steps.column_names.index("nees_mean")
     values = steps["nees_mean"].to_numpy().copy()
     values[10] = np.nan
     recording.write(
-        RunResult(result.summary, result.tables | {"steps": steps.set_column(column, "nees_mean", pa.array(values))}),
+        Result.from_json(
+            result.json(), {**result.tables, "steps": steps.set_column(column, "nees_mean", pa.array(values))}
+        ),
         tmp_path / "run.rrd",
     )
     nees = read_file(tmp_path / "run.rrd")("/series/all_runs/nees/raw", "Scalars:scalars")
     assert (nees[0.5], len(nees[0.55])) == ([], 1)
 
 
-def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: RunResult) -> None:
-    for name, colour in tracker_colour(tracker["name"] for tracker in result.summary["trackers"]).items():
+def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
+    for name, colour in tracker_colour(tracker["name"] for tracker in result.json()["trackers"]).items():
         expected = [int(colour[1:] + "FF", 16)]
         assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
         assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected
@@ -148,14 +150,14 @@ def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
     assert read("/__properties/trackbench", "scenario")[None] == ["synthetic_highway"]
 
 
-def test_a_failed_tracker_is_named_with_its_cause(result: RunResult, tmp_path: Path, read_file: Any) -> None:
+def test_a_failed_tracker_is_named_with_its_cause(result: Result, tmp_path: Path, read_file: Any) -> None:
     failed = {"cause": "returned NaN", "step": 12, "time_s": 0.6, "sensor": "roof_lidar", "run": 3, "object": "v1"}
-    trackers = [entry | {"failed": failed if entry["name"] == "raw" else None} for entry in result.summary["trackers"]]
+    trackers = [entry | {"failed": failed if entry["name"] == "raw" else None} for entry in result.json()["trackers"]]
     others = {
         name: table.filter(pc.not_equal(table["tracker"], "raw")) if "tracker" in table.column_names else table
         for name, table in result.tables.items()
     }
-    recording.write(RunResult(result.summary | {"trackers": trackers}, others), tmp_path / "run.rrd")
+    recording.write(Result.from_json(result.json() | {"trackers": trackers}, others), tmp_path / "run.rrd")
     read = read_file(tmp_path / "run.rrd")
     assert "**raw** at 0.600 s (step 12, run 3): returned NaN" in read("/ranking", "TextDocument:text")[None][0]
     assert "/world/estimates/ekf_cv/v1" in read.entities()
@@ -163,37 +165,38 @@ def test_a_failed_tracker_is_named_with_its_cause(result: RunResult, tmp_path: P
 
 
 @pytest.mark.parametrize("name", ["roads", "measurements", "estimates", "recorded_nis", "nis"])
-def test_an_empty_table_leaves_the_rest(name: str, result: RunResult, tmp_path: Path, read_file: Any) -> None:
+def test_an_empty_table_leaves_the_rest(name: str, result: Result, tmp_path: Path, read_file: Any) -> None:
     recording.write(
-        RunResult(result.summary, result.tables | {name: result.tables[name].slice(0, 0)}), tmp_path / "a.rrd"
+        Result.from_json(result.json(), {**result.tables, name: result.tables[name].slice(0, 0)}), tmp_path / "a.rrd"
     )
     assert "/world/vehicles/v1" in read_file(tmp_path / "a.rrd").entities()
 
 
 def test_a_run_in_which_every_tracker_failed_still_shows_the_scene(
-    result: RunResult, tmp_path: Path, read_file: Any
+    result: Result, tmp_path: Path, read_file: Any
 ) -> None:
     nothing = dict.fromkeys(("steps", "nis", "estimates", "recorded_nis"), pa.table({}))
-    recording.write(RunResult(result.summary, result.tables | nothing), tmp_path / "run.rrd")
+    recording.write(Result.from_json(result.json(), {**result.tables, **nothing}), tmp_path / "run.rrd")
     entities = read_file(tmp_path / "run.rrd").entities()
     assert {"/world/vehicles/v1", "/world/measurements/front_radar"} <= entities
     assert not any(entity.startswith("/series") for entity in entities)
 
 
-def test_names_need_not_be_plain(result: RunResult, tmp_path: Path, read_file: Any) -> None:
+def test_names_need_not_be_plain(result: Result, tmp_path: Path, read_file: Any) -> None:
     measurements = result.tables["measurements"]
     odd = pa.array([name.as_py().replace("front_radar", "front/radar é") for name in measurements["sensor"]])
-    tables = result.tables | {
-        "measurements": measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd)
+    tables = {
+        **result.tables,
+        "measurements": measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd),
     }
-    sensors = result.summary["sensors"]
-    summary = result.summary | {"sensors": sensors | {"front/radar é": sensors["front_radar"]}}
-    recording.write(RunResult(summary, tables), tmp_path / "run.rrd")
+    sensors = result.json()["sensors"]
+    summary = result.json() | {"sensors": sensors | {"front/radar é": sensors["front_radar"]}}
+    recording.write(Result.from_json(summary, tables), tmp_path / "run.rrd")
     entities = read_file(tmp_path / "run.rrd").entities()
     assert any(entity.startswith("/world/measurements/front\\/radar") for entity in entities)
 
 
-def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(result: RunResult, tmp_path: Path) -> None:
+def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(result: Result, tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     path.write_bytes(b"old")
     recording.write(result, path)
@@ -201,7 +204,7 @@ def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(result
     assert len(RrdReader(path).recordings()) == 1
 
 
-def test_a_folder_that_cannot_be_written_is_one_clear_error(result: RunResult, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_one_clear_error(result: Result, tmp_path: Path) -> None:
     with pytest.raises(TrackbenchError, match=r"cannot write .*nowhere/run\.rrd: No such file"):
         recording.write(result, tmp_path / "nowhere" / "run.rrd")
     (tmp_path / "run.rrd").mkdir()
@@ -210,9 +213,7 @@ def test_a_folder_that_cannot_be_written_is_one_clear_error(result: RunResult, t
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
 
 
-def test_a_full_disk_leaves_the_old_recording(
-    result: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_leaves_the_old_recording(result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, content: bytes) -> int:
         path.touch()
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -226,7 +227,7 @@ def test_a_full_disk_leaves_the_old_recording(
 
 
 def test_rerun_switched_off_by_the_environment_is_said(
-    result: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RERUN", "off")
     with pytest.raises(InputError, match="RERUN"):

@@ -13,11 +13,11 @@ from trackbench.errors import InputError
 from trackbench.recording.overlay import labels, laid_over, same_traffic
 from trackbench.recording.play import playable
 from trackbench.recording.reader import read
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
 @pytest.fixture(scope="module")
-def pair(run_tiny: Callable[..., RunResult]) -> dict[str, RunResult]:
+def pair(run_tiny: Callable[..., Result]) -> dict[str, Result]:
     return {"old": run_tiny("trackers.ekf.acceleration_sigma_mps2=9"), "new": run_tiny("monte_carlo.runs=6")}
 
 
@@ -28,7 +28,7 @@ def test_runs_are_called_by_what_tells_their_paths_apart() -> None:
     assert len(set(labels([Path("x.rrd"), Path("x.rrd")]))) == 2
 
 
-def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, RunResult], tmp_path: Path, read_file: Any) -> None:
+def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
     recording.write(laid_over(pair), tmp_path / "both.rrd")
     read_back = read_file(tmp_path / "both.rrd")
     drawn = {entity for entity in read_back.entities() if entity.startswith("/series/all_runs/nees/")}
@@ -44,17 +44,17 @@ def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, RunResult], tmp_p
     }
 
 
-def test_other_measurements_are_drawn_beside(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult]) -> None:
+def test_other_measurements_are_drawn_beside(pair: dict[str, Result], run_tiny: Callable[..., Result]) -> None:
     both = laid_over({"old": pair["old"], "new": run_tiny("monte_carlo.seed=8")})
-    assert set(both.summary["sensors"]) == {f"{s} ({label})" for s in ("radar", "lidar") for label in ("old", "new")}
+    assert set(both.json()["sensors"]) == {f"{s} ({label})" for s in ("radar", "lidar") for label in ("old", "new")}
 
 
-def test_other_traffic_is_not_laid_over(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult]) -> None:
+def test_other_traffic_is_not_laid_over(pair: dict[str, Result], run_tiny: Callable[..., Result]) -> None:
     assert same_traffic(list(pair.values()))
     assert not same_traffic([pair["old"], run_tiny("truth.seed=5")])
 
 
-def test_what_the_viewer_gets(pair: dict[str, RunResult], run_tiny: Callable[..., RunResult], tmp_path: Path) -> None:
+def test_what_the_viewer_gets(pair: dict[str, Result], run_tiny: Callable[..., Result], tmp_path: Path) -> None:
     everything = {**pair, "other": run_tiny("truth.seed=5")}
     for name, result in everything.items():
         writers = {} if name == "new" else {"recording.rrd": lambda path, result=result: recording.write(result, path)}
@@ -65,7 +65,7 @@ def test_what_the_viewer_gets(pair: dict[str, RunResult], run_tiny: Callable[...
     with playable([old, new]) as ready:
         (file,) = ready.files
         assert "tables" in ready.notes[0]
-        assert {entry["name"] for entry in read(file).result.summary["trackers"]} >= {"ekf (old)", "ekf (new)"}
+        assert {entry["name"] for entry in read(file).result.json()["trackers"]} >= {"ekf (old)", "ekf (new)"}
     assert not file.exists()
     with playable([old, other]) as ready:
         assert ready.files == [old / "recording.rrd", other / "recording.rrd"]

@@ -19,14 +19,14 @@ from trackbench.recording.inspection import inspect
 from trackbench.recording.moments import worst
 from trackbench.recording.reader import read
 from trackbench.recording.shown import recorded_run
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 #: Parts of a tracker's metrics that are computed afresh.
 AFRESH = ("position_rmse", "velocity_rmse", "course_rmse", "rmse", "nees", "nis", "coverage")
 
 
 @pytest.fixture(scope="module")
-def save(run_tiny: Callable[..., RunResult], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def save(run_tiny: Callable[..., Result], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """Runs the tiny scenario and saves it with its recording."""
 
     def call(*overrides: str) -> Path:
@@ -51,9 +51,9 @@ def plain(table: pa.Table, keys: tuple[str, ...]) -> list[tuple[Any, ...]]:
 
 
 def test_every_number_comes_back(folder: Path) -> None:
-    recorded, saved = read(folder / "recording.rrd"), results.load(folder)
+    recorded, saved = read(folder / "recording.rrd"), results.Result.load(folder)
     assert recorded.rerun == rr.__version__
-    assert recorded.result.summary == saved.summary
+    assert recorded.result.json() == saved.json()
     for name, keys in KEYS.items():
         assert recorded.result.tables[name].num_rows > 0
         assert plain(recorded.result.tables[name], keys) == plain(saved.tables[name], keys), name
@@ -61,7 +61,7 @@ def test_every_number_comes_back(folder: Path) -> None:
 
 def test_the_scores_are_those_of_the_recorded_run(folder: Path) -> None:
     found = inspect(folder / "recording.rrd")
-    runs = {row["tracker"]: row for row in results.load(folder).tables["runs"].to_pylist() if row["run"] == 2}
+    runs = {row["tracker"]: row for row in results.Result.load(folder).tables["runs"].to_pylist() if row["run"] == 2}
     for tracker in found["trackers"]:
         metrics, row = tracker["metrics"], runs[tracker["name"]]
         assert metrics["position_rmse"]["value"] == pytest.approx(row["position_rmse_m"], rel=1e-12)
@@ -74,7 +74,7 @@ def test_the_scores_are_those_of_the_recorded_run(folder: Path) -> None:
 
 def test_of_a_single_run_they_are_those_of_the_result(save: Callable[..., Path]) -> None:
     folder = save("monte_carlo.runs=1")
-    expected = {entry["name"]: entry["metrics"] for entry in results.load(folder).summary["trackers"]}
+    expected = {entry["name"]: entry["metrics"] for entry in results.Result.load(folder).json()["trackers"]}
     for tracker in inspect(folder)["trackers"]:
         found = tracker["metrics"]
         for name in AFRESH:
@@ -95,17 +95,17 @@ def flat(node: Any) -> dict[str, Any]:
 def test_a_changed_recording_has_other_scores_and_says_so(folder: Path, tmp_path: Path) -> None:
     copy = tmp_path / "run"
     shutil.copytree(folder, copy)
-    saved = results.load(copy)
+    saved = results.Result.load(copy)
     x = saved.tables["estimates"].column("px_m").to_numpy() + 1.0
     estimates = saved.tables["estimates"].set_column(3, "px_m", pa.array(x, from_pandas=True))
-    recording.write(RunResult(saved.summary, saved.tables | {"estimates": estimates}), copy / "recording.rrd")
+    recording.write(Result.from_json(saved.json(), {**saved.tables, "estimates": estimates}), copy / "recording.rrd")
     assert inspect(copy)["checked"]["largest_relative_difference"] > 0.01
 
 
 def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
     scene = inspect(folder / "recording.rrd", at=1.07)["at"]
     assert scene["time_s"] == pytest.approx(1.0)
-    tables = results.load(folder).tables
+    tables = results.Result.load(folder).tables
     truth = {row["object"]: row for row in tables["truth"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9}
     assert {vehicle["name"]: vehicle["px_m"] for vehicle in scene["vehicles"]} == {
         name: row["px_m"] for name, row in truth.items() if row["alive"]

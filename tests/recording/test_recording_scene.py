@@ -11,7 +11,7 @@ import pytest
 
 from trackbench import recording
 from trackbench.recording.scene import ellipse
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
 def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
@@ -19,9 +19,9 @@ def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
     assert set(read("/world/vehicles/v1", "Boxes2D:half_sizes")) == {round(0.05 * i, 9) for i in range(401)}
 
 
-def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, result: RunResult) -> None:
+def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, result: Result) -> None:
     truth = result.tables["truth"].to_pylist()
-    for name in ("ego", *result.summary["truth"]["objects"]):
+    for name in ("ego", *result.json()["truth"]["objects"]):
         rows = [row for row in truth if row["object"] == name]
         boxes = read(f"/world/vehicles/{name}", "Boxes2D:half_sizes")
         assert len(boxes) == 401
@@ -33,7 +33,7 @@ def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, re
     assert 2 * np.arctan2(quaternion[2], quaternion[3]) == pytest.approx(row["heading_rad"], abs=1e-6)
 
 
-def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: RunResult) -> None:
+def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: Result) -> None:
     truth = result.tables["truth"].to_pylist()
     v1 = next(row for row in truth if row["object"] == "v1" and round(row["time_s"], 9) == 8.0)
     (origin,) = read("/world/frames/ego", "Transform3D:translation")[8.0]
@@ -44,8 +44,8 @@ def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: RunR
     assert seen[1] == pytest.approx(-(v1["py_m"] + 1.0 - 4.0), abs=1e-4), "y of a 2D view points down"
 
 
-def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(read: Any, result: RunResult) -> None:
-    for sensor in result.summary["sensors"]:
+def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(read: Any, result: Result) -> None:
+    for sensor in result.json()["sensors"]:
         rows = [row for row in result.tables["measurements"].to_pylist() if row["sensor"] == sensor]
         drawn = {t: points for t, points in read(f"/world/measurements/{sensor}", "Points2D:positions").items() if t}
         assert sum(map(len, drawn.values())) == sum(row["valid"] for row in rows if row["time_s"])
@@ -63,7 +63,7 @@ def test_an_ellipse_encloses_95_percent() -> None:
     assert np.corrcoef(x, y)[0, 1] == pytest.approx(0, abs=0.01)
 
 
-def test_a_known_covariance_is_drawn_with_its_axes_and_rotation(read: Any, result: RunResult) -> None:
+def test_a_known_covariance_is_drawn_with_its_axes_and_rotation(read: Any, result: Result) -> None:
     row = next(
         row
         for row in result.tables["estimates"].to_pylist()
@@ -86,9 +86,9 @@ def test_an_estimate_disappears_with_its_vehicle(read: Any) -> None:
         assert max(t for t in drawn if t is not None) == 12.0
 
 
-def test_an_estimate_that_is_not_renewed_disappears(result: RunResult, tmp_path: Path, read_file: Any) -> None:
+def test_an_estimate_that_is_not_renewed_disappears(result: Result, tmp_path: Path, read_file: Any) -> None:
     estimates = result.tables["estimates"]
     stopped = estimates.filter(pc.less(estimates["time_s"], 3.01))
-    recording.write(RunResult(result.summary, result.tables | {"estimates": stopped}), tmp_path / "run.rrd")
+    recording.write(Result.from_json(result.json(), {**result.tables, "estimates": stopped}), tmp_path / "run.rrd")
     drawn = read_file(tmp_path / "run.rrd")("/world/estimates/ekf_cv/v1", "Points2D:positions")
     assert (len(drawn[3.0]), len(drawn[3.1])) == (1, 0), "held for a period of the slowest sensor, 0.1 s"

@@ -22,7 +22,7 @@ from trackbench.cli.live import live_options, showing
 from trackbench.cli.progress import progress
 from trackbench.cli.volume import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import truth_of
@@ -167,9 +167,9 @@ def run_command(
         if junit is not None:
             _write_junit(found, junit)
         if as_json:
-            summaries: Any = [result.summary for result in found]
+            summaries: Any = [result.json() for result in found]
             click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
-    raise click.exceptions.Exit(status([result.summary for result in found]))
+    raise click.exceptions.Exit(status([result.json() for result in found]))
 
 
 def scenario_files(paths: Sequence[Path]) -> Iterator[Path]:
@@ -269,7 +269,7 @@ def _run(
     plan: Plan,
     talk: Talk,
     of: str,
-) -> RunResult:
+) -> Result:
     from trackbench import recording
     from trackbench.report import html, markdown
     from trackbench.report.console import print_outcome, print_summary
@@ -295,10 +295,10 @@ def _run(
     }
     if plan.recording:
         artifacts["recording.rrd"] = partial(recording.write, result)
-    files = (*artifacts, *results.table_files(result))
-    result.summary["artifacts"] = {"markdown" if file == "report.md" else Path(file).stem: file for file in files}
+    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
+    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     with progress(f"{of}writing {name}", "files", quiet=talk.quiet) as advance:
-        results.save(result, folder, _counted(artifacts, advance))
+        result.save(folder, _counted(artifacts, advance))
     if plan.viewer is not None:
         plan.viewer.end(result)
     if talk.as_json:
@@ -322,17 +322,17 @@ def _counted(artifacts: Mapping[str, Writer], advance: Progress) -> dict[str, Wr
     return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
 
 
-def _write_junit(found: Sequence[RunResult], path: Path) -> None:
+def _write_junit(found: Sequence[Result], path: Path) -> None:
     from trackbench.report.junit import suite_of_run, to_xml
 
-    results.write_text(path, to_xml([suite_of_run(result.summary) for result in found]))
+    results.write_text(path, to_xml([suite_of_run(result.json()) for result in found]))
 
 
-def _write_report(render: Any, result: RunResult, path: Path) -> None:
+def _write_report(render: Any, result: Result, path: Path) -> None:
     path.write_text(render(result), encoding="utf-8")
 
 
-def _compare(found: list[RunResult], out: Path, talk: Talk) -> None:
+def _compare(found: list[Result], out: Path, talk: Talk) -> None:
     from trackbench.report import comparison
 
     compared = comparison.compare(found)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from pydantic import BaseModel, Field, ValidationError
 
 from trackbench import results
 from trackbench.errors import InputError
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.summary import ROOT_MEAN_SQUARES
+from trackbench.results import Result, Summary, TrackerResult
 from trackbench.scenario.config import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.types import Array
@@ -36,36 +35,6 @@ TEXT = {"tracker", "object", "role"}
 AGREEMENT = 1e-6
 
 
-class _ScenarioPart(BaseModel):
-    name: str
-    text: str
-    overrides: list[str] = []
-
-
-class _TruthPart(BaseModel):
-    objects: list[str]
-
-
-class _TrackerPart(BaseModel):
-    name: str
-    failed: dict[str, Any] | None
-    metrics: dict[str, Any]
-
-
-class Summary(BaseModel):
-    """What a comparison reads of ``result.json``."""
-
-    scenario: _ScenarioPart
-    seed: int
-    runs: int = Field(ge=1)
-    versions: dict[str, str]
-    fingerprint: str = Field(min_length=1)
-    truth: _TruthPart
-    recorded_run: int
-    trackers: list[_TrackerPart]
-    ranking: list[str]
-
-
 @dataclass(frozen=True)
 class StoredRun:
     """A finished run."""
@@ -85,13 +54,12 @@ class StoredRun:
     def failure(self, tracker: str) -> str | None:
         """Why a tracker could not go on, if it could not."""
         failed = self._entry(tracker).failed
-        return None if failed is None else str(failed.get("cause", "it failed"))
+        return None if failed is None else failed.cause
 
     def coverage(self, tracker: str) -> float | None:
         """Share of the steps at which the tracker gave an estimate."""
         found = self._entry(tracker).metrics.get("coverage")
-        value = found.get("value") if isinstance(found, dict) else None
-        return float(value) if isinstance(value, float | int) else None
+        return None if found is None else found.value
 
     def interval(self, tracker: str, metric: str) -> Interval | None:
         """An error of a tracker with what each run adds to it; None where there is nothing to compare.
@@ -117,7 +85,7 @@ class StoredRun:
         self._require_agreement(tracker, metric, found.value)
         return found
 
-    def _entry(self, tracker: str) -> _TrackerPart:
+    def _entry(self, tracker: str) -> TrackerResult:
         return next(entry for entry in self.summary.trackers if entry.name == tracker)
 
     def _column(self, rows: pa.Table, name: str) -> Array:
@@ -129,11 +97,9 @@ class StoredRun:
         return values
 
     def _require_agreement(self, tracker: str, metric: str, value: float) -> None:
-        node: Any = self._entry(tracker).metrics
-        for part in metric.split("."):
-            node = node.get(part) if isinstance(node, dict) else None
-        stated = node.get("value") if isinstance(node, dict) else None
-        if not isinstance(stated, float | int) or not abs(stated - value) <= AGREEMENT * max(abs(value), 1.0):
+        entry = self._entry(tracker).metrics.get(metric)
+        stated = None if entry is None else entry.value
+        if stated is None or not abs(stated - value) <= AGREEMENT * max(abs(value), 1.0):
             message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {stated}"
             raise InputError(f"{message}: they are not of the same run", file=self.label)
 
@@ -159,26 +125,12 @@ def load(path: Path) -> StoredRun:
     Raises:
         InputError: it is not one.
     """
-    folder = path.parent if path.name == results.SUMMARY and not path.is_dir() else path
-    if not folder.is_dir():
-        known = (
-            "there is no such folder" if not folder.exists() else f"not the folder of a run, nor its {results.SUMMARY}"
-        )
-        raise InputError(known, file=path)
-    found = results.load(folder, tables=("runs", "truth"))
-    try:
-        summary = Summary.model_validate(found.summary)
-    except ValidationError as invalid:
-        error = invalid.errors()[0]
-        where = ".".join(str(part) for part in error["loc"])
-        raise InputError(f"not the result of a run: {where}: {error['msg']}", file=folder / results.SUMMARY) from None
+    found = Result.load(path)
+    summary, folder = found.summary, path.parent if path.name == results.SUMMARY and not path.is_dir() else path
     for name in ("runs", "truth"):
         if name not in found.tables:
             raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=folder)
         _require_columns(found.tables[name], folder / f"{name}.parquet")
-    names = [entry.name for entry in summary.trackers]
-    if sorted(names) != sorted(summary.ranking):
-        raise InputError("not the result of a run: ranking does not name its trackers", file=folder / results.SUMMARY)
     try:
         loaded = scenario_of(summary.scenario.text, Path(summary.scenario.name), summary.scenario.overrides)
     except InputError as error:

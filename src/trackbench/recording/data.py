@@ -19,7 +19,7 @@ from rerun.chunk import Chunk
 from trackbench.recording.scene import ROADS
 from trackbench.recording.stream import TIMELINE, Stream, path
 from trackbench.recording.tables import split
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 DATA = "data"
 SUMMARY = (DATA, "result")
@@ -36,9 +36,9 @@ KEYS: dict[str, tuple[str, ...]] = {
 TABLE, GROUP = "table", "group"
 
 
-def send_data(stream: Stream, result: RunResult) -> None:
+def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables."""
-    text = json.dumps(result.summary, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(result.json(), allow_nan=False, ensure_ascii=False)
     stream.static(path(*SUMMARY), rr.TextDocument(text))
     for table, keys in KEYS.items():
         for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):

@@ -34,7 +34,7 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> Js
         InputError: it cannot be read, or has no such time.
     """
     recorded = read(path)
-    summary, tables = recorded.result.summary, recorded.result.tables
+    summary, tables = recorded.result.json(), recorded.result.tables
     if "score" not in summary:
         raise InputError("this result does not say how it was scored: it is of an earlier version", file=recorded.file)
     shown = recorded_run(recorded.result)
@@ -78,11 +78,11 @@ def _checked(recorded: Recorded, scores: dict[str, Json]) -> Json | None:
     """How far the scores are from those that the run itself left beside the recording, if it did."""
     folder = recorded.file if recorded.file.is_dir() else recorded.file.parent
     try:
-        beside = results.load(folder)
+        beside = results.Result.load(folder)
     except InputError:
         return None
-    summary = recorded.result.summary
-    if "runs" not in beside.tables or beside.summary["fingerprint"] != summary["fingerprint"]:
+    summary = recorded.result.json()
+    if "runs" not in beside.tables or beside.json()["fingerprint"] != summary["fingerprint"]:
         return None
     runs = columns(beside.tables["runs"])
     apart = [0.0]

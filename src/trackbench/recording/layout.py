@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import pyarrow as pa
@@ -12,7 +13,7 @@ from trackbench.recording.stream import TIMELINE
 from trackbench.recording.views import Window, scene_views
 
 
-def blueprint(summary: dict[str, Any], tables: dict[str, pa.Table], windows: list[Window]) -> rrb.Blueprint:
+def blueprint(summary: dict[str, Any], tables: Mapping[str, pa.Table], windows: list[Window]) -> rrb.Blueprint:
     """The layout for one run: it plays from the start, again and again."""
     text = rrb.Vertical(
         rrb.TextDocumentView(origin="ranking", name="Ranking"),

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.block import Observation
 from trackbench.scenario import LoadedScenario
 from trackbench.types import Scan, Truth
@@ -49,7 +49,7 @@ class _Show:
     scene: Scene
     begun: bool = False
     observed: deque[list[Scan] | Observation] = field(default_factory=lambda: deque(maxlen=WAITING))
-    result: RunResult | None = None
+    result: Result | None = None
 
 
 class Live:
@@ -90,7 +90,7 @@ class Live:
         if self._latest is not None:
             self._latest.observed.append(observed)
 
-    def end(self, result: RunResult) -> None:
+    def end(self, result: Result) -> None:
         """The run is complete: its whole recording follows, and fills what was forgotten."""
         if self._latest is not None:
             self._latest.result = result

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.errors import InputError
 from trackbench.recording.shown import STATE, ShownRun, Track
 from trackbench.recording.tables import Columns, split
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 Json = dict[str, Any]
 
@@ -18,7 +18,7 @@ APART = 1.0
 MOTION = (*STATE, "speed_mps", "course_rad", "acceleration_mps2", "yaw_rate_radps")
 
 
-def scene_at(result: RunResult, shown: ShownRun, time: float) -> Json:
+def scene_at(result: Result, shown: ShownRun, time: float) -> Json:
     """Vehicles, measurements and estimates as a viewer shows them at a time: the latest of each up to then.
 
     Raises:

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from trackbench.recording.tables import split
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
@@ -23,7 +23,7 @@ def labels(paths: Sequence[Path]) -> list[str]:
     return [f"{path} ({number})" for number, path in enumerate(paths, start=1)]
 
 
-def same_traffic(results: Sequence[RunResult]) -> bool:
+def same_traffic(results: Sequence[Result]) -> bool:
     """Whether all show the same motion of the same objects."""
     first, *others = (split(result.tables["truth"], "role", "object") for result in results)
     return all(
@@ -33,11 +33,11 @@ def same_traffic(results: Sequence[RunResult]) -> bool:
     )
 
 
-def laid_over(named: dict[str, RunResult]) -> RunResult:
+def laid_over(named: dict[str, Result]) -> Result:
     """Runs of the same traffic as one result to be drawn; a tracker is called "its name (its run's name)"."""
     first = next(iter(named.values()))
     same_measurements = all(_same_measurements(first, result) for result in named.values())
-    summaries = {label: result.summary for label, result in named.items()}
+    summaries = {label: result.json() for label, result in named.items()}
     trackers = [
         {**tracker, "name": _named(tracker["name"], label)}
         for label, summary in summaries.items()
@@ -48,11 +48,10 @@ def laid_over(named: dict[str, RunResult]) -> RunResult:
         for label, summary in summaries.items()
         for name, sensor in summary["sensors"].items()
     }
-    runs = list(dict.fromkeys(str(summary["runs"]) for summary in summaries.values()))
     summary = {
-        **first.summary,
-        "scenario": {**first.summary["scenario"], "name": " over ".join(named)},
-        "runs": " and ".join(runs),
+        **first.json(),
+        "scenario": {**first.json()["scenario"], "name": " over ".join(named)},
+        "runs": first.summary.runs,
         "command": "; ".join(str(summary["command"]) for summary in summaries.values()),
         "sensors": sensors,
         "trackers": trackers,
@@ -72,7 +71,7 @@ def laid_over(named: dict[str, RunResult]) -> RunResult:
         tables["measurements"] = _joined(
             {label: result.tables["measurements"] for label, result in named.items()}, "sensor"
         )
-    return RunResult(summary, tables)
+    return Result.from_json(summary, tables)
 
 
 def _named(name: str, label: str) -> str:
@@ -99,7 +98,7 @@ def _undictionaried(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return column.cast(pa.string()) if pa.types.is_dictionary(column.type) else column
 
 
-def _same_measurements(a: RunResult, b: RunResult) -> bool:
+def _same_measurements(a: Result, b: Result) -> bool:
     first, second = (split(result.tables["measurements"], "sensor", "object") for result in (a, b))
     return first.keys() == second.keys() and all(
         _equal(first[key][name], second[key][name]) for key in first for name in ("time_s", "x_m", "y_m")

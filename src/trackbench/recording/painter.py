@@ -14,7 +14,7 @@ from trackbench.recording import layout, scene, series, views
 from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import new_recording, send
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.runner.block import Observation, RecordedEstimates
 from trackbench.runner.tables import estimates_table, measurements_table, roads_table, truth_table
 from trackbench.types import Scan
@@ -27,7 +27,7 @@ class Painter:
         self._url = url
         self._run: _Run | None = None
 
-    def take(self, batch: Iterable[Scene | list[Scan] | Observation | RunResult]) -> None:
+    def take(self, batch: Iterable[Scene | list[Scan] | Observation | Result]) -> None:
         """Draw what was observed, in the order in which it was."""
         for _, items in groupby(batch, key=type):
             alike = list(items)
@@ -37,11 +37,11 @@ class Painter:
             for item in alike:
                 self._change(item)
 
-    def _change(self, item: Scene | list[Scan] | Observation | RunResult) -> None:
+    def _change(self, item: Scene | list[Scan] | Observation | Result) -> None:
         if isinstance(item, Scene):
             self.finish()
             self._run = _Run(self._url, item)
-        elif isinstance(item, RunResult) and self._run is not None:
+        elif isinstance(item, Result) and self._run is not None:
             send(self._run.recording, item)
         elif isinstance(item, list) and self._run is not None:
             self._run.sense(item)

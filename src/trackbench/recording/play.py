@@ -44,7 +44,7 @@ def playable(paths: Sequence[Path], at: float | None = None) -> Iterator[Playabl
     runs = [read(path) for path in paths]
     for run in runs:
         if at is not None:
-            require_time(0.0, float(run.result.summary["truth"]["duration_s"]), at)
+            require_time(0.0, float(run.result.json()["truth"]["duration_s"]), at)
     notes = [f"{run.note}: shown from its tables" for run in runs if run.note]
     names = overlay.labels(paths)
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:

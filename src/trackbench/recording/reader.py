@@ -12,7 +12,7 @@ from rerun.chunk import RrdReader
 from trackbench import results
 from trackbench.errors import InputError
 from trackbench.recording.data import read_data
-from trackbench.results import SUMMARY, RunResult
+from trackbench.results import SUMMARY, Result
 
 #: The name of a recording in the folder of its run.
 RECORDING = "recording.rrd"
@@ -29,7 +29,7 @@ CUT_OFF = "this recording is cut off: its end is missing"
 class Recorded:
     """A run read back."""
 
-    result: RunResult
+    result: Result
     """Tables ``truth``, ``measurements``, ``estimates``, ``recorded_nis``, ``steps`` and ``nis``; more from Parquet."""
     file: Path
     """What was read: a recording or the folder of a run."""
@@ -49,7 +49,7 @@ def read(path: Path) -> Recorded:
     if path.is_dir():
         if (path / RECORDING).exists():
             return read(path / RECORDING)
-        return Recorded(results.load(path), path, None, "there is no recording in this folder")
+        return Recorded(results.Result.load(path), path, None, "there is no recording in this folder")
     version = _version(path)
     try:
         summary, tables = _read(path)
@@ -63,7 +63,7 @@ def read(path: Path) -> Recorded:
         )
     if summary is None:
         return _beside(path, "it holds no run of trackbench, or one of an earlier version of trackbench")
-    return Recorded(RunResult(summary, tables), path, version)
+    return Recorded(Result.from_json(summary, tables), path, version)
 
 
 def _version(path: Path) -> str | None:
@@ -112,4 +112,4 @@ def _beside(path: Path, cause: str) -> Recorded:
     folder = path.parent
     if not (folder / SUMMARY).is_file():
         raise InputError(f"{cause}, and there is no {SUMMARY} beside it to read instead", file=path)
-    return Recorded(results.load(folder), folder, None, f"{path}: {cause}")
+    return Recorded(results.Result.load(folder), folder, None, f"{path}: {cause}")

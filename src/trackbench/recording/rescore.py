@@ -11,7 +11,7 @@ from trackbench.metrics.scorer import Fault, Scorer
 from trackbench.metrics.summary import Bound, health, metrics
 from trackbench.recording.shown import ShownRun
 from trackbench.recording.tables import Columns, split
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.types import Array, Estimate, Scan
 
 Json = dict[str, Any]
@@ -29,7 +29,7 @@ NOT_RECORDED = (
 NO_BOUND = Bound(float("nan"), float("nan"))
 
 
-def rescored(result: RunResult, shown: ShownRun) -> dict[str, Json]:
+def rescored(result: Result, shown: ShownRun) -> dict[str, Json]:
     """By tracker, ``metrics`` and ``health`` of the one recorded run, in the form of a result.
 
     Raises:

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.metrics.scorer import Target
 from trackbench.recording.tables import Columns, columns, split
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.types import Array, Mask
 
 STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
@@ -46,10 +46,10 @@ class ShownRun:
         return np.asarray(self.target.alive & late)
 
 
-def recorded_run(result: RunResult) -> ShownRun:
+def recorded_run(result: Result) -> ShownRun:
     """The recorded run, from the first to the last instant of a measurement."""
-    tables, score = result.tables, result.summary["score"]
-    objects = tuple(result.summary["truth"]["objects"])
+    tables, score = result.tables, result.json()["score"]
+    objects = tuple(result.json()["truth"]["objects"])
     truth = {name: rows for (role, name), rows in split(tables["truth"], "role", "object").items() if role == "target"}
     time = np.unique(columns(tables["measurements"])["time_s"])
     at = np.searchsorted(truth[objects[0]]["time_s"], time)

@@ -12,10 +12,10 @@ from trackbench.palette import sensor_colour, tracker_colour
 from trackbench.recording import layout, scene, series, text, views
 from trackbench.recording.data import send_data
 from trackbench.recording.stream import Stream
-from trackbench.results import RunResult, write_bytes
+from trackbench.results import Result, write_bytes
 
 
-def write(result: RunResult, path: Path) -> None:
+def write(result: Result, path: Path) -> None:
     """Write one run as a Rerun recording (.rrd) with its layout.
 
     The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
@@ -24,7 +24,7 @@ def write(result: RunResult, path: Path) -> None:
         TrackbenchError: the file cannot be written.
         InputError: the environment switches Rerun off.
     """
-    recording = new_recording(result.summary["scenario"]["name"])
+    recording = new_recording(result.json()["scenario"]["name"])
     if not rr.is_enabled(recording):
         raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
     # To memory first: Rerun's own file sink waits for ever on a full disk.
@@ -40,9 +40,9 @@ def new_recording(name: str) -> rr.RecordingStream:
     return rr.RecordingStream(f"trackbench {name}")
 
 
-def send(recording: rr.RecordingStream, result: RunResult) -> None:
+def send(recording: rr.RecordingStream, result: Result) -> None:
     """Everything that is shown and kept of a run, and its layout."""
-    summary, tables = result.summary, result.tables
+    summary, tables = result.json(), result.tables
     trackers = tracker_colour(tracker["name"] for tracker in summary["trackers"])
     sensors = sensor_colour(summary["sensors"])
     stream = Stream(recording)

@@ -13,7 +13,7 @@ from trackbench.report.comparison_figures import efficiency_figure, rank_figure
 from trackbench.report.comparison_html import to_html
 from trackbench.report.comparison_markdown import to_markdown
 from trackbench.report.standings import ScenarioScores, Score, Standing, scenario_scores, standings
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 SCHEMA_VERSION = 1
 
@@ -51,7 +51,7 @@ class Comparison:
         }
 
 
-def compare(results: Sequence[RunResult]) -> Comparison:
+def compare(results: Sequence[Result]) -> Comparison:
     """Compare all trackers over all scenarios; trackers of the same name are taken to be the same."""
     scenarios = [scenario_scores(result) for result in results]
     return Comparison(tuple(scenarios), tuple(standings(results, scenarios)))

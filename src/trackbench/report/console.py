@@ -13,7 +13,7 @@ from trackbench.report.numbers import NOT_AVAILABLE, Metric, decimals, fixed, ha
 from trackbench.report.significance import Differences, letters
 from trackbench.report.tables import TONE
 from trackbench.report.wording import Tracker, expectations_met, failure, precision_reached, scored, unscored
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.words import counted
 
 _STYLE = {"good": "green", "warn": "yellow", "bad": "bold red", "": "dim"}
@@ -22,9 +22,9 @@ _HUGE = 1e4
 _MOST_LETTERS = 12
 
 
-def print_summary(result: RunResult, console: Console) -> None:
+def print_summary(result: Result, console: Console) -> None:
     """The ranked table, what it leaves out, the expectations, and the trackers that failed."""
-    summary = result.summary
+    summary = result.json()
     trackers = scored(summary)
     console.print(_title(summary), highlight=False)
     if trackers:
@@ -38,9 +38,9 @@ def print_summary(result: RunResult, console: Console) -> None:
         _print_missed(summary, console)
 
 
-def print_outcome(result: RunResult, console: Console) -> None:
+def print_outcome(result: Result, console: Console) -> None:
     """One line, and what failed."""
-    summary = result.summary
+    summary = result.json()
     outcome = f"{summary['scenario']['name']}: {expectations_met(summary['expectations'])}"
     console.print(Text(outcome), highlight=False)
     _print_failed_trackers(summary, console)

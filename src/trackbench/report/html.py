@@ -15,15 +15,15 @@ from trackbench.report.map import map_of_run
 from trackbench.report.page import page
 from trackbench.report.series import error_over_time, nees_over_time, nis_over_time, spread
 from trackbench.report.wording import Tracker, expectations_met, facts, failure, headline, scored, unscored, verdict
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 
-def render(result: RunResult) -> str:
+def render(result: Result) -> str:
     """The report of a run as the text of an HTML file, the same for the same result.
 
     It loads nothing from anywhere: styles and figures are in the file.
     """
-    summary = result.summary
+    summary = result.json()
     look, order = looks(summary), scored(summary)
     shown = [look[tracker["name"]] for tracker in order]
     return page(
@@ -60,14 +60,14 @@ def render(result: RunResult) -> str:
     )
 
 
-def _accuracy(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
+def _accuracy(result: Result, shown: list[Look]) -> Iterator[Picture]:
     steps = result.tables["steps"]
-    acceleration = result.summary.get("bound", {}).get("acceleration_sigma_mps2")
+    acceleration = result.summary.bound.acceleration_sigma_mps2
     pictures = (
         error_over_time(steps, shown, "position", "m", acceleration),
         error_over_time(steps, shown, "velocity", "m/s", acceleration),
         spread(steps, shown),
-        map_of_run(result.tables, result.summary["recorded_run"], shown),
+        map_of_run(result.tables, result.json()["recorded_run"], shown),
     )
     return (picture for picture in pictures if picture)
 
@@ -78,9 +78,9 @@ def _by_class(order: list[Tracker], look: dict[str, Look]) -> Iterator[Picture]:
     return (picture for picture in pictures if picture)
 
 
-def _honesty(result: RunResult, shown: list[Look]) -> Iterator[Picture]:
+def _honesty(result: Result, shown: list[Look]) -> Iterator[Picture]:
     nees = nees_over_time(result.tables["steps"], shown)
-    sensors = list(enumerate(result.summary["sensors"]))
+    sensors = list(enumerate(result.json()["sensors"]))
     nis = (nis_over_time(result.tables["nis"], sensor, shown, number) for number, sensor in sensors)
     correlation = result.tables["autocorrelation"]
     white = (autocorrelation(correlation, sensor, shown, number) for number, sensor in sensors)

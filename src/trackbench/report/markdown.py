@@ -11,16 +11,16 @@ from trackbench.report.audit_words import audit_sentences
 from trackbench.report.claims import QUANTITIES
 from trackbench.report.tables import Cell, Table, expectations, innovations, key_differences, ranked, sensors
 from trackbench.report.wording import expectations_met, facts, failure, headline, scored, unscored, verdict
-from trackbench.results import RunResult
+from trackbench.results import Result
 
 _SPACES = re.compile("[^\\S\N{NO-BREAK SPACE}]+")
 #: What Markdown or HTML could take for its own; an underscore inside a word is safe.
 _SPECIAL = re.compile(r"[\\`*\[\]<>|]|(?<!\w)_|_(?!\w)")
 
 
-def render(result: RunResult) -> str:
+def render(result: Result) -> str:
     """The report of a run as Markdown: what :func:`trackbench.report.html.render` says, without its figures."""
-    summary = result.summary
+    summary = result.json()
     order = scored(summary)
     lines = [f"# {escape(summary['scenario']['name'])}", ""]
     if summary["scenario"]["description"]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.report.significance import Differences
 from trackbench.report.wording import failure, scored
-from trackbench.results import RunResult
+from trackbench.results import Result
 from trackbench.types import Array
 
 RESAMPLES = 10_000
@@ -72,9 +72,9 @@ class Standing:
     """Scenarios without a score."""
 
 
-def scenario_scores(result: RunResult) -> ScenarioScores:
+def scenario_scores(result: Result) -> ScenarioScores:
     """What a run found, reduced to what a comparison needs."""
-    summary = result.summary
+    summary = result.json()
     order = [tracker["name"] for tracker in scored(summary)]
     differences = Differences(summary["differences"])
     return ScenarioScores(
@@ -106,7 +106,7 @@ def _score(tracker: Mapping[str, Any], order: Sequence[str], differences: Differ
     )
 
 
-def standings(results: Sequence[RunResult], scenarios: Sequence[ScenarioScores]) -> list[Standing]:
+def standings(results: Sequence[Result], scenarios: Sequence[ScenarioScores]) -> list[Standing]:
     """Every tracker's standing, by mean rank.
 
     A tracker's rank in a scenario is one plus the number of trackers with a smaller position RMSE; those without a
@@ -175,12 +175,12 @@ def _first_shares(draws: Array) -> Array:
 
 
 def _pairings(
-    results: Sequence[RunResult], scenarios: Sequence[ScenarioScores], names: Sequence[str]
+    results: Sequence[Result], scenarios: Sequence[ScenarioScores], names: Sequence[str]
 ) -> dict[str, tuple[int, int, int]]:
     """Won, lost and undecided pairings; one without a score loses against one that has one."""
     table = {name: [0, 0, 0] for name in names}
     for result, scenario in zip(results, scenarios, strict=True):
-        differences = Differences(result.summary["differences"])
+        differences = Differences(result.json()["differences"])
         for a, own in scenario.scores.items():
             for b, other in scenario.scores.items():
                 if a != b:

@@ -26,7 +26,7 @@ from trackbench.metrics.summary import (
     no_metrics,
     rms_bound,
 )
-from trackbench.results import SCHEMA_VERSION, RunResult
+from trackbench.results import SCHEMA_VERSION, Result
 from trackbench.runner import tables
 from trackbench.runner.block import Block, Failure, Observer, Work
 from trackbench.runner.expectations import judge
@@ -57,7 +57,7 @@ def run(
     command: str = "",
     progress: Progress = no_progress,
     observer: Observer | None = None,
-) -> RunResult:
+) -> Result:
     """The result of a scenario.
 
     The same for any number of workers, to the last bit, but for the times.
@@ -94,7 +94,7 @@ def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
     )
 
 
-def assemble(loaded: LoadedScenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> RunResult:
+def assemble(loaded: LoadedScenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> Result:
     """The result of all blocks of a run."""
     return _Assembly(loaded, truth, work, blocks).result(command)
 
@@ -129,7 +129,7 @@ class _Assembly:
             else:
                 self._failures[name] = failure
 
-    def result(self, command: str) -> RunResult:
+    def result(self, command: str) -> Result:
         work, scenario, truth = self._work, self._scenario, self._work.truth
         bounds = self._bounds()
         rms = {name: rms_bound(bounds[name], item.weight) for name, item in self._scores.items()}
@@ -174,7 +174,7 @@ class _Assembly:
             "passed": all(item["passed"] for item in expectations),
             "artifacts": {},
         }
-        return RunResult(summary, self._tables(bounds))
+        return Result.from_json(summary, self._tables(bounds))
 
     def _entry(self, name: str, bound: Bound | None) -> Json:
         entry: Json = {"name": name, "describe": describe(self._work.trackers[name]), "failed": None}

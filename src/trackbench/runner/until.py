@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 
 from trackbench.errors import InputError
 from trackbench.metrics.intervals import paired
 from trackbench.metrics.scores import Scores, merge
 from trackbench.metrics.summary import error_intervals
-from trackbench.results import RunResult
+from trackbench.results import PrecisionReached, Result
 from trackbench.runner.block import Block, Observer
 from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import assemble, work_of
@@ -28,20 +28,6 @@ LARGEST_STEP = 4
 RUNS = "monte_carlo.runs"
 
 
-@dataclass(frozen=True)
-class Precision:
-    """How well the leading difference is known: that of the position RMSE of the best tracker and the second."""
-
-    target: float
-    """Half-width of its 95 % interval that was asked for, as a share of the best tracker's RMSE."""
-    half_width: float | None
-    """The same, as found; None where fewer than two trackers have a score."""
-    reached: bool
-    max_runs: int
-    best: str | None
-    second: str | None
-
-
 def run_until(
     loaded: LoadedScenario,
     truth: LoadedTruth,
@@ -52,7 +38,7 @@ def run_until(
     command: Callable[[LoadedScenario], str],
     progress: Progress = no_progress,
     observer: Observer | None = None,
-) -> RunResult:
+) -> Result:
     """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
 
     Looking at the width of the interval, and not at whether it excludes zero, does not favour either tracker; the
@@ -83,8 +69,7 @@ def run_until(
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
         truth = truth_of(loaded) if varies(loaded.config.truth) else truth
     result = assemble(loaded, truth, work, blocks, command(loaded))
-    result.summary["precision"] = asdict(found)
-    return result
+    return result.updated(precision=found)
 
 
 def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
@@ -113,7 +98,7 @@ def _overrides(loaded: LoadedScenario, runs: int) -> tuple[str, ...]:
     return (*kept, f"{RUNS}={runs}")
 
 
-def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> Precision:
+def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
     """How well the leading difference is known after these blocks."""
     known = {}
     for name in trackers:
@@ -123,13 +108,19 @@ def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, 
         if interval is not None:
             known[name] = interval
     if len(known) < 2:
-        return Precision(target, None, False, max_runs, None, None)
+        return PrecisionReached(
+            target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None
+        )
     best, second = sorted(known, key=lambda name: known[name].value)[:2]
     ci95 = paired(known[best], known[second]).ci95
     if ci95 is None or known[best].value == 0.0:
-        return Precision(target, None, False, max_runs, best, second)
+        return PrecisionReached(
+            target=target, half_width=None, reached=False, max_runs=max_runs, best=best, second=second
+        )
     half_width = (ci95[1] - ci95[0]) / 2 / known[best].value
-    return Precision(target, half_width, half_width <= target, max_runs, best, second)
+    return PrecisionReached(
+        target=target, half_width=half_width, reached=half_width <= target, max_runs=max_runs, best=best, second=second
+    )
 
 
 def _next(runs: int, half_width: float, target: float, max_runs: int) -> int:

@@ -1,4 +1,4 @@
-"""The result of a run: a summary in JSON and tables in Parquet, saved whole or not at all, and loaded again."""
+"""Files and folders that are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -7,34 +7,18 @@ import logging
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from trackbench.errors import InputError, TrackbenchError
 
-SCHEMA_VERSION = 1
 SUMMARY = "result.json"
 #: The same of an examination.
 EXAMINATION = "examination.json"
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """Everything that a report, a recording or a comparison needs; none of them runs anything again."""
-
-    summary: dict[str, Any]
-    """``result.json``"""
-    tables: dict[str, pa.Table]
-    """Each written as ``NAME.parquet``."""
 
 
 def to_json(summary: Mapping[str, Any]) -> str:
@@ -44,22 +28,6 @@ def to_json(summary: Mapping[str, Any]) -> str:
         ValueError: it holds a NaN or an infinity, which a result never does.
     """
     return json.dumps(summary, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def save(result: RunResult, folder: Path, artifacts: Mapping[str, Callable[[Path], None]]) -> None:
-    """Write a run's folder: under a temporary name beside it, and renamed when it is complete.
-
-    Args:
-        result: what to save.
-        folder: the final name; an earlier result under it is replaced.
-        artifacts: by file name, a function that writes the file (report, recording).
-
-    Raises:
-        TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
-    """
-    summary = {SUMMARY: partial(_write_text, to_json(result.summary))}
-    tables = {f"{name}.parquet": partial(_write_table, table) for name, table in result.tables.items()}
-    save_files({**summary, **tables, **artifacts}, folder, SUMMARY)
 
 
 def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark: str) -> None:
@@ -93,11 +61,6 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     log.info("wrote %s/: %s", folder, ", ".join(written))
-
-
-def table_files(result: RunResult) -> list[str]:
-    """The names of the Parquet files of a result."""
-    return [f"{name}.parquet" for name in result.tables]
 
 
 def require_writable(out: Path) -> None:
@@ -177,38 +140,9 @@ def write_bytes(path: Path, content: bytes) -> None:
             temporary.unlink()
 
 
-def load(folder: Path, tables: Sequence[str] | None = None) -> RunResult:
-    """The result in a run's folder.
-
-    Args:
-        folder: the run's.
-        tables: names of those to read, where they are there; all unless given.
-
-    Raises:
-        InputError: there is none, or it cannot be read.
-    """
-    file = folder / SUMMARY
-    found = {}
-    try:
-        summary = json.loads(file.read_text(encoding="utf-8"))
-        if not isinstance(summary, dict) or summary.get("schema_version") != SCHEMA_VERSION:
-            raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
-        for file in sorted(folder.glob("*.parquet")):
-            if tables is None or file.stem in tables:
-                found[file.stem] = pq.read_table(file)
-    except FileNotFoundError as error:
-        raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=folder) from error
-    except (OSError, ValueError, RecursionError, pa.ArrowException) as error:
-        raise InputError(f"not a readable result: {error}", file=file) from error
-    return RunResult(summary, found)
-
-
-def _write_text(text: str, path: Path) -> None:
+def write_file(text: str, path: Path) -> None:
+    """Write a file of a folder that is put in its place as a whole."""
     path.write_text(text, encoding="utf-8")
-
-
-def _write_table(table: pa.Table, path: Path) -> None:
-    pq.write_table(table, path, compression="zstd")
 
 
 def _put(temporary: Path, folder: Path, mark: str) -> None:

@@ -1,0 +1,56 @@
+"""The result of a run: typed, saved whole or not at all, and loaded again."""
+
+from trackbench.results.folder import (
+    EXAMINATION,
+    SUMMARY,
+    require_file,
+    require_replaceable,
+    require_writable,
+    save_files,
+    to_json,
+    write_bytes,
+    write_file,
+    write_text,
+)
+from trackbench.results.metric_value import MetricValue
+from trackbench.results.result import Result, summary_of
+from trackbench.results.summary import (
+    SCHEMA_VERSION,
+    Breakdown,
+    ConditionScores,
+    Difference,
+    ExpectationResult,
+    Failure,
+    Health,
+    PrecisionReached,
+    Summary,
+    TrackerResult,
+)
+from trackbench.results.tables import Tables
+
+__all__ = [
+    "EXAMINATION",
+    "SCHEMA_VERSION",
+    "SUMMARY",
+    "Breakdown",
+    "ConditionScores",
+    "Difference",
+    "ExpectationResult",
+    "Failure",
+    "Health",
+    "MetricValue",
+    "PrecisionReached",
+    "Result",
+    "Summary",
+    "Tables",
+    "TrackerResult",
+    "require_file",
+    "require_replaceable",
+    "require_writable",
+    "save_files",
+    "summary_of",
+    "to_json",
+    "write_bytes",
+    "write_file",
+    "write_text",
+]

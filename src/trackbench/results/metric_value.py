@@ -1,0 +1,81 @@
+"""One metric of one tracker, as a result holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+Json = dict[str, Any]
+
+
+class Part(BaseModel):
+    """A part of a result: frozen, and without keys that are not known."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class MetricValue(Part):
+    """A value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well."""
+
+    value: float | None = None
+    """None where there is none; ``reason`` says why. In JSON the value of a chi-square statistic is its ``mean``."""
+    unit: str
+    """ "1" for a number without a unit."""
+    ci95: tuple[float, float] | None = None
+    """95 % interval; None where one run gives none, or where there is none of this metric."""
+    reason: str | None = None
+    """Why there is no value or no interval."""
+    dof: int | None = None
+    """Degrees of freedom of a chi-square statistic: what its mean is where the tracker is consistent."""
+    bounds95: tuple[float, float] | None = None
+    """Where 95 % of such statistics lie if the tracker is consistent, or its innovations white."""
+    steps_inside_bounds: float | None = None
+    """Share of the instants at which the mean over runs and objects is inside its own bounds."""
+    inside95: float | None = None
+    """Share of single statistics under their 95 % point."""
+    verdict: str | None = None
+    """For example ``consistent`` or ``white``."""
+
+    @property
+    def mean(self) -> float | None:
+        """The value of a statistic that is a mean."""
+        return self.value
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_mean(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "mean" in data and "value" not in data:
+            return {**{key: value for key, value in data.items() if key != "mean"}, "value": data["mean"]}
+        return data
+
+    @model_serializer(mode="wrap")
+    def _short(self, handler: SerializerFunctionWrapHandler) -> Json:
+        """Without what is not set; a value stays, and so does an interval that is missing for a reason."""
+        found = {key: value for key, value in handler(self).items() if value is not None}
+        value = found.pop("value", None)
+        if value is not None and self.reason is not None:
+            found["ci95"] = None
+        return {"mean" if self.dof is not None else "value": value, **found}
+
+
+def flat_metrics(nested: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """The metrics of a nested mapping by their dotted paths: ``{"rmse": {"px": ...}}`` gives ``rmse.px``."""
+    for name, entry in nested.items():
+        if isinstance(entry, Mapping) and not {"value", "mean"} & set(entry):
+            yield from flat_metrics(entry, f"{path}{name}.")
+        else:
+            yield f"{path}{name}", entry
+
+
+def nested_metrics(flat: Mapping[str, Any]) -> Json:
+    """The reverse of :func:`flat_metrics`."""
+    found: Json = {}
+    for path, entry in flat.items():
+        *groups, name = path.split(".")
+        node = found
+        for group in groups:
+            node = node.setdefault(group, {})
+        node[name] = entry
+    return found

@@ -1,0 +1,141 @@
+"""The result of a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import ValidationError
+
+from trackbench.errors import InputError, nearest
+from trackbench.results.folder import SUMMARY, save_files, to_json, write_file
+from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
+from trackbench.results.tables import Tables
+
+
+@dataclass(frozen=True)
+class Result:
+    """Everything that a report, a recording or a comparison needs; none of them runs anything again.
+
+    ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker.
+    """
+
+    summary: Summary
+    tables: Tables
+
+    def __getitem__(self, tracker: str) -> TrackerResult:
+        """One tracker.
+
+        Raises:
+            InputError: there is none of this name.
+        """
+        for found in self.summary.trackers:
+            if found.name == tracker:
+                return found
+        names = [found.name for found in self.summary.trackers]
+        raise InputError(f"no tracker {tracker!r} in this result; {nearest(tracker, names)}")
+
+    @property
+    def name(self) -> str:
+        """Of the scenario."""
+        return self.summary.scenario.name
+
+    @property
+    def scored(self) -> list[TrackerResult]:
+        """The trackers that finished with a position RMSE, best first."""
+        ranked = [self[name] for name in self.summary.ranking]
+        return [found for found in ranked if found.failed is None and found.position_rmse.value is not None]
+
+    @property
+    def unscored(self) -> list[TrackerResult]:
+        """The trackers that failed or gave nothing to score."""
+        good = {found.name for found in self.scored}
+        return [found for found in self.summary.trackers if found.name not in good]
+
+    def json(self) -> dict[str, Any]:
+        """The summary as JSON values."""
+        return self.summary.model_dump(mode="json")
+
+    def to_pandas(self, table: str) -> Any:
+        """A table as a pandas data frame; ``result.tables`` has the names.
+
+        Raises:
+            InputError: there is none of this name.
+        """
+        if table not in self.tables:
+            raise InputError(f"no table {table!r} in this result; {nearest(table, self.tables)}")
+        return self.tables[table].to_pandas()
+
+    def save(self, folder: Path, artifacts: Mapping[str, Callable[[Path], None]] | None = None) -> None:
+        """Write the run's folder: under a temporary name beside it, and renamed when it is complete.
+
+        Args:
+            folder: the final name; an earlier result under it is replaced.
+            artifacts: by file name, a function that writes the file (report, recording).
+
+        Raises:
+            TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+        """
+        summary = {SUMMARY: partial(write_file, to_json(self.json()))}
+        tables = {
+            f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
+        }
+        save_files({**summary, **tables, **(artifacts or {})}, folder, SUMMARY)
+
+    def updated(self, **fields: Any) -> Result:
+        """The same result with other fields of its summary."""
+        return replace(self, summary=self.summary.model_copy(update=fields))
+
+    @classmethod
+    def from_json(cls, summary: Mapping[str, Any], tables: Mapping[str, pa.Table]) -> Result:
+        """A result from JSON values and tables in memory.
+
+        Raises:
+            pydantic.ValidationError: the values are no summary.
+        """
+        return cls(Summary.model_validate(summary), tables if isinstance(tables, Tables) else Tables(tables))
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Result:
+        """The result in a run's folder, which may also be named by the ``result.json`` in it.
+
+        Raises:
+            InputError: there is none, it cannot be read, or it is of another version.
+        """
+        path = Path(folder)
+        file = path if path.name == SUMMARY and not path.is_dir() else path / SUMMARY
+        if not file.parent.is_dir():
+            there = "there is no such folder" if not path.exists() else f"not the folder of a run, nor its {SUMMARY}"
+            raise InputError(there, file=path)
+        try:
+            raw = json.loads(file.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=path) from error
+        except (OSError, ValueError, RecursionError) as error:
+            raise InputError(f"not a readable result: {error}", file=file) from error
+        return cls(summary_of(raw, file), Tables({}, file.parent))
+
+
+def summary_of(raw: Any, file: Path) -> Summary:
+    """The summary in JSON values.
+
+    Raises:
+        InputError: they are no summary, or one of another version.
+    """
+    if not isinstance(raw, dict) or raw.get("schema_version") != SCHEMA_VERSION:
+        raise InputError(f"schema_version is not {SCHEMA_VERSION}: this result is of another version", file=file)
+    try:
+        found = Summary.model_validate(raw)
+    except ValidationError as invalid:
+        error = invalid.errors()[0]
+        where = ".".join(str(part) for part in error["loc"])
+        raise InputError(f"not the result of a run: {where}: {error['msg']}", file=file) from None
+    if sorted(tracker.name for tracker in found.trackers) != sorted(found.ranking):
+        raise InputError("not the result of a run: ranking does not name its trackers", file=file)
+    return found

@@ -1,0 +1,198 @@
+"""The parts of ``result.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
+
+from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+
+SCHEMA_VERSION = 2
+
+Metrics = Annotated[
+    dict[str, MetricValue],
+    BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
+    PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
+]
+
+
+class ScenarioSummary(Part):
+    """The scenario as it was run."""
+
+    name: str
+    description: str
+    file: str
+    text: str
+    overrides: list[str]
+
+
+class TruthSummary(Part):
+    """Where the truth came from and what the audit found; the source's own options stand beside."""
+
+    model_config = ConfigDict(extra="allow")
+
+    source: str
+    objects: list[str]
+    steps: int
+    dt: float | None
+    duration_s: float
+    audit: dict[str, Any]
+    cached: bool
+
+
+class SensorSummary(Part):
+    """One sensor."""
+
+    kind: str
+    dof: int
+    """Components of a measurement."""
+    rate_hz: float
+    preset: str | None
+    detection_rate: float | None
+    """Share of the instants with an object in view that gave a measurement of it."""
+
+
+class BoundSummary(Part):
+    """What the Cramer-Rao bound assumes."""
+
+    motion: str
+    acceleration_sigma_mps2: float
+    velocity_sigma_mps: float
+
+
+class ScoreSummary(Part):
+    """Which errors count."""
+
+    settle_s: float
+    divergence_m: float
+
+
+class Failure(Part):
+    """Why and where a tracker could not go on."""
+
+    cause: str
+    step: int
+    """Number of the instant, from 0."""
+    time_s: float
+    sensor: str | None
+    run: int | None
+    object: str | None
+
+
+class Health(Part):
+    """What went wrong without ending the run; None where the tracker failed before it could be counted."""
+
+    diverged_runs: int | None = None
+    repaired_covariances: int | None = None
+    repaired_runs: int | None = None
+    non_finite_estimates: int = 0
+
+
+class ConditionScores(Part):
+    """Scores of the estimates under one condition."""
+
+    count: int
+    runs: int
+    position_rmse: MetricValue | None = None
+    velocity_rmse: MetricValue | None = None
+    nees: MetricValue | None = None
+    nees_position: MetricValue | None = None
+    nees_velocity: MetricValue | None = None
+    from_m: float | None = None
+    """Of a range band."""
+    to_m: float | None = None
+
+
+class Breakdown(Part):
+    """Scores by condition; what did not occur is left out."""
+
+    all: ConditionScores
+    manoeuvre: dict[str, ConditionScores]
+    range: dict[str, ConditionScores]
+
+
+class TrackerResult(Part):
+    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
+
+    name: str
+    describe: str
+    failed: Failure | None
+    metrics: Metrics
+    """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
+    health: Health
+    breakdown: Breakdown | None = None
+
+    def __getattr__(self, name: str) -> MetricValue:
+        metrics = self.__dict__.get("metrics", {})
+        if name in metrics:
+            return metrics[name]  # type: ignore[no-any-return]
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}")
+
+    def of_sensors(self, metric: str) -> dict[str, MetricValue]:
+        """A metric that each sensor has, such as ``nis``, by the sensor's name."""
+        prefix = f"{metric}."
+        return {path.removeprefix(prefix): entry for path, entry in self.metrics.items() if path.startswith(prefix)}
+
+
+class Difference(Part):
+    """The value of one tracker minus that of another, paired over the runs."""
+
+    a: str
+    b: str
+    metric: str
+    unit: str
+    value: float
+    ci95: tuple[float, float] | None
+    p_value: float
+    """Corrected for the number of differences of the metric."""
+    verdict: str
+
+
+class ExpectationResult(Part):
+    """What the scenario expects, and what was found."""
+
+    tracker: str
+    metric: str
+    operator: str
+    limit: float | str
+    value: float | str | None
+    passed: bool
+    text: str
+
+
+class PrecisionReached(Part):
+    """How well the leading difference is known, where the number of runs was left to it."""
+
+    target: float
+    half_width: float | None
+    reached: bool
+    max_runs: int
+    best: str | None
+    second: str | None
+
+
+class Summary(Part):
+    """``result.json``"""
+
+    schema_version: int = SCHEMA_VERSION
+    scenario: ScenarioSummary
+    seed: int
+    runs: int = Field(ge=1)
+    versions: dict[str, str]
+    engine: str = "numpy"
+    command: str
+    fingerprint: str
+    truth: TruthSummary
+    sensors: dict[str, SensorSummary]
+    bound: BoundSummary
+    score: ScoreSummary
+    recorded_run: int
+    trackers: list[TrackerResult]
+    ranking: list[str]
+    differences: list[Difference]
+    expectations: list[ExpectationResult]
+    passed: bool
+    artifacts: dict[str, str]
+    precision: PrecisionReached | None = None
