@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +83,7 @@ def _error(tracker: dict[str, Any]) -> float:
     return float("inf") if value is None else float(value)
 
 
-def _joined(tables: dict[str, pa.Table], column: str) -> pa.Table:
+def _joined(tables: Mapping[str, pa.Table], column: str) -> pa.Table:
     """The rows of all tables, with their label after the name in a column."""
     parts = []
     for label, table in tables.items():

@@ -19,7 +19,7 @@ from trackbench.types import COMMON_STATE, Array
 BESIDE, BESIDE_LEGEND = 1.04, 1.6
 
 
-def plots(summary: dict[str, Any], tables: dict[str, pa.Table]) -> rrb.Container:
+def plots(summary: dict[str, Any], tables: Mapping[str, pa.Table]) -> rrb.Container:
     """A column each for the error, the NEES and, where any tracker gives innovations, the NIS."""
     steps, estimates = tables["steps"], tables["estimates"]
     runs, shown = f"{summary['runs']} runs", f"run {summary['recorded_run']}"

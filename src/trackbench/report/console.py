@@ -150,7 +150,7 @@ def _notes(summary: Mapping[str, Any], trackers: Sequence[Tracker]) -> list[str]
         notes.append("alike: no difference in position was shown between those that share a letter")
     if summary["runs"] == 1:
         notes.append("one run gives no interval and shows no difference")
-    if "precision" in summary:
+    if summary["precision"]:
         notes.append(precision_reached(summary["precision"], summary["runs"]))
     repaired = [(t["name"], t["health"]["repaired_covariances"]) for t in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]

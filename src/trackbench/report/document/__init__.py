@@ -1,0 +1,29 @@
+"""A document as data: what a report says, free of any markup. Each renderer writes the same document in its format."""
+
+from trackbench.report.document.model import (
+    Block,
+    Cell,
+    Code,
+    Column,
+    Document,
+    Figure,
+    Items,
+    LegendEntry,
+    Paragraph,
+    Section,
+    Table,
+)
+
+__all__ = [
+    "Block",
+    "Cell",
+    "Code",
+    "Column",
+    "Document",
+    "Figure",
+    "Items",
+    "LegendEntry",
+    "Paragraph",
+    "Section",
+    "Table",
+]
