@@ -52,12 +52,12 @@ def doctor_command(
 ) -> None:
     """Say what is wrong with a tracker, and show it.
 
-    TRACKER is SCENARIO.yaml#NAME, module:Class or a published name. It is taken through drives and situations that
+    TRACKER is SCENARIO#NAME, module:Class or a published name. It is taken through drives and situations that
     each bring out one kind of fault, and held against a reference.
 
     \b
     Examples:
-      trackbench doctor scenarios/highway.yaml#ekf_cv
+      trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
 
     \b

@@ -44,7 +44,7 @@ def cli() -> None:
 
     \b
     Example:
-      trackbench run scenarios/highway.yaml
+      trackbench run highway
     """
 
 

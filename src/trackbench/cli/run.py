@@ -6,7 +6,7 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,6 +25,7 @@ from trackbench.errors import InputError, nearest
 from trackbench.results import Result
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
+from trackbench.scenario.shipped import scenario_files, shown_name
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress
@@ -78,7 +79,7 @@ Writer = Callable[[Path], None]
     nargs=-1,
     required=True,
     type=click.Path(path_type=Path),
-    metavar="SCENARIO.yaml...",
+    metavar="SCENARIO...",
     shell_complete=scenario_paths,
 )
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
@@ -126,11 +127,12 @@ def run_command(
     **live: Any,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
-    A folder stands for the scenarios in it; several are also compared.
+    SCENARIO is a YAML file, a folder of them, or the name of one that comes
+    with trackbench; several are also compared.
 
     \b
     Examples:
-      trackbench run scenarios/highway.yaml --runs 1000 --workers 2
+      trackbench run highway --runs 1000 --workers 2
       trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
 
     \b
@@ -172,18 +174,6 @@ def run_command(
     raise click.exceptions.Exit(status([result.json() for result in found]))
 
 
-def scenario_files(paths: Sequence[Path]) -> Iterator[Path]:
-    """The files that are named, and those in the folders that are named."""
-    for path in paths:
-        if not path.is_dir():
-            yield path
-            continue
-        inside = sorted(path.glob("*.y*ml"))
-        if not inside:
-            raise InputError("there is no scenario file (*.yaml) in this folder", file=path)
-        yield from inside
-
-
 def prepare(
     file: Path,
     overrides: Sequence[str],
@@ -221,7 +211,7 @@ def prepare(
 
     def command(made: LoadedScenario) -> str:
         settings = (x for item in made.overrides for x in ("--set", item))
-        return shlex.join(["trackbench", "run", str(file), *settings, *only])
+        return shlex.join(["trackbench", "run", shown_name(file), *settings, *only])
 
     return Prepared(loaded, truth, command)
 

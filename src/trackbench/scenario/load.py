@@ -8,10 +8,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from trackbench.errors import InputError, InputErrors, nearest
+from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.config import Scenario
 from trackbench.scenario.explain import explain
 from trackbench.scenario.overrides import apply_overrides
+from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import Document, KeyPath, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
 
@@ -41,19 +42,20 @@ class LoadedScenario:
         return error.located(file=origin.file, line=origin.line)
 
 
-def load_scenario(path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
+def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> LoadedScenario:
     """Read, override and validate a scenario file.
 
     What needs highway-env or a plug-in to be known is left to ``check``.
 
     Args:
-        path: the YAML file.
+        named: the YAML file, or the name of a scenario that comes with the package.
         overrides: ``key.path=value`` each; the value is read as YAML.
 
     Raises:
         InputError: the file cannot be read or is not YAML.
         InputErrors: everything that is wrong in it, in the order of its lines.
     """
+    path = find_scenario(named)
     return scenario_of(_read(path), path, overrides)
 
 
@@ -79,10 +81,6 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedS
 def _read(path: Path) -> str:
     try:
         raw = path.read_bytes()
-    except FileNotFoundError:
-        names = [entry.name for entry in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
-        hint = f"; {nearest(path.name, names)}" if names else ""
-        raise InputError(f"there is no such file{hint}", file=path) from None
     except IsADirectoryError:
         raise InputError("this is a folder; name a scenario file in it", file=path) from None
     except (OSError, ValueError) as error:
