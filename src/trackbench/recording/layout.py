@@ -30,7 +30,7 @@ def blueprint(summary: dict[str, Any], tables: Mapping[str, pa.Table], windows: 
 
 
 def live_blueprint(windows: list[Window], sensors: list[str]) -> rrb.Blueprint:
-    """The layout while a run goes on, of which only the recorded run is known: it follows the first tracker."""
+    """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
     return rrb.Blueprint(
         rrb.Vertical(scene_views(windows, sensors), live_plots(), row_shares=[3, 2]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
