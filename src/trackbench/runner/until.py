@@ -15,7 +15,6 @@ from trackbench.runner.block import Block, OnRecordedRun
 from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import assemble, work_of
 from trackbench.scenario import LoadedScenario
-from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth, most_runs, varies
 from trackbench.types import Progress, no_progress
@@ -83,19 +82,15 @@ def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
         message = f"random motion is kept for all runs at once; at most {most} fit"
         raise InputError(message, file=loaded.path, key="--max-runs")
     runs = min(max_runs, max(FIRST_RUNS, loaded.config.recording.run + 1))
-    return scenario_of(loaded.text, loaded.path, _overrides(loaded, runs))
+    return _with_runs(loaded, runs)
 
 
 def _with_runs(loaded: LoadedScenario, runs: int) -> LoadedScenario:
-    """The same scenario with more runs."""
+    """The same scenario with another number of runs."""
     monte_carlo = loaded.config.monte_carlo.model_copy(update={"runs": runs})
     config = loaded.config.model_copy(update={"monte_carlo": monte_carlo})
-    return replace(loaded, config=config, overrides=_overrides(loaded, runs))
-
-
-def _overrides(loaded: LoadedScenario, runs: int) -> tuple[str, ...]:
     kept = [item for item in loaded.overrides if item.partition("=")[0].strip() != RUNS]
-    return (*kept, f"{RUNS}={runs}")
+    return replace(loaded, config=config, overrides=(*kept, f"{RUNS}={runs}"))
 
 
 def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:

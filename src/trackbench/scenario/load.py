@@ -15,9 +15,10 @@ from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import Document, KeyPath, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
+from trackbench.words import counted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LoadedScenario:
     """A valid scenario and where it came from."""
 
@@ -31,6 +32,12 @@ class LoadedScenario:
     """The plain values that were validated, each with its place."""
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """By the name of each tracker with a sweep, the names of its points."""
+    selected: tuple[str, ...] = ()
+    """The trackers that were selected of those in the file; empty where all are there."""
+
+    def __repr__(self) -> str:
+        runs = counted(self.config.monte_carlo.runs, "run")
+        return f"<scenario {self.config.name}: {counted(len(self.config.trackers), 'tracker')}, {runs}>"
 
     def locate(self, error: InputError) -> InputError:
         """The same error with the file and line of its key."""

@@ -1,0 +1,74 @@
+"""The folder that a run leaves: result, tables, reports, recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from trackbench import results
+from trackbench.results import Result
+from trackbench.types import Progress
+
+Writer = Callable[[Path], None]
+
+
+def save(result: Result, folder: Path, progress: Progress, *, recording: bool = True) -> Result:
+    """Write the folder of a run with everything that is in it.
+
+    Args:
+        result: of the run.
+        folder: its name; an earlier result under it is replaced.
+        progress: called with the number of files written and of all.
+        recording: whether the Rerun recording is among them.
+
+    Returns:
+        The result, which names the files.
+
+    Raises:
+        TrackbenchError: the folder cannot be written; nothing is left under its name.
+    """
+    from trackbench import recording as rerun
+    from trackbench.report import html, markdown
+
+    artifacts: dict[str, Writer] = {
+        "report.html": partial(_write_report, html.render, result),
+        "report.md": partial(_write_report, markdown.render, result),
+    }
+    if recording:
+        artifacts["recording.rrd"] = partial(rerun.write, result)
+    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
+    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
+    result.save(folder, _counted(artifacts, progress))
+    return result
+
+
+def save_comparison(found: Sequence[Result], out: Path) -> None:
+    """Write the comparison of several scenarios beside their folders.
+
+    Raises:
+        TrackbenchError: a file cannot be written.
+    """
+    from trackbench.report import comparison
+
+    compared = comparison.compare(found)
+    results.write_text(out / "comparison.md", compared.markdown())
+    results.write_text(out / "comparison.html", compared.html())
+    results.write_text(out / "comparison.json", results.to_json(compared.json()))
+    for name, svg in compared.figures().items():
+        results.write_text(out / name, svg)
+
+
+def _counted(artifacts: Mapping[str, Writer], progress: Progress) -> dict[str, Writer]:
+    """The same writers, each of which says which of them it is."""
+
+    def write(number: int, writer: Writer, path: Path) -> None:
+        progress(number, len(artifacts))
+        writer(path)
+
+    return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
+
+
+def _write_report(render: Any, result: Result, path: Path) -> None:
+    path.write_text(render(result), encoding="utf-8")
