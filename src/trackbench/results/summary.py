@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -183,7 +184,8 @@ class Summary(Part):
     versions: dict[str, str]
     engine: str = "numpy"
     command: str
-    fingerprint: str
+    fingerprints: list[str]
+    """One a run, of all its measurements: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
     bound: BoundSummary
@@ -196,3 +198,8 @@ class Summary(Part):
     passed: bool
     artifacts: dict[str, str]
     precision: PrecisionReached | None = None
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the measurements of all runs together."""
+        return hashlib.sha256(" ".join(self.fingerprints).encode()).hexdigest()[:16]
