@@ -1,7 +1,7 @@
 """Finished results held against each other: trackers of a run, versions of a tracker, trackers over scenarios."""
 
+from trackbench.compare.assembly import compare
 from trackbench.compare.comparison import Comparison, Entrant, PairDifference, load
-from trackbench.compare.compare import compare
 from trackbench.compare.entries import ResultSet
 from trackbench.compare.find import find
 from trackbench.compare.limits import Limit

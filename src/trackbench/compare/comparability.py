@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from trackbench.compare.entries import Entry
 from trackbench.errors import InputError
 from trackbench.scenario.config import Scenario
 from trackbench.truth import varies
-from trackbench.types import Array
 from trackbench.words import counted
+
+IntArray = NDArray[np.intp]
 
 #: What of the truth's table makes the motion of the targets.
 MOTION = ("object", "time_s", "px_m", "py_m", "vx_mps", "vy_mps")
@@ -27,7 +29,7 @@ FEWEST = 2
 class Comparability:
     """How two results are compared."""
 
-    shared: Array | None
+    shared: IntArray | None
     """Numbers of the runs with the same measurements in both, over which they are paired; None for two independent
     samples."""
     reason: str

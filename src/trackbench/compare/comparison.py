@@ -243,6 +243,6 @@ def load(file: Path) -> Comparison:
     try:
         return Comparison.model_validate({key: value for key, value in raw.items() if key != "passed"})
     except ValidationError as invalid:
-        error = invalid.errors()[0]
-        where = ".".join(str(part) for part in error["loc"])
-        raise InputError(f"not a comparison: {where}: {error['msg']}", file=file) from None
+        first = invalid.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"not a comparison: {where}: {first['msg']}", file=file) from None

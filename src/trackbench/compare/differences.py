@@ -118,12 +118,11 @@ def _corrected(family: Sequence[PairDifference]) -> list[PairDifference]:
 
 def _verdict(item: PairDifference, p_value: float) -> Verdict:
     if p_value >= LEVEL:
-        return NO_DIFFERENCE
-    found: Verdict = "smaller" if item.difference < 0 else "larger"
-    better = METRICS[item.metric].better
+        return "no difference shown"
+    smaller, better = item.difference < 0, METRICS[item.metric].better
     if not better:
-        return found
-    return "better" if found == better else "worse"
+        return "smaller" if smaller else "larger"
+    return "better" if smaller == (better == "smaller") else "worse"
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:

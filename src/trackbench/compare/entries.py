@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from trackbench import results
 from trackbench.compare.metrics import METRICS, PerRunMetric
@@ -69,7 +70,7 @@ class Entry:
         failed = self.result[tracker].failed
         return None if failed is None else failed.cause
 
-    def interval(self, tracker: str, metric: str, runs: Array | None = None) -> Interval | None:
+    def interval(self, tracker: str, metric: str, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 
         Args:

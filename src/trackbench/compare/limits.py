@@ -46,7 +46,7 @@ def require_directed(metric: str) -> None:
         InputError: it has no value in each run, or neither a larger nor a smaller one is better.
     """
     if not require_metric(metric, OPTION).better:
-        message = f"neither a larger nor a smaller {metric} is better; state expectations with below: and above: instead"
+        message = f"neither a larger nor a smaller {metric} is better; state expectations instead"
         raise InputError(message, key=OPTION)
 
 
@@ -63,9 +63,7 @@ def held(
     return [result for limit in limits for result in _held(limit, differences, missing)]
 
 
-def _held(
-    limit: Limit, differences: Sequence[PairDifference], missing: Sequence[NotCompared]
-) -> Iterator[GateResult]:
+def _held(limit: Limit, differences: Sequence[PairDifference], missing: Sequence[NotCompared]) -> Iterator[GateResult]:
     for item in differences:
         if item.metric == limit.metric:
             yield _result(limit, item.scenario, item.entrant, _outcome(item, limit), _text(item, limit))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from dataclasses import dataclass
+from typing import Literal
 
 from trackbench.errors import InputError, nearest
 
 
-class PerRunMetric(NamedTuple):
+@dataclass(frozen=True)
+class PerRunMetric:
     """A metric of which ``runs.parquet`` holds the value of each run."""
 
     column: str

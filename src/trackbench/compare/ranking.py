@@ -21,15 +21,15 @@ class Pairings:
     """Which of two trackers is better in a scenario."""
 
     def __init__(self, differences: Sequence[PairDifference]) -> None:
-        self._better: dict[tuple[str, str, str], str] = {}
+        self._better: dict[tuple[str, frozenset[str]], str] = {}
         for item in differences:
             a, b = item.entrant.tracker, item.against.tracker
             if item.metric == RANKED_BY and item.verdict != NO_DIFFERENCE:
-                self._better[item.scenario, *sorted((a, b))] = a if item.verdict == "better" else b
+                self._better[item.scenario, frozenset((a, b))] = a if item.verdict == "better" else b
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
         """The better one of the two, None where no difference was shown."""
-        return self._better.get((scenario, *sorted((a, b))))
+        return self._better.get((scenario, frozenset((a, b))))
 
 
 def scores(number: int, entry: Entry, scenario: str, trackers: Sequence[str], pairings: Pairings) -> list[EntrantScore]:
