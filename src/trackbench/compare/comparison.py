@@ -205,6 +205,11 @@ class Comparison(Part):
         """Whether every limit is kept, as far as is known."""
         return all(item.outcome not in ("failed", "error") for item in self.gates)
 
+    @property
+    def trackers(self) -> list[str]:
+        """Every tracker, in the order in which they first appear."""
+        return list(dict.fromkeys(score.entrant.tracker for score in self.scores))
+
     def by_metric(self) -> Iterator[tuple[str, list[PairDifference]]]:
         """The differences of each metric."""
         for metric in dict.fromkeys(item.metric for item in self.differences):

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from trackbench import results
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.errors import InputError
 from trackbench.results import Result
+
+
+def results_in(folder: Path, found: Sequence[Result]) -> ResultSet:
+    """Results that are at hand, each with a folder of the scenario's name in a folder."""
+    return ResultSet(str(folder), tuple(Entry(str(folder / result.name), result) for result in found))
 
 
 def find(path: Path) -> ResultSet:

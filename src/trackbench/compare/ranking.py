@@ -33,12 +33,13 @@ class Pairings:
 
 
 def scores(number: int, entry: Entry, scenario: str, trackers: Sequence[str], pairings: Pairings) -> list[EntrantScore]:
-    """What the trackers of one result reached, best first."""
+    """What the trackers of one result reached, in the order of the scenario."""
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
-    unscored = [name for name in trackers if name not in scored]
     found = []
-    for name in (*scored, *unscored):
-        tracker = entry.result[name]
+    for tracker in entry.result.summary.trackers:
+        name = tracker.name
+        if name not in trackers:
+            continue
         rank = scored.index(name) + 1 if name in scored else None
         metrics = {path: value for path in SHOWN if (value := tracker.metrics.get(path)) and value.value is not None}
         found.append(
@@ -49,24 +50,10 @@ def scores(number: int, entry: Entry, scenario: str, trackers: Sequence[str], pa
                 diverged_runs=(tracker.health.diverged_runs or 0) if rank else 0,
                 rank=rank,
                 leading=rank is not None and pairings.better(scenario, scored[0], name) in (None, name),
-                failure="" if rank else _failure(entry, name),
+                failure="" if rank else str(tracker.failed or tracker.position_rmse.reason or "nothing to score"),
             )
         )
     return found
-
-
-def _failure(entry: Entry, name: str) -> str:
-    tracker = entry.result[name]
-    if tracker.failed is None:
-        return tracker.position_rmse.reason or "nothing to score"
-    failed = tracker.failed
-    place = [f"step {failed.step}", f"{failed.time_s:.2f} s"]
-    place += [
-        f"{what} {found}"
-        for what, found in (("sensor", failed.sensor), ("run", failed.run), ("object", failed.object))
-        if found is not None
-    ]
-    return f"{failed.cause} ({', '.join(place)})"
 
 
 def ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> list[RankedTracker]:

@@ -81,6 +81,12 @@ class Failure(Part):
     run: int | None
     object: str | None
 
+    def __str__(self) -> str:
+        place = [f"step {self.step}", f"{self.time_s:.2f} s"]
+        named = {"sensor": self.sensor, "run": self.run, "object": self.object}
+        place += [f"{what} {found}" for what, found in named.items() if found is not None]
+        return f"{self.cause} ({', '.join(place)})"
+
 
 class Health(Part):
     """What went wrong without ending the run; None where the tracker failed before it could be counted."""

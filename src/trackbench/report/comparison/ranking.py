@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import RESAMPLES
-from trackbench.report.comparison_figures import efficiency_figure, rank_figure
+from trackbench.report.comparison.figures import efficiency_figure, rank_figure
 from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
 from trackbench.words import counted
@@ -85,7 +85,7 @@ def _overall(comparison: Comparison) -> Table:
     rows = [
         (
             Cell(str(i)),
-            Cell(item.tracker, strong=True),
+            Cell(item.tracker, tracker=item.tracker),
             Cell(fixed(item.mean_rank, 2)),
             Cell(interval(item.ci95, 2) or NOT_AVAILABLE),
             Cell(percent(item.first_share)),
@@ -94,9 +94,7 @@ def _overall(comparison: Comparison) -> Table:
             Cell(str(item.undecided)),
             Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"),
             Cell(str(item.diverged_runs)),
-            Cell(
-                str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()
-            ),
+            Cell(str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()),
         )
         for i, item in enumerate(comparison.ranking, 1)
     ]

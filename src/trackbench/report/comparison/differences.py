@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import NO_DIFFERENCE, ComparedResult, ComparedScenario, GateResult, OverallChange
-from trackbench.report.comparison_figures import difference_figure
+from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
 from trackbench.words import counted
@@ -49,7 +49,9 @@ def _section(comparison: Comparison, metric: str, items: Sequence[PairDifference
         yield _changes(comparison, metric, items)
     table, figure = _differences(comparison, metric, items), difference_figure(metric, items, _label(comparison))
     explained = Paragraph(_explanation(items))
-    yield from (Section("Each difference", (table, explained), folded=True), figure) if several else (table, explained, figure)
+    yield from (
+        (Section("Each difference", (table, explained), folded=True), figure) if several else (table, explained, figure)
+    )
 
 
 def _result(comparison: Comparison, result: ComparedResult) -> Item:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from trackbench.compare import Comparison
-from trackbench.report import comparison_differences as differences
-from trackbench.report import comparison_ranking as ranking
+from trackbench.palette import tracker_colours
+from trackbench.report.comparison import differences, ranking
 from trackbench.report.document import Block, Document, Item, Items, Section
+from trackbench.report.document.styles import tracker_styles
 from trackbench.report.numbers import joined
 from trackbench.words import counted
 
@@ -28,7 +29,14 @@ def document(comparison: Comparison, *, reports: Mapping[str, str] | None = None
         names = [scenario.name for scenario in comparison.scenarios]
         over = joined(names) if len(names) < 3 else counted(len(names), "scenario")
         title, lead = f"Comparison over {over}", differences.lead(comparison)
-    return Document(kind="comparison", title=title, lead=lead, blocks=(*blocks, *_notes(comparison)))
+    styles = tracker_styles(tracker_colours(comparison.trackers))
+    return Document(
+        kind="comparison",
+        title=title,
+        lead=lead,
+        blocks=(*blocks, *_notes(comparison)),
+        trackers=tuple(styles.values()),
+    )
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:
