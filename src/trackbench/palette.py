@@ -27,11 +27,15 @@ OBSERVER_COLOUR = "#5A87C6"
 BOUND_COLOUR = "#8A9099"
 
 
-def tracker_colour(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each tracker, in the order given (a scenario's own order keeps them stable); repeats after nine."""
+def tracker_colours(names: Iterable[str]) -> dict[str, str]:
+    """A colour for each tracker, in the order given; repeats after nine.
+
+    Those of a batch of scenarios get theirs together, in the order in which they first appear, so that a tracker looks
+    the same in all its reports and recordings.
+    """
     return {name: TRACKER_COLOURS[i % len(TRACKER_COLOURS)] for i, name in enumerate(names)}
 
 
-def sensor_colour(names: Iterable[str]) -> dict[str, str]:
+def sensor_colours(names: Iterable[str]) -> dict[str, str]:
     """A colour for each sensor, in the order given; repeats after four."""
     return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(names)}

@@ -50,14 +50,12 @@ def save_comparison(found: Sequence[Result], out: Path) -> None:
     Raises:
         TrackbenchError: a file cannot be written.
     """
-    from trackbench.report import comparison
+    from trackbench.compare import compare, results_in
+    from trackbench.report.comparison import batch_files
 
-    compared = comparison.compare(found)
-    results.write_text(out / "comparison.md", compared.markdown())
-    results.write_text(out / "comparison.html", compared.html())
-    results.write_text(out / "comparison.json", results.to_json(compared.json()))
-    for name, svg in compared.figures().items():
-        results.write_text(out / name, svg)
+    for file, content in batch_files(compare([results_in(out, found)]), out):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        results.write_bytes(file, content)
 
 
 def _counted(artifacts: Mapping[str, Writer], progress: Progress) -> dict[str, Writer]:

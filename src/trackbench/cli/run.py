@@ -124,4 +124,4 @@ def status(found: Sequence[Result]) -> int:
 def _write_junit(found: Sequence[Result], path: Path) -> None:
     from trackbench.report.junit import suite_of_run, to_xml
 
-    results.write_text(path, to_xml([suite_of_run(result.json()) for result in found]))
+    results.write_text(path, to_xml([suite_of_run(result) for result in found]))

@@ -7,7 +7,7 @@ import rerun as rr
 
 from trackbench.doctor.exhibits import Exhibit
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.palette import OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colour
+from trackbench.palette import OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colours
 from trackbench.recording.scene import ellipse
 from trackbench.recording.stream import Stream, path, pixels, rgba
 from trackbench.types import Array
@@ -68,7 +68,7 @@ def _send_ellipses(stream: Stream, entity: str, time: Array, at: Array, p: Array
 
 
 def _send_measurements(stream: Stream, exhibit: Exhibit) -> None:
-    for sensor, colour in sensor_colour(dict.fromkeys(scan.sensor for scan in exhibit.scans)).items():
+    for sensor, colour in sensor_colours(dict.fromkeys(scan.sensor for scan in exhibit.scans)).items():
         scans = [scan for scan in exhibit.scans if scan.sensor == sensor and scan.valid]
         entity = path(*measurements(exhibit.course, sensor))
         points = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2)

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.palette import sensor_colour, tracker_colour
+from trackbench.palette import sensor_colours, tracker_colours
 from trackbench.recording import layout, scene, series, views
 from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
@@ -58,7 +58,7 @@ class _Run:
 
     def __init__(self, url: str, about: Scene) -> None:
         self._about = about
-        self._trackers, self._sensors = tracker_colour(about.trackers), sensor_colour(about.sensors)
+        self._trackers, self._sensors = tracker_colours(about.trackers), sensor_colours(about.sensors)
         self._motion = truth_table(about.truth, 0)
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)

@@ -8,7 +8,7 @@ from typing import Any
 import rerun as rr
 
 from trackbench.errors import InputError
-from trackbench.palette import sensor_colour, tracker_colour
+from trackbench.palette import sensor_colours, tracker_colours
 from trackbench.recording import layout, scene, series, text, views
 from trackbench.recording.data import send_data
 from trackbench.recording.stream import Stream
@@ -43,8 +43,8 @@ def new_recording(name: str) -> rr.RecordingStream:
 def send(recording: rr.RecordingStream, result: Result) -> None:
     """Everything that is shown and kept of a run, and its layout."""
     summary, tables = result.json(), result.tables
-    trackers = tracker_colour(tracker["name"] for tracker in summary["trackers"])
-    sensors = sensor_colour(summary["sensors"])
+    trackers = tracker_colours(tracker["name"] for tracker in summary["trackers"])
+    sensors = sensor_colours(summary["sensors"])
     stream = Stream(recording)
     windows = views.windows(tables["truth"])
     recording.send_blueprint(layout.blueprint(summary, tables, windows))

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from trackbench.palette import TRACKER_COLOURS, tracker_colour
+from trackbench.palette import TRACKER_COLOURS, tracker_colours
 from trackbench.types import Array
 
 Summary = Mapping[str, Any]
@@ -66,7 +66,7 @@ def looks(summary: Summary) -> dict[str, Look]:
 
 def look_of(names: Sequence[str]) -> dict[str, Look]:
     """The look of each tracker, by its place."""
-    colours = tracker_colour(names)
+    colours = tracker_colours(names)
     return {
         name: Look(f"t{i}", name, colours[name], _DASHES[i // len(TRACKER_COLOURS) % len(_DASHES)])
         for i, name in enumerate(names)

@@ -7,11 +7,16 @@ from trackbench.report.document.model import (
     Column,
     Document,
     Figure,
+    Item,
     Items,
     LegendEntry,
     Paragraph,
+    Row,
     Section,
+    Status,
     Table,
+    Tone,
+    TrackerStyle,
 )
 
 __all__ = [
@@ -21,9 +26,14 @@ __all__ = [
     "Column",
     "Document",
     "Figure",
+    "Item",
     "Items",
     "LegendEntry",
     "Paragraph",
+    "Row",
     "Section",
+    "Status",
     "Table",
+    "Tone",
+    "TrackerStyle",
 ]

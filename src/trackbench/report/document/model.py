@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from matplotlib import figure
 
 Tone = Literal["", "good", "warn", "bad"]
+
+
+@dataclass(frozen=True)
+class TrackerStyle:
+    """How a tracker is drawn, the same in every figure."""
+
+    key: str
+    """Class and gid of all that is drawn of it."""
+    name: str
+    colour: str
+    line: Any = "solid"
+    """A matplotlib line style; where colours repeat, they do with another one."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +47,12 @@ class Column:
     """The heading of a column."""
 
     heading: str
+    """With the unit of the numbers under it."""
     explanation: str = ""
     left: bool = False
     """Whether its cells are flush left (names, sentences) and not flush right (numbers)."""
+    details: str = "details"
+    """What the small print in its cells is."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +64,17 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Cell, ...], ...]
     caption: str = ""
+    matrix: bool = False
+    """Whether all columns hold the same quantity: then a narrow screen scrolls it, and makes no card of each row."""
 
     @property
     def reasons(self) -> list[str]:
         """Every reason for a missing value, once."""
         return list(dict.fromkeys(cell.reason for row in self.rows for cell in row if cell.reason))
+
+    def mark(self, cell: Cell) -> str:
+        """The number of the footnote of a cell, or nothing."""
+        return str(self.reasons.index(cell.reason) + 1) if cell.reason else ""
 
 
 @dataclass(frozen=True)
@@ -62,18 +83,18 @@ class LegendEntry:
 
     label: str
     colour: str
-    """A CSS colour."""
-    mark: Literal["line", "dash", "band", "dot", "ring"] = "line"
+    """``#rrggbb``, or one of the colours of :mod:`trackbench.report.document.drawing`."""
+    mark: Literal["line", "dash", "band", "dot"] = "line"
     key: str = ""
-    """Class of what is drawn of the tracker, where the entry is one."""
+    """That of the tracker, where the entry is one."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure, drawn when a renderer needs it."""
+    """A figure, drawn only when a renderer needs it."""
 
     name: str
-    """Of its file."""
+    """Of its file; letters, digits and dashes."""
     title: str
     caption: str
     alternative: str
@@ -95,6 +116,27 @@ class Paragraph:
 
     text: str
     strong: bool = False
+
+
+@dataclass(frozen=True)
+class Status:
+    """A few words that stand out, such as "2 of 3 expectations failed"."""
+
+    text: str
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Item:
+    """A line of a list."""
+
+    text: str
+    label: str = ""
+    """What it is about, before the text."""
+    detail: str = ""
+    """Small print."""
+    tracker: str = ""
+    """The tracker that the label names, if it does."""
     tone: Tone = ""
 
 
@@ -102,7 +144,7 @@ class Paragraph:
 class Items:
     """A list."""
 
-    texts: tuple[str, ...]
+    items: tuple[Item, ...]
     numbered: bool = False
 
 
@@ -115,6 +157,13 @@ class Code:
 
 
 @dataclass(frozen=True)
+class Row:
+    """Blocks that stand beside each other where there is room."""
+
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
 class Section:
     """A heading and what stands under it; sections nest."""
 
@@ -124,14 +173,38 @@ class Section:
     """Whether a page that can fold shows it closed."""
 
 
-Block = Paragraph | Items | Code | Table | Figure | Section
+Block = Paragraph | Status | Items | Code | Table | Figure | Row | Section
 
 
 @dataclass(frozen=True)
 class Document:
     """A whole report."""
 
+    kind: str
+    """Such as "report" or "comparison"."""
     title: str
     blocks: tuple[Block, ...]
-    trackers: tuple[str, ...] = ()
-    """Every tracker in its order, which gives each its colour."""
+    lead: str = ""
+    """A sentence under the title."""
+    facts: tuple[str, ...] = ()
+    """A few words each."""
+    trackers: tuple[TrackerStyle, ...] = ()
+    """How each tracker that is drawn looks."""
+
+    @property
+    def tables(self) -> list[Table]:
+        """All tables, in their order."""
+        return [block for block in every(self.blocks) if isinstance(block, Table)]
+
+    @property
+    def figures(self) -> list[Figure]:
+        """All figures, in their order."""
+        return [block for block in every(self.blocks) if isinstance(block, Figure)]
+
+
+def every(blocks: Sequence[Block]) -> Iterator[Block]:
+    """All blocks, and after each row or section those that are in it."""
+    for block in blocks:
+        yield block
+        if isinstance(block, (Row, Section)):
+            yield from every(block.blocks)

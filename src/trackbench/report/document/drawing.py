@@ -1,0 +1,193 @@
+"""Figures drawn by matplotlib: as SVG inside a page (its fonts, its colours, light and dark), as SVG and as PDF files.
+
+Drawn the same on every machine: no date, fixed ids, default settings whatever the user's matplotlibrc says.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+from xml.etree import ElementTree
+
+import matplotlib
+from matplotlib.artist import Artist
+from matplotlib.colors import get_named_colors_mapping
+from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from trackbench.report.document.model import Figure, LegendEntry
+
+#: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
+INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"
+_ON_WHITE = {INK: "#1c2126", GRID: "#e3e6e9", MUTED: "#7a828b"}
+#: A page has its own, light and dark; pure black would be left out of the SVG as its default.
+_STAND_INS = {INK: "#010203", GRID: "#020304", MUTED: "#030405"}
+IN_PAGE = {INK: "currentColor", GRID: "var(--grid)", MUTED: "var(--muted)"}
+
+#: Points of an SVG, shown as pixels of a page; narrow enough to be read on a phone.
+WIDTH = 430.0
+DASHED = (0, (4, 2))
+#: Of a line of a legend, points.
+_LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
+
+_STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "trackbench",
+    # TrueType, which publishers accept.
+    "pdf.fonttype": 42,
+    "font.size": 11,
+    "axes.labelsize": 11,
+    "axes.titlesize": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.facecolor": "none",
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.unicode_minus": True,
+    "figure.facecolor": "none",
+    "figure.labelsize": 11,
+    "savefig.facecolor": "none",
+    "grid.color": GRID,
+    "grid.linewidth": 1.0,
+    "legend.fontsize": 10,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+    "lines.solid_capstyle": "round",
+    "patch.linewidth": 0,
+    "path.simplify_threshold": 0.3,
+    "text.color": INK,
+    "text.parse_math": False,
+    "xtick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.color": MUTED,
+    "ytick.labelcolor": INK,
+}
+
+_NUMBER = re.compile(r"-?\d+\.\d+")
+_REFERENCE = re.compile(r"#([\w.]+)")
+_FONT_FAMILY = re.compile(r"font-family: [^;]*;? ?")
+_GEOMETRY = ("d", "x", "y", "width", "height", "transform", "points", "style")
+
+
+def svg_in_page(figure: Figure) -> str:
+    """The ``<svg>`` of a figure inside a page, which shows the legend itself.
+
+    An artist whose gid has a tooltip gets the gid as its class.
+    """
+    svg = ElementTree.fromstring(_draw(figure, "svg", _STAND_INS, legend=False))
+    _clean(svg, figure.name, figure.tooltips)
+    svg.attrib = {"viewBox": svg.attrib["viewBox"], "class": "plot", "role": "img", "aria-label": figure.alternative}
+    markup = ElementTree.tostring(svg, encoding="unicode", short_empty_elements=True)
+    for name, stand_in in _STAND_INS.items():
+        markup = markup.replace(stand_in, IN_PAGE[name])
+    return markup
+
+
+def svg_file(figure: Figure) -> str:
+    """The text of an SVG file, on white and with the legend."""
+    svg = ElementTree.fromstring(_draw(figure, "svg", _ON_WHITE, legend=True))
+    _clean(svg, figure.name, {})
+    _, _, width, height = svg.attrib["viewBox"].split()
+    svg.attrib = {
+        "xmlns": "http://www.w3.org/2000/svg",
+        "viewBox": svg.attrib["viewBox"],
+        "width": width,
+        "height": height,
+        "font-family": "system-ui, sans-serif",
+        "role": "img",
+        "aria-label": figure.alternative,
+    }
+    svg.insert(0, ElementTree.Element("rect", {"width": width, "height": height, "fill": "#ffffff"}))
+    return ElementTree.tostring(svg, encoding="unicode") + "\n"
+
+
+def pdf_file(figure: Figure) -> bytes:
+    """The content of a PDF file, with the legend."""
+    return _draw(figure, "pdf", _ON_WHITE, legend=True)
+
+
+def _draw(figure: Figure, kind: str, colours: Mapping[str, str], *, legend: bool) -> bytes:
+    width = figure.width or WIDTH
+    columns = _legend_columns(figure.legend, width) if legend and figure.legend else 0
+    height = figure.height + (_LEGEND_LINE * -(-len(figure.legend) // columns) + 8 if columns else 0)
+    keys = ("Creator", "Date", "Format", "Type") if kind == "svg" else ("Creator", "CreationDate", "Producer")
+    with _colours(colours), matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        canvas = Canvas(figsize=(width / 72, height / 72), dpi=72, layout="constrained")
+        figure.paint(canvas)
+        if columns:
+            handles = [_handle(entry) for entry in figure.legend]
+            canvas.legend(handles=handles, loc="outside lower left", ncols=columns, handlelength=1.6)
+        buffer = io.BytesIO()
+        canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(keys))
+    return buffer.getvalue()
+
+
+@contextmanager
+def _colours(colours: Mapping[str, str]) -> Iterator[None]:
+    """Names of colours for matplotlib, while a figure is drawn."""
+    known = get_named_colors_mapping()
+    known.update(colours)
+    try:
+        yield
+    finally:
+        for name in colours:
+            del known[name]
+
+
+def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
+    longest = max(len(entry.label) for entry in entries)
+    return max(1, min(len(entries), int(width / (_LEGEND_LETTER * longest + 40))))
+
+
+def _handle(entry: LegendEntry) -> Artist:
+    if entry.mark == "band":
+        return Patch(color=entry.colour, alpha=0.35, label=entry.label)
+    if entry.mark == "dot":
+        return Line2D([], [], color=entry.colour, marker="o", markersize=4, linestyle="none", label=entry.label)
+    style: Any = DASHED if entry.mark == "dash" else "solid"
+    return Line2D([], [], color=entry.colour, linestyle=style, linewidth=2, label=entry.label)
+
+
+def _clean(svg: ElementTree.Element, prefix: str, titles: Mapping[str, str]) -> None:
+    for parent in list(svg.iter()):
+        parent.text = parent.text if parent.text and parent.text.strip() else None
+        for child in list(parent):
+            child.tail = None
+            if child.tag.endswith("}metadata") or child.find("{*}style") is not None:
+                parent.remove(child)
+    used = set(_REFERENCE.findall(ElementTree.tostring(svg, encoding="unicode")))
+    for element in list(svg.iter()):
+        element.tag = element.tag.rpartition("}")[2]
+        old = {key.rpartition("}")[2]: " ".join(value.split()) for key, value in element.attrib.items()}
+        identity = old.pop("id", "")
+        new = {key: _attribute(key, value, prefix) for key, value in old.items()}
+        if identity in titles:
+            new["class"] = identity
+            title = ElementTree.Element("title")
+            title.text = titles[identity]
+            element.insert(0, title)
+        elif identity in used:
+            new["id"] = f"{prefix}-{identity}"
+        element.attrib = new
+
+
+def _attribute(key: str, value: str, prefix: str) -> str:
+    if key == "href" or value.startswith("url("):
+        return _REFERENCE.sub(rf"#{prefix}-\1", value)
+    if key == "style":
+        value = _FONT_FAMILY.sub("", value)
+    return _NUMBER.sub(_rounded, value) if key in _GEOMETRY else value
+
+
+def _rounded(match: re.Match[str]) -> str:
+    """To a hundredth of a pixel: a tenth of the file is then enough."""
+    return f"{float(match[0]):.2f}".rstrip("0").rstrip(".")

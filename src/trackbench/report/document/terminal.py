@@ -1,0 +1,120 @@
+"""A document for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rich.console import Console
+from rich.table import Table as Grid
+from rich.text import Text
+
+from trackbench.report.document.model import (
+    Block,
+    Cell,
+    Code,
+    Document,
+    Figure,
+    Item,
+    Items,
+    Paragraph,
+    Row,
+    Section,
+    Status,
+    Table,
+)
+
+STYLE = {"good": "green", "warn": "yellow", "bad": "bold red", "": ""}
+#: Letters of the widest column of a table; longer texts break.
+_WIDEST = 40
+
+
+def print_document(document: Document, console: Console) -> None:
+    """Everything but the figures, of which it says what they show.
+
+    A table wider than the console goes on under itself, with its left columns again.
+    """
+    _say(console, Text(document.title, style="bold"))
+    if document.lead:
+        _say(console, Text(document.lead))
+    if document.facts:
+        _say(console, Text(", ".join(document.facts), style="dim"))
+    for block in document.blocks:
+        _print(block, console)
+
+
+def print_table(table: Table, console: Console) -> None:
+    """A table with its caption and footnotes."""
+    if table.caption:
+        _say(console, Text(f"{table.caption}:"))
+    for columns in _fitting(table, console.width):
+        grid = Grid(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+        for i in columns:
+            column = table.columns[i]
+            grid.add_column(column.heading, justify="left" if column.left else "right", overflow="fold")
+        for row in table.rows:
+            grid.add_row(*(_cell(table, row[i]) for i in columns))
+        console.print(grid)
+    for number, reason in enumerate(table.reasons, 1):
+        _say(console, Text(f"{number} n/a: {reason}", style="dim"))
+
+
+def _print(block: Block, console: Console) -> None:
+    match block:
+        case Section():
+            console.print()
+            _say(console, Text(block.title, style="bold underline"))
+            for inner in block.blocks:
+                _print(inner, console)
+        case Row():
+            for inner in block.blocks:
+                _print(inner, console)
+        case Paragraph():
+            _say(console, Text(block.text, style="bold" if block.strong else ""))
+        case Status():
+            _say(console, Text(block.text, style=STYLE[block.tone] or "bold"))
+        case Items():
+            for number, item in enumerate(block.items, 1):
+                _say(console, _item(f"{number}." if block.numbered else "-", item))
+        case Code():
+            console.print(Text(block.text.rstrip("\n"), style="dim"), highlight=False, soft_wrap=True)
+        case Table():
+            print_table(block, console)
+        case Figure():
+            _say(console, Text.assemble((f"{block.title}: ", "bold"), block.alternative))
+
+
+def _say(console: Console, text: Text) -> None:
+    console.print(text, highlight=False)
+
+
+def _item(mark: str, item: Item) -> Text:
+    label = f"{item.label}: " if item.label else ""
+    detail = f" ({item.detail})" if item.detail else ""
+    return Text.assemble(f"{mark} ", (label, "bold"), (item.text, STYLE[item.tone]), (detail, "dim"))
+
+
+def _cell(table: Table, cell: Cell) -> Text:
+    text = f"{cell.text} [{table.mark(cell)}]" if cell.reason else cell.text
+    style = STYLE[cell.tone] or ("bold" if cell.strong or cell.tracker else "")
+    return Text("\n").join([Text(text, style=style), *(Text(detail, style="dim") for detail in cell.details)])
+
+
+def _fitting(table: Table, width: int) -> Iterator[Sequence[int]]:
+    """The numbers of the columns that fit beside each other; the left ones at the start are in every part."""
+    widths = [_width(table, i) for i in range(len(table.columns))]
+    first = next((i for i, column in enumerate(table.columns) if not column.left and i > 0), len(widths))
+    fixed, part = list(range(first)), list(range(first))
+    for i in range(first, len(widths)):
+        if len(part) > first and sum(widths[k] + 2 for k in [*part, i]) - 2 > width:
+            yield part
+            part = list(fixed)
+        part.append(i)
+    yield part
+
+
+def _width(table: Table, index: int) -> int:
+    texts = [table.columns[index].heading]
+    for row in table.rows:
+        cell = row[index]
+        texts += [cell.text + (" [9]" if cell.reason else ""), *cell.details]
+    return min(_WIDEST, max(map(len, texts)))
