@@ -14,7 +14,7 @@ from trackbench.errors import InputError
 
 
 @click.command("compare")
-@click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN_A [RUN_B]...")
+@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="A [B]...")
 @click.option("--trackers", metavar="A,B", help="Only these trackers.")
 @click.option("--metric", "metrics", multiple=True, metavar="NAME", help="What to compare by; may be given again.")
 @click.option(
@@ -25,10 +25,15 @@ from trackbench.errors import InputError
     help="Exit with 1 if really worse by more.",
 )
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the regressions as JUnit XML.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE.md", help="Write the comparison as Markdown.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write it too: .md, .html, .tex, .csv, .json, .svg or .pdf.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def compare_command(
-    runs: tuple[Path, ...],
+    paths: tuple[Path, ...],
     trackers: str | None,
     metrics: tuple[str, ...],
     limits: tuple[str, ...],
@@ -36,43 +41,43 @@ def compare_command(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare the trackers of a run, or the same trackers over runs.
+    """Compare trackers within a run, over scenarios, or with an earlier version.
 
-    A run is its folder, or the result.json in it. The first is the baseline; nothing is run again.
+    A and B are the folders of a run, or of the runs of several scenarios. The first is the baseline; nothing is run
+    again.
 
     \b
     Examples:
-      trackbench compare results/highway
       trackbench compare results/highway --metric velocity_rmse
-      trackbench compare base/demo new/demo --fail-on-regression position_rmse:5
+      trackbench compare results/
+      trackbench compare before/ after/ --fail-on-regression position_rmse:5
+      trackbench compare before/highway after/highway --out table.tex
 
     \b
     Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
     """
-    from trackbench.compare import differences, regression, stored
-    from trackbench.report import compared
+    from trackbench.compare import Limit, compare, find
+    from trackbench.report.comparison import comparison_files, document, require_ending
+    from trackbench.report.document.terminal import print_document
     from trackbench.report.junit import suites_of_comparison, to_xml
 
-    parsed = [regression.parse(text) for text in limits]
+    parsed = [Limit.parse(text) for text in limits]
     if junit is not None and not parsed:
         raise InputError("says which regressions there are: give --fail-on-regression too", key="--junit")
+    if out is not None:
+        require_ending(out, "--out")
     for path, key in ((junit, "--junit"), (out, "--out")):
         if path is not None:
             results.require_file(path, key)
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in parsed)])) or ["position_rmse"]
-    loaded = [stored.load(path) for path in runs]
-    if parsed:
-        regression.require_judgeable(loaded, chosen)
-    outcome = differences.compare(loaded, wanted, chosen)
-    judgements = regression.judge(outcome, parsed)
-    if out is not None:
-        results.write_text(out, compared.to_markdown(outcome, judgements))
+    found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
+    for file, content in comparison_files(found, out) if out is not None else ():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        results.write_bytes(file, content)
     if junit is not None:
-        results.write_text(junit, to_xml(suites_of_comparison([run.label for run in loaded], judgements)))
-    found = compared.to_json(outcome, judgements)
+        results.write_text(junit, to_xml(suites_of_comparison(found)))
     if as_json:
-        click.echo(json.dumps(found, indent=2, allow_nan=False))
+        click.echo(json.dumps(found.json(), indent=2, allow_nan=False))
     else:
-        compared.print_comparison(outcome, judgements, Console())
-    raise click.exceptions.Exit(0 if found["passed"] else FAILED_EXPECTATION)
+        print_document(document(found, times=True), Console())
+    raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)

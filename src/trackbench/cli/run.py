@@ -325,7 +325,7 @@ def _counted(artifacts: Mapping[str, Writer], advance: Progress) -> dict[str, Wr
 def _write_junit(found: Sequence[Result], path: Path) -> None:
     from trackbench.report.junit import suite_of_run, to_xml
 
-    results.write_text(path, to_xml([suite_of_run(result.json()) for result in found]))
+    results.write_text(path, to_xml([suite_of_run(result) for result in found]))
 
 
 def _write_report(render: Any, result: Result, path: Path) -> None:
@@ -333,14 +333,12 @@ def _write_report(render: Any, result: Result, path: Path) -> None:
 
 
 def _compare(found: list[Result], out: Path, talk: Talk) -> None:
-    from trackbench.report import comparison
+    from trackbench.compare import compare, results_in
+    from trackbench.report.comparison import batch_files
 
-    compared = comparison.compare(found)
-    results.write_text(out / "comparison.md", compared.markdown())
-    results.write_text(out / "comparison.html", compared.html())
-    results.write_text(out / "comparison.json", results.to_json(compared.json()))
-    for name, svg in compared.figures().items():
-        results.write_text(out / name, svg)
+    for file, content in batch_files(compare([results_in(out, found)]), out):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        results.write_bytes(file, content)
     if not talk.as_json and not talk.quiet:
         line = f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}"
         talk.console.print(line, highlight=False, soft_wrap=True)

@@ -1,199 +1,161 @@
-"""The differences between trackers of one run, or of several comparable ones."""
+"""The differences between entrants: which are compared, by how much they differ, and whether that is real."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
 
-from trackbench.compare.grounds import Grounds, grounds
-from trackbench.compare.stored import COLUMNS, UNITS, StoredRun
-from trackbench.errors import InputError, nearest
-from trackbench.metrics.intervals import ROUNDING, holm, paired, unpaired
+import numpy as np
 
-BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference shown"
+from trackbench.compare.comparability import Comparability
+from trackbench.compare.comparison import NO_DIFFERENCE, Entrant, NotCompared, OverallChange, PairDifference, Verdict
+from trackbench.compare.entries import Entry
+from trackbench.compare.metrics import METRICS
+from trackbench.metrics.intervals import Interval, holm, paired, unpaired
+
 #: Level at which a difference is real, after the correction.
 LEVEL = 0.05
 #: Shares of steps with an estimate that differ by more than this belong to errors of different moments.
 COVERAGE = 0.01
 
 
-class Entrant(NamedTuple):
-    """One tracker in one run."""
-
-    run: int
-    """Number of the run, in the order in which they were named."""
-    tracker: str
-
-
 @dataclass(frozen=True)
-class Difference:
-    """The error of one entrant minus that of another."""
+class Match:
+    """Two results of one scenario, or one with itself, and the trackers of them that are compared."""
 
-    metric: str
-    unit: str
-    entrant: Entrant
-    against: Entrant
-    value: float
-    """Of the entrant."""
-    reference: float
-    """Of the one that it is held against."""
-    ci95: tuple[float, float] | None
-    """Of the difference; None with fewer than two runs."""
-    p_value: float
-    """Corrected for the number of differences of this metric."""
-    paired: bool
+    scenario: str
+    entry: Entry
+    against: Entry
+    number: int
+    """Of the set of the first; the other is of the first set."""
+    how: Comparability
+    pairs: tuple[tuple[str, str], ...]
 
-    @property
-    def difference(self) -> float:
-        return self.value - self.reference
-
-    @property
-    def percent(self) -> float | None:
-        """The difference in percent of the reference."""
-        return 100.0 * self.difference / self.reference if self.reference > 0 else None
-
-    @property
-    def identical(self) -> bool:
-        """Whether the two had the same error in every run, but for rounding."""
-        reach = max(self.value, self.reference) * ROUNDING
-        return self.paired and self.ci95 is not None and max(map(abs, self.ci95)) <= reach
-
-    @property
-    def verdict(self) -> str:
-        if self.p_value >= LEVEL:
-            return NO_DIFFERENCE
-        return BETTER if self.difference < 0 else WORSE
+    def entrants(self, pair: tuple[str, str]) -> tuple[Entrant, Entrant]:
+        """Each tracker with its set."""
+        return Entrant(tracker=pair[0], set=self.number), Entrant(tracker=pair[1])
 
 
-@dataclass(frozen=True)
-class Missing:
-    """A pair that could not be compared."""
-
-    metric: str
-    entrant: Entrant
-    against: Entrant
-    reason: str
-    of_entrant: bool
-    """Whether it is the entrant that has no value, and the other one has."""
+def within(entry: Entry, trackers: Sequence[str]) -> Match:
+    """The trackers of one result, pair by pair, best first."""
+    runs = Comparability(np.arange(entry.result.summary.runs), "")
+    return Match(entry.result.name, entry, entry, 0, runs, tuple(combinations(trackers, 2)))
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """Everything that was found."""
-
-    runs: tuple[StoredRun, ...]
-    grounds: tuple[Grounds, ...]
-    """Of each later run against the first."""
-    differences: tuple[Difference, ...]
-    missing: tuple[Missing, ...]
-    notes: tuple[str, ...]
+def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """The trackers of a later result, each with that of the same name; single ones whatever their names."""
+    if len(ours) == len(theirs) == 1:
+        return ((theirs[0], ours[0]),)
+    return tuple((name, name) for name in ours if name in theirs)
 
 
-def compare(runs: Sequence[StoredRun], metrics: Sequence[str], trackers: Sequence[str] | None = None) -> Outcome:
-    """Compare the trackers of one run with each other, or the same tracker over runs, each with that of the first.
+def differences(
+    matches: Sequence[Match], metrics: Sequence[str], *, over_scenarios: bool
+) -> tuple[list[PairDifference], list[NotCompared]]:
+    """Every pair of every match by every metric, and what has no value to compare.
 
-    Where each run has a single tracker, those are compared whatever their names.
-
-    Args:
-        runs: at least one; the first is the baseline.
-        metrics: what to compare by.
-        trackers: names of those to compare; all unless given.
-
-    Raises:
-        InputError: runs that cannot be compared, a name that is not there, nothing to compare.
+    The p-values of a metric are corrected for their number: in all scenarios, or within each one.
     """
+    found: list[PairDifference] = []
+    missing: list[NotCompared] = []
     for metric in metrics:
-        if metric not in COLUMNS:
-            raise InputError(f"{metric!r} is not compared run by run; {nearest(metric, COLUMNS)}", key="--metric")
-    found = tuple(grounds(runs[0], later) for later in runs[1:])
-    chosen = [_chosen(run, trackers, several=len(runs) > 1) for run in runs]
-    _require_known(runs, trackers)
-    pairs = list(_pairs(chosen))
-    if not pairs:
-        what = "no tracker of the same name in the first run and a later one" if len(runs) > 1 else "only one tracker"
-        raise InputError(f"nothing to compare: {what}", file=runs[-1].label)
-    outcomes = [_compare(runs, found, metric, pair) for metric in metrics for pair in pairs]
-    differences = [item for item in outcomes if isinstance(item, Difference)]
-    return Outcome(
-        runs=tuple(runs),
-        grounds=found,
-        differences=tuple(item for metric in metrics for item in _corrected(differences, metric)),
-        missing=tuple(item for item in outcomes if isinstance(item, Missing)),
-        notes=tuple(_notes(runs, chosen, pairs)),
-    )
+        outcomes = [[*_compare(match, metric)] for match in matches]
+        missing += [item for part in outcomes for item in part if isinstance(item, NotCompared)]
+        families = [[item for item in part if isinstance(item, PairDifference)] for part in outcomes]
+        if over_scenarios:
+            families = [[item for family in families for item in family]]
+        found += [item for family in families for item in _corrected(family)]
+    return found, missing
 
 
-def _chosen(run: StoredRun, trackers: Sequence[str] | None, several: bool) -> list[str]:
-    if trackers is None:
-        return run.trackers
-    if not several:
-        for name in trackers:
-            if name not in run.trackers:
-                raise InputError(f"no tracker {name!r} in this run; {nearest(name, run.trackers)}", file=run.label)
-    return [name for name in run.trackers if name in trackers]
-
-
-def _require_known(runs: Sequence[StoredRun], trackers: Sequence[str] | None) -> None:
-    known = {name for run in runs for name in run.trackers}
-    for name in trackers or ():
-        if name not in known:
-            raise InputError(f"no tracker {name!r} in these runs; {nearest(name, known)}", key="--trackers")
-
-
-def _pairs(chosen: Sequence[Sequence[str]]) -> Iterator[tuple[Entrant, Entrant]]:
-    """Each entrant with the one that it is held against."""
-    first = chosen[0]
-    if len(chosen) == 1:
-        yield from ((Entrant(0, a), Entrant(0, b)) for a, b in combinations(first, 2))
-    for number, names in enumerate(chosen[1:], 1):
-        if len(first) == len(names) == 1:
-            yield Entrant(number, names[0]), Entrant(0, first[0])
-        else:
-            yield from ((Entrant(number, name), Entrant(0, name)) for name in first if name in names)
-
-
-def _compare(
-    runs: Sequence[StoredRun], found: Sequence[Grounds], metric: str, pair: tuple[Entrant, Entrant]
-) -> Difference | Missing:
-    """One difference, its p-value still as it is alone."""
-    entrant, against = pair
-    own, other = (runs[item.run].interval(item.tracker, metric) for item in pair)
-    if own is None or other is None:
-        without = entrant if own is None else against
-        reason = runs[without.run].failure(without.tracker) or "there is nothing to score"
-        return Missing(
-            metric, entrant, against, f"{without.tracker} in {runs[without.run].label}: {reason}", other is not None
-        )
-    is_paired = entrant.run == against.run or found[entrant.run - 1].paired
-    result = paired(own, other) if is_paired else unpaired(own, other)
-    return Difference(
-        metric, UNITS[metric], entrant, against, own.value, other.value, result.ci95, result.p_value, is_paired
-    )
-
-
-def _corrected(differences: Sequence[Difference], metric: str) -> list[Difference]:
-    """Those of one metric, their p-values corrected for their number."""
-    own = [item for item in differences if item.metric == metric]
-    return [replace(item, p_value=p) for item, p in zip(own, holm([item.p_value for item in own]), strict=True)]
-
-
-def _notes(
-    runs: Sequence[StoredRun], chosen: Sequence[Sequence[str]], pairs: Sequence[tuple[Entrant, Entrant]]
-) -> Iterator[str]:
-    """What a reader must know beside the differences."""
-    if any(run.summary.runs == 1 for run in runs):
-        yield "one run gives no interval and shows no difference"
-    compared = {entrant for pair in pairs for entrant in pair}
-    for number, names in enumerate(chosen):
-        alone = [name for name in names if Entrant(number, name) not in compared]
-        if alone:
-            yield f"in {runs[number].label} alone, so not compared: {', '.join(alone)}"
-    for entrant, against in pairs:
-        own, other = (runs[item.run].coverage(item.tracker) for item in (entrant, against))
-        if own is not None and other is not None and abs(own - other) > COVERAGE:
-            yield (
-                f"{entrant.tracker} gave an estimate at {100 * own:.0f} % of the steps, "
-                f"{against.tracker} at {100 * other:.0f} %: their errors are of different moments"
+def _compare(match: Match, metric: str) -> Iterator[PairDifference | NotCompared]:
+    """The pairs of one match, their p-values still as they are alone."""
+    known: dict[tuple[int, str], Interval | None] = {}
+    for pair in match.pairs:
+        sides = (match.entry, pair[0]), (match.against, pair[1])
+        for entry, tracker in sides:
+            if (id(entry), tracker) not in known:
+                known[id(entry), tracker] = entry.interval(tracker, metric, match.how.shared)
+        own, other = (known[id(entry), tracker] for entry, tracker in sides)
+        entrant, against = match.entrants(pair)
+        if own is None or other is None:
+            entry, tracker = sides[0] if own is None else sides[1]
+            yield NotCompared(
+                scenario=match.scenario,
+                metric=metric,
+                entrant=entrant,
+                against=against,
+                reason=f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}",
+                of_entrant=other is not None,
             )
+            continue
+        result = (unpaired if match.how.shared is None else paired)(own, other)
+        yield PairDifference(
+            scenario=match.scenario,
+            metric=metric,
+            unit=METRICS[metric].unit,
+            entrant=entrant,
+            against=against,
+            value=own.value,
+            reference=other.value,
+            difference=result.value,
+            ci95=result.ci95,
+            p_value=result.p_value,
+            paired_runs=None if match.how.shared is None else len(match.how.shared),
+            verdict=NO_DIFFERENCE,
+        )
+
+
+def _corrected(family: Sequence[PairDifference]) -> list[PairDifference]:
+    corrected = holm([item.p_value for item in family])
+    return [
+        item.model_copy(update={"p_value": p, "verdict": _verdict(item, p)})
+        for item, p in zip(family, corrected, strict=True)
+    ]
+
+
+def _verdict(item: PairDifference, p_value: float) -> Verdict:
+    if p_value >= LEVEL:
+        return "no difference shown"
+    smaller, better = item.difference < 0, METRICS[item.metric].better
+    if not better:
+        return "smaller" if smaller else "larger"
+    return "better" if smaller == (better == "smaller") else "worse"
+
+
+def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
+    """Each entrant against the baseline, over the scenarios."""
+    found = []
+    for key in dict.fromkeys((item.metric, item.entrant, item.against) for item in differences):
+        own = [item for item in differences if (item.metric, item.entrant, item.against) == key]
+        ratios = [item.value / item.reference for item in own if item.reference > 0 and item.value > 0]
+        mean = math.exp(sum(map(math.log, ratios)) / len(ratios)) if len(ratios) == len(own) else None
+        verdicts = [item.verdict for item in own]
+        found.append(
+            OverallChange(
+                metric=key[0],
+                entrant=key[1],
+                against=key[2],
+                verdicts={verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)},
+                mean_percent=None if mean is None else 100.0 * (mean - 1.0),
+            )
+        )
+    return found
+
+
+def coverage_notes(matches: Sequence[Match]) -> Iterator[str]:
+    """Pairs whose errors are of different moments."""
+    for match in matches:
+        for a, b in match.pairs:
+            own, other = (
+                entry.result[name].metrics.get("coverage") for entry, name in ((match.entry, a), (match.against, b))
+            )
+            if own is None or other is None or own.value is None or other.value is None:
+                continue
+            if abs(own.value - other.value) > COVERAGE:
+                yield (
+                    f"{a} gave an estimate at {100 * own.value:.0f} % of the steps of {match.scenario}, "
+                    f"{b} at {100 * other.value:.0f} %: their errors are of different moments"
+                )

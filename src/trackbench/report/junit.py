@@ -9,17 +9,17 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
 from xml.etree import ElementTree as ET
 
-from trackbench.compare.regression import ERROR, FAILED, PASSED, UNDECIDED, Judgement
-from trackbench.report.wording import failure
+from trackbench.compare import Comparison
+from trackbench.compare.comparison import GateOutcome
+from trackbench.results import Result
 
 #: Characters that XML 1.0 cannot hold.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
-_ELEMENTS = {FAILED: "failure", ERROR: "error", UNDECIDED: "skipped"}
-_COUNTS = {"failures": FAILED, "errors": ERROR, "skipped": UNDECIDED}
+_ELEMENTS: Mapping[GateOutcome, str] = {"failed": "failure", "error": "error", "undecided": "skipped"}
+_COUNTS = {"failures": "failed", "errors": "error", "skipped": "undecided"}
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Case:
     name: str
     group: str
     """What it belongs to; CI systems sort by it."""
-    outcome: str = PASSED
-    """One of those of a ``Judgement``; an undecided one is shown as skipped."""
+    outcome: GateOutcome = "passed"
+    """An undecided one is shown as skipped."""
     message: str = ""
 
 
@@ -42,40 +42,37 @@ class Suite:
     cases: list[Case]
 
 
-def suite_of_run(summary: Mapping[str, Any]) -> Suite:
+def suite_of_run(result: Result) -> Suite:
     """The trackers (an error where one could not go on) and the expectations of a run."""
-    scenario = summary["scenario"]["name"]
-    cases = [
-        Case(
-            f"{tracker['name']} runs to the end",
-            f"{scenario}.{tracker['name']}",
-            ERROR if tracker["failed"] else PASSED,
-            failure(tracker) if tracker["failed"] else "",
-        )
-        for tracker in summary["trackers"]
-    ]
-    for item in summary["expectations"]:
-        found = "n/a" if item["value"] is None else item["value"]
-        outcome, message = (PASSED, "") if item["passed"] else (FAILED, f"{item['text']}: found {found}")
-        cases.append(Case(item["text"], f"{scenario}.{item['tracker']}", outcome, message))
-    return Suite(scenario, cases)
+    cases = []
+    for tracker in result.summary.trackers:
+        outcome: GateOutcome = "error" if tracker.failed else "passed"
+        name, message = f"{tracker.name} runs to the end", str(tracker.failed or "")
+        cases.append(Case(name, f"{result.name}.{tracker.name}", outcome, message))
+    for item in result.summary.expectations:
+        found = "n/a" if item.value is None else item.value
+        outcome, message = ("passed", "") if item.passed else ("failed", f"{item.text}: found {found}")
+        cases.append(Case(item.text, f"{result.name}.{item.tracker}", outcome, message))
+    return Suite(result.name, cases)
 
 
-def suites_of_comparison(labels: Sequence[str], judgements: Sequence[Judgement]) -> list[Suite]:
-    """The limits held against each later run, a suite each; ``labels`` name the runs, the baseline first."""
+def suites_of_comparison(comparison: Comparison) -> list[Suite]:
+    """The limits held against each later result, a suite each."""
     suites = []
-    for number, label in enumerate(labels[1:], 1):
-        cases = [
-            Case(
-                f"{item.entrant.tracker} {item.limit.metric} not worse by more than {item.limit.percent:g} %",
-                f"regression.{item.entrant.tracker}",
-                item.outcome,
-                item.text,
-            )
-            for item in judgements
-            if item.entrant.run == number
-        ]
-        suites.append(Suite(f"{label} against {labels[0]}", cases))
+    for scenario in comparison.scenarios:
+        baseline, *later = scenario.results
+        for result in later:
+            cases = [
+                Case(
+                    f"{item.entrant.tracker} {item.metric} not worse by more than {item.percent:g} %",
+                    f"{scenario.name}.{item.entrant.tracker}",
+                    item.outcome,
+                    item.text,
+                )
+                for item in comparison.gates
+                if item.scenario == scenario.name and item.entrant.set == result.set
+            ]
+            suites.append(Suite(f"{result.label} against {baseline.label}", cases))
     return suites
 
 
@@ -113,9 +110,9 @@ def _add(suite: ET.Element, case: Case) -> None:
     element = ET.SubElement(
         suite, "testcase", {"name": _plain(case.name), "classname": _plain(case.group), "time": "0"}
     )
-    if case.outcome == PASSED:
+    if case.outcome == "passed":
         return
-    kind = {} if case.outcome == UNDECIDED else {"type": case.outcome}
+    kind = {} if case.outcome == "undecided" else {"type": case.outcome}
     found = ET.SubElement(element, _ELEMENTS[case.outcome], {"message": _plain(case.message), **kind})
     found.text = _plain(case.message)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -79,6 +80,12 @@ class Failure(Part):
     sensor: str | None
     run: int | None
     object: str | None
+
+    def __str__(self) -> str:
+        place = [f"step {self.step}", f"{self.time_s:.2f} s"]
+        named = {"sensor": self.sensor, "run": self.run, "object": self.object}
+        place += [f"{what} {found}" for what, found in named.items() if found is not None]
+        return f"{self.cause} ({', '.join(place)})"
 
 
 class Health(Part):
@@ -183,7 +190,8 @@ class Summary(Part):
     versions: dict[str, str]
     engine: str = "numpy"
     command: str
-    fingerprint: str
+    fingerprints: list[str]
+    """One a run, of all its measurements: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
     bound: BoundSummary
@@ -196,3 +204,8 @@ class Summary(Part):
     passed: bool
     artifacts: dict[str, str]
     precision: PrecisionReached | None = None
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the measurements of all runs together."""
+        return hashlib.sha256(" ".join(self.fingerprints).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""Whether the errors of two runs can be held against each other, and how."""
+"""Whether two results can be compared, and over which runs."""
 
 from __future__ import annotations
 
@@ -9,51 +9,64 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
-from trackbench.compare.stored import StoredRun
+from trackbench.compare.entries import Entry
 from trackbench.errors import InputError
 from trackbench.scenario.config import Scenario
 from trackbench.truth import varies
 from trackbench.words import counted
 
+IntArray = NDArray[np.intp]
+
 #: What of the truth's table makes the motion of the targets.
 MOTION = ("object", "time_s", "px_m", "py_m", "vx_mps", "vy_mps")
+#: Fewer runs than these have no spread.
+FEWEST = 2
 
 
 @dataclass(frozen=True)
-class Grounds:
-    """How two runs are compared."""
+class Comparability:
+    """How two results are compared."""
 
-    paired: bool
-    """Run by run; else as two independent samples."""
+    shared: IntArray | None
+    """Numbers of the runs with the same measurements in both, over which they are paired; None for two independent
+    samples."""
     reason: str
     """Why."""
 
 
-def grounds(baseline: StoredRun, later: StoredRun) -> Grounds:
-    """How two runs are compared.
+def comparability(baseline: Entry, later: Entry) -> Comparability:
+    """How two results are compared.
 
     The trackers, the number of runs, the seed and the scenario's name may differ; what is tracked, what it is seen with
-    and which errors count may not. Equal fingerprints show that every measurement of every run was the same.
+    and which errors count may not. Equal fingerprints of a run show that every measurement of it was the same.
 
     Raises:
         InputError: they are not comparable; with the reason.
     """
     for reason in _obstacles(baseline, later):
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
-    if baseline.summary.fingerprint == later.summary.fingerprint:
-        return Grounds(True, "the fingerprints of all measurements are equal")
-    return Grounds(False, _noise(baseline, later))
+    ours, theirs = baseline.result.summary.fingerprints, later.result.summary.fingerprints
+    if ours == theirs:
+        return Comparability(np.arange(len(ours)), "the fingerprints of all measurements are equal")
+    shared = np.flatnonzero([a == b for a, b in zip(ours, theirs, strict=False)])
+    if len(shared) < FEWEST:
+        return Comparability(None, _noise(baseline, later))
+    which = f"{counted(len(shared), 'run')} of {len(theirs)} here and {len(ours)} there"
+    return Comparability(shared, f"over the {which} with equal fingerprints")
 
 
-def _obstacles(baseline: StoredRun, later: StoredRun) -> Iterator[str]:
+def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
     for key, ours, theirs in _differing(_stated(baseline.scenario), _stated(later.scenario)):
         yield f"another scenario: {key} is {_shown(theirs)} here and {_shown(ours)} there"
-    ours, theirs = baseline.summary.truth.objects, later.summary.truth.objects
+    ours, theirs = baseline.result.summary.truth.objects, later.result.summary.truth.objects
     if ours != theirs:
         yield f"other objects: {_few(theirs)} here and {_few(ours)} there"
-    if _same_motion_is_due(baseline, later) and not _same(_motion(baseline.truth), _motion(later.truth)):
-        versions = _changed(baseline.summary.versions, later.summary.versions)
+    if _same_motion_is_due(baseline, later) and not _same(
+        _motion(baseline.table("truth")), _motion(later.table("truth"))
+    ):
+        versions = _changed(baseline.result.summary.versions, later.result.summary.versions)
         yield "the same scenario moved differently" + (f" ({versions})" if versions else "")
 
 
@@ -72,12 +85,12 @@ def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any,
         yield at, ours, theirs
 
 
-def _same_motion_is_due(baseline: StoredRun, later: StoredRun) -> bool:
-    """Whether the targets must have moved in the same way in the runs that are shown."""
-    a, b = baseline.summary, later.summary
-    if varies(baseline.scenario.truth):
-        return (a.seed, a.scenario.name, a.recorded_run) == (b.seed, b.scenario.name, b.recorded_run)
-    return True
+def _same_motion_is_due(baseline: Entry, later: Entry) -> bool:
+    """Whether the targets must have moved in the same way in the recorded runs."""
+    if not varies(baseline.scenario.truth):
+        return True
+    ours, theirs = ((s.seed, s.scenario.name, s.recorded_run) for s in (baseline.result.summary, later.result.summary))
+    return ours == theirs
 
 
 def _motion(table: pa.Table) -> pa.Table | None:
@@ -96,14 +109,13 @@ def _same(ours: pa.Table | None, theirs: pa.Table | None) -> bool:
     return all(np.allclose(a, b, rtol=0.0, atol=1e-6, equal_nan=True) for a, b in pairs)
 
 
-def _noise(baseline: StoredRun, later: StoredRun) -> str:
-    """Why the measurements of comparable runs are not the same."""
-    a, b = baseline.summary, later.summary
+def _noise(baseline: Entry, later: Entry) -> str:
+    """Why the measurements of comparable results are not the same."""
+    a, b = baseline.result.summary, later.result.summary
     found = [
         f"{what} {theirs} here and {ours} there"
         for what, ours, theirs in (
             ("seed", a.seed, b.seed),
-            ("runs", a.runs, b.runs),
             ("name", a.scenario.name, b.scenario.name),
         )
         if ours != theirs

@@ -1,0 +1,253 @@
+"""What a comparison found: the data that pages, terminals and gates show, and that is kept as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ValidationError
+
+from trackbench.errors import InputError
+from trackbench.metrics.intervals import ROUNDING
+from trackbench.results import MetricValue
+from trackbench.results.metric_value import Part
+
+SCHEMA_VERSION = 2
+#: Metrics that are times of computing: the same results on another machine have others, so no file keeps them.
+TIMES = ("step_time",)
+#: Significant digits that are kept: what differs from machine to machine is far behind them.
+DIGITS = 4
+
+NO_DIFFERENCE = "no difference shown"
+Verdict = Literal["better", "worse", "larger", "smaller", "no difference shown"]
+GateOutcome = Literal["passed", "failed", "undecided", "error"]
+
+
+class Entrant(Part):
+    """One tracker in one set of results."""
+
+    tracker: str
+    set: int = 0
+    """Number of the set, in the order given; 0 is the baseline."""
+
+
+class ComparedResult(Part):
+    """One result that takes part."""
+
+    set: int
+    label: str
+    """Its folder, as the user named it."""
+    runs: int
+    seed: int
+    expectations: int
+    expectations_met: int
+    shared_runs: int | None = None
+    """Number of runs with the measurements that the baseline's had too, over which the differences are paired; None
+    where they are not paired."""
+    reason: str = ""
+    """Why they are paired, or not; empty for the baseline."""
+
+
+class ComparedScenario(Part):
+    """One scenario, with its results in the order of the sets."""
+
+    name: str
+    description: str
+    results: list[ComparedResult]
+
+
+class EntrantScore(Part):
+    """What an entrant reached in a scenario."""
+
+    scenario: str
+    entrant: Entrant
+    metrics: dict[str, MetricValue]
+    """Those that have a value, by path."""
+    diverged_runs: int
+    rank: int | None
+    """By position RMSE among those of its set; None without a score."""
+    leading: bool
+    """Whether it is the best of the scenario, or no difference from the best was shown."""
+    failure: str = ""
+    """Why there is no score."""
+
+    def value(self, metric: str) -> float | None:
+        """The value of a metric, None where there is none."""
+        found = self.metrics.get(metric)
+        return None if found is None else found.value
+
+
+class PairDifference(Part):
+    """A metric of one entrant minus that of another, in one scenario."""
+
+    scenario: str
+    metric: str
+    unit: str
+    entrant: Entrant
+    against: Entrant
+    value: float
+    """Of the entrant, over the runs that are compared."""
+    reference: float
+    """Of the one that it is held against."""
+    difference: float
+    ci95: tuple[float, float] | None
+    """Of the difference; None with fewer than two runs."""
+    p_value: float
+    """Corrected for the number of differences."""
+    paired_runs: int | None
+    """Number of runs over which it is paired; None for two independent samples."""
+    verdict: Verdict
+    """Of the entrant; ``larger`` or ``smaller`` for a metric of which neither is better."""
+
+    @property
+    def percent(self) -> float | None:
+        """The difference in percent of the reference; None where that is zero."""
+        return 100.0 * self.difference / abs(self.reference) if self.reference else None
+
+    @property
+    def percent_ci95(self) -> tuple[float, float] | None:
+        """The interval of the difference in percent of the reference."""
+        if self.ci95 is None or not self.reference:
+            return None
+        low, high = (100.0 * end / abs(self.reference) for end in self.ci95)
+        return low, high
+
+    @property
+    def identical(self) -> bool:
+        """Whether the two had the same value in every run, but for rounding."""
+        reach = max(abs(self.value), abs(self.reference)) * ROUNDING
+        return self.paired_runs is not None and self.ci95 is not None and max(map(abs, self.ci95)) <= reach
+
+
+class NotCompared(Part):
+    """What could not be compared."""
+
+    scenario: str
+    metric: str
+    entrant: Entrant
+    against: Entrant
+    reason: str
+    of_entrant: bool
+    """Whether it is the entrant that has no value, and the other one has."""
+
+
+class OverallChange(Part):
+    """A metric of an entrant against the baseline, over all scenarios in which both have it."""
+
+    metric: str
+    entrant: Entrant
+    against: Entrant
+    verdicts: dict[Verdict, int]
+    """Number of scenarios by verdict."""
+    mean_percent: float | None
+    """The geometric mean of the ratios less one, in percent; None where a value is not positive."""
+
+
+class RankedTracker(Part):
+    """One tracker over all its scenarios."""
+
+    tracker: str
+    scenarios: int
+    mean_rank: float
+    ci95: tuple[float, float] | None
+    """Of the mean rank, scenarios drawn anew; None for one scenario."""
+    first_share: float | None
+    """Share of the draws in which it has the best mean rank."""
+    won: int
+    """Pairings with another tracker in a scenario in which its error is really smaller."""
+    lost: int
+    undecided: int
+    consistent_scenarios: int
+    """Scenarios in which its covariance is as large as its errors."""
+    judged_scenarios: int
+    """Scenarios in which that could be judged."""
+    diverged_runs: int
+    failed_scenarios: int
+    """Scenarios without a score."""
+
+
+class GateResult(Part):
+    """A limit held against one tracker of a later set in one scenario."""
+
+    scenario: str
+    entrant: Entrant
+    metric: str
+    percent: float
+    outcome: GateOutcome
+    """``undecided``: more than the limit is neither shown nor excluded; ``error``: the entrant has no value."""
+    text: str
+    """What was found, in one line."""
+
+
+class Comparison(Part):
+    """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline."""
+
+    schema_version: int = SCHEMA_VERSION
+    sets: list[str]
+    """Their labels."""
+    scenarios: list[ComparedScenario]
+    scores: list[EntrantScore]
+    differences: list[PairDifference]
+    """Of one set: every pair of trackers. Of several: each entrant against the baseline."""
+    overall: list[OverallChange]
+    """Of several sets."""
+    ranking: list[RankedTracker]
+    """Of one set, best first."""
+    gates: list[GateResult]
+    not_compared: list[NotCompared]
+    notes: list[str]
+    """What a reader must know beside the numbers."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether every limit is kept, as far as is known."""
+        return all(item.outcome not in ("failed", "error") for item in self.gates)
+
+    @property
+    def trackers(self) -> list[str]:
+        """Every tracker, in the order in which they first appear."""
+        return list(dict.fromkeys(score.entrant.tracker for score in self.scores))
+
+    def by_metric(self) -> Iterator[tuple[str, list[PairDifference]]]:
+        """The differences of each metric."""
+        for metric in dict.fromkeys(item.metric for item in self.differences):
+            yield metric, [item for item in self.differences if item.metric == metric]
+
+    def json(self) -> dict[str, Any]:  # type: ignore[override]
+        """The comparison as JSON values: four significant digits and no times, so it can be kept as a reference."""
+        found = _rounded(self.model_dump(mode="json"))
+        for score in found["scores"]:
+            score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
+        return {**found, "passed": self.passed}
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, list):
+        return [_rounded(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    return value
+
+
+def load(file: Path) -> Comparison:
+    """A comparison that was kept as JSON.
+
+    Raises:
+        InputError: it cannot be read, or is none of this version.
+    """
+    try:
+        raw = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"not a readable comparison: {error}", file=file) from error
+    if not isinstance(raw, dict) or raw.get("schema_version") != SCHEMA_VERSION:
+        raise InputError(f"schema_version is not {SCHEMA_VERSION}: this comparison is of another version", file=file)
+    try:
+        return Comparison.model_validate({key: value for key, value in raw.items() if key != "passed"})
+    except ValidationError as invalid:
+        first = invalid.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"not a comparison: {where}: {first['msg']}", file=file) from None

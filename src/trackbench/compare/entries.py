@@ -1,0 +1,151 @@
+"""A result as a comparison needs it: its scenario read again, and its metrics run by run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from trackbench import results
+from trackbench.compare.metrics import METRICS, PerRunMetric
+from trackbench.errors import InputError
+from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.results import Result, TrackerResult
+from trackbench.scenario.config import Scenario
+from trackbench.scenario.load import scenario_of
+from trackbench.types import Array
+
+#: Columns of the tables that hold text.
+TEXT = {"tracker", "object", "role"}
+#: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
+AGREEMENT = 1e-6
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One result that takes part."""
+
+    label: str
+    """Its folder, as the user named it."""
+    result: Result
+
+    @property
+    def trackers(self) -> list[str]:
+        """Best first."""
+        return self.result.summary.ranking
+
+    @cached_property
+    def scenario(self) -> Scenario:
+        """The scenario as it was run.
+
+        Raises:
+            InputError: this version does not read it.
+        """
+        kept = self.result.summary.scenario
+        try:
+            return scenario_of(kept.text, Path(kept.name), kept.overrides).config
+        except InputError as error:
+            message = f"its scenario is not one that this version reads: {error.message}"
+            raise InputError(message, file=self.label, key=error.key) from None
+
+    def table(self, name: str) -> pa.Table:
+        """A table of the result.
+
+        Raises:
+            InputError: it is missing or damaged, or holds text where a run leaves numbers.
+        """
+        if name not in self.result.tables:
+            raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=self.label)
+        found = self.result.tables[name]
+        _require_columns(found, f"{self.label}/{name}.parquet")
+        return found
+
+    def failure(self, tracker: str) -> str | None:
+        """Why a tracker could not go on, if it could not."""
+        failed = self.result[tracker].failed
+        return None if failed is None else failed.cause
+
+    def interval(self, tracker: str, metric: str, runs: NDArray[np.intp] | None = None) -> Interval | None:
+        """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
+
+        Args:
+            tracker: its name.
+            metric: one of ``METRICS``.
+            runs: the numbers of the runs to take; all unless given.
+
+        Raises:
+            InputError: the table does not hold the metric, or is not that of this run.
+        """
+        kind, entry, table = METRICS[metric], self.result[tracker], self.table("runs")
+        if entry.failed is not None or len(table) == 0:
+            return None
+        rows = table.filter(pc.equal(table["tracker"], tracker))
+        expected = self.result.summary.runs
+        if not np.array_equal(self._column(rows, "run"), np.arange(expected)):
+            message = f"runs.parquet does not hold the {expected} runs of {tracker}, each once and in order"
+            raise InputError(message, file=self.label)
+        value, count = self._column(rows, kind.column), self._column(rows, kind.count)
+        if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(value)):
+            raise InputError(f"runs.parquet: {kind.column} or {kind.count} holds what no run leaves", file=self.label)
+        divisor = _divisor(entry, kind)
+        if divisor is None or not np.any((count > 0) & np.isfinite(value)):
+            return None
+        self._require_agreement(tracker, metric, _interval(value, count, kind, divisor).value)
+        if runs is None:
+            return _interval(value, count, kind, divisor)
+        return _interval(value[runs], count[runs], kind, divisor) if count[runs].sum() > 0 else None
+
+    def _column(self, rows: pa.Table, name: str) -> Array:
+        if name not in rows.column_names:
+            message = f"runs.parquet has no column {name}: made by another version; run it again"
+            raise InputError(message, file=self.label)
+        values: Array = rows[name].to_numpy().astype(np.float64)
+        return values
+
+    def _require_agreement(self, tracker: str, metric: str, value: float) -> None:
+        stated = self.result[tracker].metrics.get(metric.removesuffix(".mean"))
+        number = None if stated is None else stated.value
+        if number is None or not abs(number - value) <= AGREEMENT * max(abs(value), 1.0):
+            message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {number}"
+            raise InputError(f"{message}: they are not of the same run", file=self.label)
+
+
+@dataclass(frozen=True)
+class ResultSet:
+    """The results of one version of the trackers, one for each scenario."""
+
+    label: str
+    entries: tuple[Entry, ...]
+
+
+def _interval(value: Array, count: Array, kind: PerRunMetric, divisor: float) -> Interval:
+    terms = np.nan_to_num(value) ** (2 if kind.squared else 1)
+    mean = ratio(np.where(count > 0, terms * count, 0.0), count)
+    return scaled(root(mean) if kind.squared else mean, 1.0 / divisor)
+
+
+def _divisor(entry: TrackerResult, kind: PerRunMetric) -> float | None:
+    if not kind.over:
+        return 1.0
+    found = entry.metrics.get(kind.over)
+    return found.value if found is not None and found.value else None
+
+
+def _require_columns(table: pa.Table, file: str) -> None:
+    """A table is empty where there is nothing to keep; else its text is text and everything else numbers."""
+    for field in table.schema if len(table) else ():
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        fits = pa.types.is_string if field.name in TEXT else _is_number
+        if not fits(kind):
+            raise InputError(f"{field.name} is a column of {kind}: not the table of a run", file=file)
+    if len(table) and not TEXT & set(table.column_names):
+        raise InputError(f"no column {' or '.join(sorted(TEXT))}: not the table of a run", file=file)
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))

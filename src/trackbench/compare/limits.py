@@ -1,0 +1,103 @@
+"""Whether a later result is worse than the baseline by more than is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
+from trackbench.compare.metrics import METRICS, require_metric
+from trackbench.errors import InputError
+
+OPTION = "--fail-on-regression"
+
+
+class Limit(NamedTuple):
+    """How much worse a metric may become."""
+
+    metric: str
+    percent: float
+
+    @classmethod
+    def parse(cls, text: str) -> Limit:
+        """``position_rmse:5`` or ``position_rmse:5%``.
+
+        Raises:
+            InputError: it is something else.
+        """
+        metric, colon, number = text.rpartition(":")
+        if not colon:
+            raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=OPTION)
+        try:
+            percent = float(number.removesuffix("%"))
+        except ValueError:
+            percent = math.nan
+        require_directed(metric)
+        if not 0.0 <= percent < math.inf:
+            raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=OPTION)
+        return cls(metric, percent)
+
+
+def require_directed(metric: str) -> None:
+    """Make sure that a metric can become worse.
+
+    Raises:
+        InputError: it has no value in each run, or neither a larger nor a smaller one is better.
+    """
+    if not require_metric(metric, OPTION).better:
+        message = f"neither a larger nor a smaller {metric} is better; state expectations instead"
+        raise InputError(message, key=OPTION)
+
+
+def held(
+    limits: Sequence[Limit], differences: Sequence[PairDifference], missing: Sequence[NotCompared]
+) -> list[GateResult]:
+    """Each limit held against each tracker of each later set in each scenario.
+
+    It fails where the estimate is worse by more than the limit and the difference is real, after the correction for
+    their number. So chance alone does not fail a build, and a regression that the runs show does not pass because the
+    interval still touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is
+    undecided.
+    """
+    return [result for limit in limits for result in _held(limit, differences, missing)]
+
+
+def _held(limit: Limit, differences: Sequence[PairDifference], missing: Sequence[NotCompared]) -> Iterator[GateResult]:
+    for item in differences:
+        if item.metric == limit.metric:
+            yield _result(limit, item.scenario, item.entrant, _outcome(item, limit), _text(item, limit))
+    for gap in missing:
+        if gap.metric == limit.metric:
+            outcome: GateOutcome = "error" if gap.of_entrant else "undecided"
+            yield _result(limit, gap.scenario, gap.entrant, outcome, gap.reason)
+
+
+def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome, text: str) -> GateResult:
+    return GateResult(
+        scenario=scenario, entrant=entrant, metric=limit.metric, percent=limit.percent, outcome=outcome, text=text
+    )
+
+
+def _outcome(item: PairDifference, limit: Limit) -> GateOutcome:
+    if item.percent is None:
+        # Nothing is a percentage of zero: any real worsening is more.
+        return "failed" if item.verdict == "worse" else "passed"
+    sign = 1.0 if METRICS[item.metric].better == "smaller" else -1.0
+    if item.verdict == "worse" and sign * item.percent > limit.percent:
+        return "failed"
+    worst = max(sign * end for end in item.percent_ci95 or (item.percent,))
+    return "undecided" if worst > limit.percent else "passed"
+
+
+def _text(item: PairDifference, limit: Limit) -> str:
+    allowed = f"{limit.percent:g} % allowed"
+    if item.identical:
+        return f"the same in every run; {allowed}"
+    if item.percent is None:
+        return f"from 0 to {item.value:.4g} {item.unit}; {allowed}"
+    reach = ""
+    if item.percent_ci95 is not None:
+        low, high = item.percent_ci95
+        reach = f" (95 %: {low:+.1f} to {high:+.1f} %)"
+    return f"{item.percent:+.1f} %{reach}, {item.verdict}; {allowed}"

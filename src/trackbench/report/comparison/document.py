@@ -1,0 +1,48 @@
+"""A comparison as a document: trackers over scenarios with their ranking, or differences with what became of limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from trackbench.compare import Comparison
+from trackbench.palette import tracker_colours
+from trackbench.report.comparison import differences, ranking
+from trackbench.report.document import Block, Document, Item, Items, Section
+from trackbench.report.document.styles import tracker_styles
+from trackbench.report.numbers import joined
+from trackbench.words import counted
+
+
+def document(comparison: Comparison, *, reports: Mapping[str, str] | None = None, times: bool = False) -> Document:
+    """What a comparison says.
+
+    Args:
+        comparison: what was found.
+        reports: path of the report of each result, relative to the document, by the result's label.
+        times: whether times of computing are in it, which are others on each machine.
+    """
+    if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
+        blocks = [*ranking.blocks(comparison, reports or {}, times=times)]
+        title, lead = "Comparison of trackers", ranking.lead(comparison)
+    else:
+        blocks = [*differences.blocks(comparison, reports or {})]
+        names = [scenario.name for scenario in comparison.scenarios]
+        over = joined(names) if len(names) < 3 else counted(len(names), "scenario")
+        title, lead = f"Comparison over {over}", differences.lead(comparison)
+    styles = tracker_styles(tracker_colours(comparison.trackers))
+    return Document(
+        kind="comparison",
+        title=title,
+        lead=lead,
+        blocks=(*blocks, *_notes(comparison)),
+        trackers=tuple(styles.values()),
+    )
+
+
+def _notes(comparison: Comparison) -> Iterator[Block]:
+    """What a reader must know beside the numbers, and what could not be compared."""
+    found = [Item(note) for note in comparison.notes]
+    missing = dict.fromkeys((item.metric, item.reason) for item in comparison.not_compared)
+    found += [Item(reason, label=f"{metric} not compared", tone="warn") for metric, reason in missing]
+    if found:
+        yield Section("Notes", (Items(tuple(found)),))

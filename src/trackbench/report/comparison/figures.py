@@ -1,0 +1,132 @@
+"""The figures of a comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure as Canvas
+from matplotlib.patches import Rectangle
+
+from trackbench.compare import Comparison, Entrant, PairDifference
+from trackbench.palette import TRACKER_COLOURS
+from trackbench.report.document import Figure
+from trackbench.report.document.drawing import INK, MUTED
+from trackbench.report.numbers import fixed
+
+_WIDTH = 760.0
+_ROW = 24.0
+_MAP = colormaps["Oranges"]
+#: Darker cells would make their numbers hard to read.
+_DARKEST = 0.55
+#: Times the median from which on all cells are the darkest, and the least such value.
+_SATURATED, _LEAST = 2.0, 2.0
+_ON_LIGHT = "#1c2126"
+_COLOUR = TRACKER_COLOURS[5]
+
+
+def rank_figure(comparison: Comparison) -> Figure:
+    """Mean rank of each tracker with its interval."""
+    ordered = comparison.ranking[::-1]
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot(xlabel="mean rank over the scenarios, 1 is best")
+        for y, item in enumerate(ordered):
+            low, high = item.ci95 or (item.mean_rank, item.mean_rank)
+            axes.plot([low, high], [y, y], color=_COLOUR, linewidth=5, alpha=0.35)
+            axes.plot([item.mean_rank], [y], marker="o", markersize=8, color=_COLOUR)
+        axes.set_yticks(range(len(ordered)), [item.tracker for item in ordered])
+        axes.set(xlim=(0.8, len(ordered) + 0.2), ylim=(-0.6, len(ordered) - 0.4))
+        axes.grid(visible=False, axis="y")
+
+    means = ", ".join(f"{item.tracker} {fixed(item.mean_rank, 1)}" for item in comparison.ranking)
+    return Figure(
+        name="ranks",
+        title="Overall ranking",
+        caption="Dots are mean ranks, bars their 95 % intervals. Where bars overlap, other scenarios could turn the "
+        "order round.",
+        alternative=f"Mean rank of each tracker with its 95 % interval: {means}",
+        paint=paint,
+        height=50 + _ROW * len(ordered),
+        width=_WIDTH,
+    )
+
+
+def efficiency_figure(comparison: Comparison) -> Figure:
+    """Position RMSE over the bound, scenarios down and trackers across."""
+    names = [item.tracker for item in comparison.ranking]
+    scenarios = [scenario.name for scenario in comparison.scenarios]
+    scores = {(score.scenario, score.entrant.tracker): score for score in comparison.scores}
+    found = [[scores.get((scenario, name)) for name in names] for scenario in scenarios]
+    values = np.array(
+        [[np.nan if s is None else s.value("position_efficiency") for s in row] for row in found], dtype=float
+    )
+    known = values[np.isfinite(values)]
+    # One tracker that is many times worse must not make all others look alike.
+    darkest = max(_LEAST, _SATURATED * float(np.median(known))) if known.size else _LEAST
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        for (row, col), value in np.ndenumerate(values):
+            if np.isfinite(value):
+                shade = _DARKEST * min(1.0, np.log(max(1.0, value)) / np.log(darkest))
+                axes.add_patch(Rectangle((col - 0.48, row - 0.46), 0.96, 0.92, color=_MAP(shade)))
+                text = fixed(float(value), 2)
+            else:
+                text = "" if found[row][col] is None else "n/a"
+            # A filled cell is light on a dark page too.
+            ink = _ON_LIGHT if np.isfinite(value) else MUTED
+            axes.text(col, row, text, ha="center", va="center", color=ink, fontsize=10)
+        axes.set_xticks(range(len(names)), names)
+        axes.set_yticks(range(len(scenarios)), scenarios)
+        axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(scenarios) - 0.5, -0.5))
+        axes.xaxis.tick_top()
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        axes.grid(visible=False)
+
+    return Figure(
+        name="efficiency",
+        title="Position RMSE over the bound",
+        caption="How many times the least error that any tracker of the same sensors could have; darker is worse, and "
+        f"all from {darkest:.1f} times on are the same. Below 1: the vehicles move more smoothly than the bound "
+        "assumes.",
+        alternative="Position RMSE over the Cramér-Rao bound for each scenario and tracker; 1 is the best possible",
+        paint=paint,
+        height=30 + _ROW * len(scenarios),
+        width=_WIDTH,
+    )
+
+
+def difference_figure(metric: str, items: Sequence[PairDifference], names: Mapping[Entrant, str]) -> Figure:
+    """Each difference in percent with its interval."""
+    drawn = [item for item in items if item.percent is not None][::-1]
+    several = len({item.scenario for item in items}) > 1
+    alike = len({item.against for item in items}) > 1 and len({item.entrant.set for item in items} | {0}) == 1
+
+    def label(item: PairDifference) -> str:
+        text = f"{names[item.entrant]} against {item.against.tracker}" if alike else names[item.entrant]
+        return f"{item.scenario}, {text}" if several else text
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot(xlabel=f"difference in {metric}, %")
+        axes.axvline(0.0, color=INK, linewidth=1)
+        for y, item in enumerate(drawn):
+            low, high = item.percent_ci95 or (item.percent, item.percent)
+            axes.plot([low, high], [y, y], color=_COLOUR, linewidth=5, alpha=0.35)
+            axes.plot([item.percent], [y], marker="o", markersize=6, color=_COLOUR)
+        axes.set_yticks(range(len(drawn)), [label(item) for item in drawn])
+        axes.set_ylim(-0.6, len(drawn) - 0.4)
+        axes.grid(visible=False, axis="y")
+
+    shown = ", ".join(f"{label(item)} {item.percent:+.1f} %" for item in drawn[::-1][:12])
+    return Figure(
+        name=f"differences-{metric.replace('.', '-')}",
+        title=f"Differences in {metric}",
+        caption="Dots are differences in percent of the value that each is held against, bars their 95 % intervals.",
+        alternative=f"Differences in {metric} with their 95 % intervals: {shown}",
+        paint=paint,
+        height=50 + _ROW * len(drawn),
+        width=_WIDTH,
+    )

@@ -1,0 +1,154 @@
+"""Trackers over scenarios: the ranking, and what each tracker reached in each scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from trackbench.compare import Comparison
+from trackbench.compare.comparison import EntrantScore
+from trackbench.compare.ranking import RESAMPLES
+from trackbench.report.comparison.figures import efficiency_figure, rank_figure
+from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
+from trackbench.words import counted
+
+#: Mean ranks with a lead at least this frequent are called certain.
+_CERTAIN = 0.95
+#: A verdict's colour.
+_TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn"}
+
+_POSITION = (
+    "With half of its 95 % interval. Bold: the best of the scenario, and every tracker from which no difference to "
+    "the best was shown (paired over runs, Holm)."
+)
+_NEES = (
+    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker claims; pessimistic: smaller; "
+    "undecided: too few runs to say."
+)
+_TIME = "Of one predict and update of one run, on this machine."
+
+_ToCell = Callable[[EntrantScore, int], Cell]
+
+
+def lead(comparison: Comparison) -> str:
+    """What was compared, who is ahead, and how certain that is."""
+    ranking, scenarios = comparison.ranking, len(comparison.scenarios)
+    compared = f"{counted(len(ranking), 'tracker')} over {counted(scenarios, 'scenario')}. "
+    if len(ranking) < 2:
+        return compared
+    first, second = ranking[:2]
+    ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
+    text = f"{compared}{first.tracker} has the best mean rank, {ranks}. "
+    certainty = "certain" if (first.first_share or 0.0) >= _CERTAIN else "not certain"
+    return f"{text}That lead is {certainty}: it holds in {percent(first.first_share)} of the draws of scenarios."
+
+
+def blocks(comparison: Comparison, reports: Mapping[str, str], *, times: bool) -> Iterator[Block]:
+    """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
+    yield Section("Overall", (_overall(comparison), Paragraph(_METHOD), rank_figure(comparison)))
+    links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
+
+    def matrix(name: str, metric: str, cell: _ToCell) -> Table:
+        return _matrix(comparison, links, name, metric, cell)
+
+    position = matrix("position", "position_rmse", _position)
+    yield Section("Position RMSE, m", (Paragraph(_POSITION), position, efficiency_figure(comparison)))
+    velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
+    yield Section("Velocity RMSE, m/s", (Paragraph("With half of its 95 % interval."), velocity))
+    yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
+    if times:
+        yield Section("Time of a step, µs", (Paragraph(_TIME), matrix("time", "step_time", _plain("step_time"))))
+    yield Section("Scenarios", (_scenarios(comparison, links),))
+    failures = [
+        Item(f"in {score.scenario}: {score.failure}", label=score.entrant.tracker, tone="bad")
+        for score in comparison.scores
+        if score.failure
+    ]
+    if failures:
+        yield Section("Without a score", (Items(tuple(failures)),))
+
+
+_METHOD = (
+    "Rank by position RMSE within each scenario, averaged. Won, lost and undecided count the pairings with every "
+    "other tracker in every scenario: won where the error is smaller by a difference that is real (paired over "
+    "runs, 5 % level after Holm), undecided where no difference was shown. The interval of the mean rank and the share "
+    f"of draws in which a tracker is first come from {RESAMPLES:,} draws of as many scenarios with replacement: they "
+    "tell how much the order hangs on the choice of scenarios."
+)
+
+
+def _overall(comparison: Comparison) -> Table:
+    """Every tracker over all scenarios, best first."""
+    headings = ("mean rank", "95 % interval", "first in draws", "won", "lost", "undecided", "consistent")
+    columns = [Column("", left=True), Column("tracker", left=True), *(Column(text) for text in headings)]
+    columns += [Column("diverged runs"), Column("scenarios")]
+    rows = [
+        (
+            Cell(str(i)),
+            Cell(item.tracker, tracker=item.tracker),
+            Cell(fixed(item.mean_rank, 2)),
+            Cell(interval(item.ci95, 2) or NOT_AVAILABLE),
+            Cell(percent(item.first_share)),
+            Cell(str(item.won)),
+            Cell(str(item.lost)),
+            Cell(str(item.undecided)),
+            Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"),
+            Cell(str(item.diverged_runs)),
+            Cell(str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()),
+        )
+        for i, item in enumerate(comparison.ranking, 1)
+    ]
+    return Table("ranking", tuple(columns), tuple(rows))
+
+
+def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
+    """One metric, scenarios down and trackers across in the order of the ranking."""
+    names = [item.tracker for item in comparison.ranking]
+    rows = []
+    for scenario in comparison.scenarios:
+        scores = {score.entrant.tracker: score for score in comparison.scores if score.scenario == scenario.name}
+        places = decimals([score.value(metric) for score in scores.values()])
+        cells = (scores.get(tracker) for tracker in names)
+        link = Cell(scenario.name, link=links[scenario.name])
+        rows.append((link, *(Cell("") if score is None else cell(score, places) for score in cells)))
+    columns = (Column("scenario", left=True), *(Column(tracker) for tracker in names))
+    return Table(name, columns, tuple(rows), matrix=True)
+
+
+def _plain(metric: str) -> _ToCell:
+    """A value with half of its interval."""
+
+    def cell(score: EntrantScore, places: int) -> Cell:
+        found = score.metrics.get(metric)
+        if found is None:
+            return Cell("failed", tone="bad") if score.rank is None else Cell(NOT_AVAILABLE)
+        reach = () if found.ci95 is None else (f"±{fixed((found.ci95[1] - found.ci95[0]) / 2, places)}",)
+        return Cell(fixed(found.value, places), reach)
+
+    return cell
+
+
+def _position(score: EntrantScore, places: int) -> Cell:
+    cell = _plain("position_rmse")(score, places)
+    diverged = (f"{counted(score.diverged_runs, 'run')} diverged",) if score.diverged_runs else ()
+    return Cell(cell.text, (*cell.details, *diverged), cell.tone, strong=score.leading)
+
+
+def _nees(score: EntrantScore, _: int) -> Cell:
+    found = score.metrics.get("nees")
+    if found is None or found.verdict is None:
+        return Cell(NOT_AVAILABLE)
+    return Cell(fixed(found.value, 1), (found.verdict,), _TONES.get(found.verdict, ""))
+
+
+def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:
+    """What each scenario is, and whether its expectations were met."""
+    rows = []
+    for scenario in comparison.scenarios:
+        result = scenario.results[0]
+        met = f"{result.expectations_met} of {result.expectations} met" if result.expectations else "none stated"
+        cells = scenario.description, str(result.runs), str(result.seed), met
+        rows.append((Cell(scenario.name, link=links[scenario.name]), *(Cell(text) for text in cells)))
+    left = ("scenario", "what it shows")
+    headings = ("scenario", "what it shows", "runs", "seed", "expectations")
+    return Table("scenarios", tuple(Column(text, left=text in left) for text in headings), tuple(rows))
