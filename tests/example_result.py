@@ -88,7 +88,8 @@ def tracker(name: str, place: int) -> dict[str, Any]:
                 for sensor, dof in SENSORS.items()
             },
             "whiteness": {
-                sensor: {**metric(scale and 0.011, "1", no_innovation), "verdict": scale and "white"} for sensor in SENSORS
+                sensor: {**metric(scale and 0.011, "1", no_innovation), "verdict": scale and "white"}
+                for sensor in SENSORS
             },
             "position_bound": metric(BOUND, "m"),
             "velocity_bound": metric(0.8, "m/s"),

@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trackbench.api.compare import Comparison, compare
     from trackbench.api.result import Result
     from trackbench.api.run import run
     from trackbench.api.scenario import load
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _MODULES = {
+    "Comparison": "api.compare",
     "Estimate": "types",
     "InputError": "errors",
     "Result": "api.result",
@@ -33,6 +35,7 @@ _MODULES = {
     "TrackbenchError": "errors",
     "Truth": "types",
     "check_tracker": "testing",
+    "compare": "api.compare",
     "load": "api.scenario",
     "run": "api.run",
     "sense": "api.scene",
@@ -40,6 +43,7 @@ _MODULES = {
 }
 
 __all__ = [
+    "Comparison",
     "Estimate",
     "InputError",
     "Result",
@@ -48,6 +52,7 @@ __all__ = [
     "TrackbenchError",
     "Truth",
     "check_tracker",
+    "compare",
     "load",
     "run",
     "sense",
@@ -75,7 +80,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """``truth`` is a function here, and a package that is imported by its full name."""
+    """``compare`` and ``truth`` are functions here, and packages that are imported by their full names."""
 
     def __setattr__(self, name: str, value: object) -> None:
         # Importing a subpackage puts it here under its name, where the function would then be gone.

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from trackbench import results
 from trackbench.results import Result
 from trackbench.types import Progress
+
+if TYPE_CHECKING:
+    from trackbench.report.document import Document
 
 Writer = Callable[[Path], None]
 
@@ -30,11 +33,14 @@ def save(result: Result, folder: Path, progress: Progress, *, recording: bool = 
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
     from trackbench import recording as rerun
-    from trackbench.report import html, markdown
+    from trackbench.report.document.html import to_html
+    from trackbench.report.document.markdown import to_markdown
+    from trackbench.report.run import run_document
 
+    document = run_document(result)
     artifacts: dict[str, Writer] = {
-        "report.html": partial(_write_report, html.render, result),
-        "report.md": partial(_write_report, markdown.render, result),
+        "report.html": partial(_write_report, to_html, document),
+        "report.md": partial(_write_report, to_markdown, document),
     }
     if recording:
         artifacts["recording.rrd"] = partial(rerun.write, result)
@@ -54,7 +60,6 @@ def save_comparison(found: Sequence[Result], out: Path) -> None:
     from trackbench.report.comparison import batch_files
 
     for file, content in batch_files(compare([results_in(out, found)]), out):
-        file.parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(file, content)
 
 
@@ -68,5 +73,5 @@ def _counted(artifacts: Mapping[str, Writer], progress: Progress) -> dict[str, W
     return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
 
 
-def _write_report(render: Any, result: Result, path: Path) -> None:
-    path.write_text(render(result), encoding="utf-8")
+def _write_report(render: Callable[[Document], str], document: Document, path: Path) -> None:
+    path.write_text(render(document), encoding="utf-8")
