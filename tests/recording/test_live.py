@@ -18,11 +18,12 @@ from trackbench.recording import live, painter
 from trackbench.recording.live import Live, Scene
 from trackbench.recording.painter import Painter
 from trackbench.results import Result
-from trackbench.runner.block import Observation
+from trackbench.runner.block import RecordedInstant
 from trackbench.runner.run import run
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
+from trackbench.types import Gaussian
 
 
 @pytest.fixture
@@ -54,15 +55,15 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
     viewer = Live(url or deaf)
     try:
         viewer.begin(loaded, truth.truth)
-        observation = Observation("ekf", 0, np.zeros((4, 500)), np.zeros((4, 4, 500)))
+        instant = RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 500)), np.zeros((4, 4, 500)))})
         # Six hundred megabytes, which no pipe and no connection takes.
         longest = 0.0
         for _ in range(10_000):
             start = time.perf_counter()
-            viewer.observe(observation)
+            viewer.observe(instant)
             longest = max(longest, time.perf_counter() - start)
         assert longest < 0.5
-        result = run(loaded, truth, observer=viewer.observe)
+        result = run(loaded, truth, on_recorded_run=viewer.observe)
         viewer.end(result)
         start = time.perf_counter()
         viewer.close()
@@ -80,10 +81,10 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
     try:
         viewer.begin(scene[0], scene[1].truth)
         for instant in range(10):
-            viewer.observe(Observation("ekf", instant, np.zeros((4, 2)), np.zeros((4, 4, 2))))
+            viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
         about, *kept = viewer._batch()
         assert isinstance(about, Scene)
-        assert [item.instant for item in kept] == [7, 8, 9]
+        assert [item.number for item in kept] == [7, 8, 9]
     finally:
         stop(viewer)
 
@@ -93,11 +94,11 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario
     viewer = Live(ABSENT)
     stop(viewer)
     viewer.begin(loaded, truth.truth)
-    result = run(loaded, truth, observer=viewer.observe)
+    result = run(loaded, truth, on_recorded_run=viewer.observe)
     viewer.end(result)
     viewer.close()
     assert viewer.lost
-    assert result.json()["trackers"][0]["failed"] is None
+    assert result.summary.trackers[0].failed is None
 
 
 def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
@@ -127,7 +128,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    result = run(loaded, truth, observer=seen.append)
+    result = run(loaded, truth, on_recorded_run=seen.append)
 
     def draw(name: str, batches: list[list[Any]]) -> Any:
         drawing = Painter(name)
@@ -150,7 +151,11 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         expected = {time: value for time, value in whole(entity, component).items() if value}
         assert {time: value for time, value in going(entity, component).items() if value} == expected
     times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
-    assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the first tracker has come"
+    assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the trackers have come"
+    for tracker in about.trackers:
+        times = {time for time in half(f"/world/estimates/{tracker}/v1", "Points2D:positions") if time is not None}
+        assert 0.4 in times, "all trackers are there"
+        assert 0.5 not in times
     assert "/data/result" not in half.entities()
 
 
@@ -167,5 +172,5 @@ def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., 
 
 def test_painter_leaves_out_what_has_no_beginning(tmp_path: Path) -> None:
     drawing = painter.Painter(ABSENT)
-    drawing.take([Observation("ekf", 0, np.zeros((4, 2)), np.zeros((4, 4, 2)))])
+    drawing.take([RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))})])
     drawing.finish()

@@ -20,7 +20,7 @@ from trackbench import results
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.live import live_options, showing
 from trackbench.cli.progress import progress
-from trackbench.cli.volume import quiet_option, verbose_option
+from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
 from trackbench.results import Result
 from trackbench.scenario import LoadedScenario, load_scenario
@@ -49,8 +49,8 @@ class Prepared:
 
 
 @dataclass(frozen=True)
-class Talk:
-    """What a run says, and where: the result to stdout unless that is JSON."""
+class OutputOptions:
+    """What is printed of a run. With ``as_json`` the result is the only thing on stdout."""
 
     console: Console
     as_json: bool
@@ -158,12 +158,12 @@ def run_command(
     _require_distinct(prepared)
     for item in prepared:
         results.require_replaceable(out / item.loaded.config.name)
-    talk = Talk(Console(), as_json, quiet)
+    output = OutputOptions(Console(), as_json, quiet)
     with showing(**live) as viewer:
         plan = Plan(out, workers, not no_recording, precision, viewer)
-        found = [_run(item, plan, talk, _place(i, files)) for i, item in enumerate(prepared, start=1)]
+        found = [_run(item, plan, output, _place(i, files)) for i, item in enumerate(prepared, start=1)]
         if len(found) > 1:
-            _compare(found, out, talk)
+            _compare(found, out, output)
         if junit is not None:
             _write_junit(found, junit)
         if as_json:
@@ -267,7 +267,7 @@ def _require_distinct(prepared: Sequence[Prepared]) -> None:
 def _run(
     item: Prepared,
     plan: Plan,
-    talk: Talk,
+    output: OutputOptions,
     of: str,
 ) -> Result:
     from trackbench import recording
@@ -277,13 +277,13 @@ def _run(
     from trackbench.runner.until import run_until
 
     name = item.loaded.config.name
-    observer = None
+    observe = None
     if plan.viewer is not None:
         plan.viewer.begin(item.loaded, item.truth.truth)
-        observer = plan.viewer.observe
+        observe = plan.viewer.observe
     # What a tracker prints is no part of the result.
-    with redirect_stdout(sys.stderr), progress(f"{of}{name}", "runs", quiet=talk.quiet) as advance:
-        told: Any = {"workers": plan.workers, "progress": advance, "observer": observer}
+    with redirect_stdout(sys.stderr), progress(f"{of}{name}", "runs", quiet=output.quiet) as advance:
+        told: Any = {"workers": plan.workers, "progress": advance, "on_recorded_run": observe}
         if plan.precision is None:
             result = run(item.loaded, item.truth, command=item.command(item.loaded), **told)
         else:
@@ -297,18 +297,18 @@ def _run(
         artifacts["recording.rrd"] = partial(recording.write, result)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
-    with progress(f"{of}writing {name}", "files", quiet=talk.quiet) as advance:
+    with progress(f"{of}writing {name}", "files", quiet=output.quiet) as advance:
         result.save(folder, _counted(artifacts, advance))
     if plan.viewer is not None:
         plan.viewer.end(result)
-    if talk.as_json:
+    if output.as_json:
         return result
-    if talk.quiet:
-        print_outcome(result, talk.console)
+    if output.quiet:
+        print_outcome(result, output.console)
         return result
-    print_summary(result, talk.console)
+    print_summary(result, output.console)
     shown = ", ".join([results.SUMMARY, *artifacts])
-    talk.console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
+    output.console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
     return result
 
 
@@ -332,13 +332,13 @@ def _write_report(render: Any, result: Result, path: Path) -> None:
     path.write_text(render(result), encoding="utf-8")
 
 
-def _compare(found: list[Result], out: Path, talk: Talk) -> None:
+def _compare(found: list[Result], out: Path, output: OutputOptions) -> None:
     from trackbench.compare import compare, results_in
     from trackbench.report.comparison import batch_files
 
     for file, content in batch_files(compare([results_in(out, found)]), out):
         file.parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(file, content)
-    if not talk.as_json and not talk.quiet:
+    if not output.as_json and not output.quiet:
         line = f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}"
-        talk.console.print(line, highlight=False, soft_wrap=True)
+        output.console.print(line, highlight=False, soft_wrap=True)

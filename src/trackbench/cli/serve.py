@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from trackbench.cli.completion import served_trackers
-from trackbench.cli.volume import log_to_stderr
+from trackbench.cli.verbosity import log_to_stderr
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
 

@@ -9,7 +9,7 @@ import click
 
 from trackbench.cli.completion import scenario_paths
 from trackbench.cli.run import scenario_files
-from trackbench.cli.volume import quiet_option
+from trackbench.cli.verbosity import quiet_option
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema

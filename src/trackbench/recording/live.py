@@ -17,12 +17,12 @@ from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
 from trackbench.results import Result
-from trackbench.runner.block import Observation
+from trackbench.runner.block import RecordedInstant
 from trackbench.scenario import LoadedScenario
 from trackbench.types import Scan, Truth
 
-#: What waits of one run to be sent at most; at a few hundred bytes each, some megabytes.
-WAITING = 20_000
+#: Instants of one run that wait to be sent at most; at a few kilobytes each, some tens of megabytes.
+WAITING = 10_000
 #: Pause between two deliveries, s.
 PERIOD = 0.05
 #: For how long the end of all runs may wait until everything is handed over, s.
@@ -48,7 +48,7 @@ class _Show:
 
     scene: Scene
     begun: bool = False
-    observed: deque[list[Scan] | Observation] = field(default_factory=lambda: deque(maxlen=WAITING))
+    observed: deque[list[Scan] | RecordedInstant] = field(default_factory=lambda: deque(maxlen=WAITING))
     result: Result | None = None
 
 
@@ -85,8 +85,8 @@ class Live:
         )
         self._shows.append(self._latest)
 
-    def observe(self, observed: list[Scan] | Observation) -> None:
-        """Something is found of the recorded run: the ``observer`` of the runner."""
+    def observe(self, observed: list[Scan] | RecordedInstant) -> None:
+        """Take a part of the recorded run: the runner's ``on_recorded_run``."""
         if self._latest is not None:
             self._latest.observed.append(observed)
 

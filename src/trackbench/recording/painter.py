@@ -8,14 +8,15 @@ from itertools import groupby
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import rerun as rr
 
 from trackbench.palette import sensor_colours, tracker_colours
 from trackbench.recording import layout, scene, series, views
 from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
-from trackbench.recording.writer import new_recording, send
+from trackbench.recording.writer import application, send
 from trackbench.results import Result
-from trackbench.runner.block import Observation, RecordedEstimates
+from trackbench.runner.block import RecordedEstimates, RecordedInstant
 from trackbench.runner.tables import estimates_table, measurements_table, roads_table, truth_table
 from trackbench.types import Scan
 
@@ -27,17 +28,17 @@ class Painter:
         self._url = url
         self._run: _Run | None = None
 
-    def take(self, batch: Iterable[Scene | list[Scan] | Observation | Result]) -> None:
+    def take(self, batch: Iterable[Scene | list[Scan] | RecordedInstant | Result]) -> None:
         """Draw what was observed, in the order in which it was."""
         for _, items in groupby(batch, key=type):
             alike = list(items)
-            observations = [item for item in alike if isinstance(item, Observation)]
-            if observations and self._run is not None:
-                self._run.estimate(observations)
+            instants = [item for item in alike if isinstance(item, RecordedInstant)]
+            if instants and self._run is not None:
+                self._run.estimate(instants)
             for item in alike:
                 self._change(item)
 
-    def _change(self, item: Scene | list[Scan] | Observation | Result) -> None:
+    def _change(self, item: Scene | list[Scan] | RecordedInstant | Result) -> None:
         if isinstance(item, Scene):
             self.finish()
             self._run = _Run(self._url, item)
@@ -63,7 +64,7 @@ class _Run:
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
         self._drawn = -np.inf
-        self.recording = new_recording(about.name)
+        self.recording = rr.RecordingStream(application(about.name))
         self.recording.connect_grpc(url)
         windows = views.windows(self._motion)
         self.recording.send_blueprint(layout.live_blueprint(windows, about.sensors))
@@ -74,24 +75,26 @@ class _Run:
         views.send_legends(self._stream, windows, self._trackers)
 
     def sense(self, scans: list[Scan]) -> None:
-        """The measurements, which are drawn as far as the first tracker has come."""
+        """The measurements, which are drawn as far as the trackers have come."""
         truth = self._about.truth
         self._measurements = measurements_table(scans, truth.ids)
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
-    def estimate(self, observations: list[Observation]) -> None:
-        """Estimates of some instants, tracker by tracker."""
+    def estimate(self, instants: list[RecordedInstant]) -> None:
+        """The estimates of all trackers at some instants."""
         if not len(self._steps):
             return
-        for tracker, items in groupby(observations, key=lambda item: item.tracker):
-            these = list(items)
-            steps = self._steps[[item.instant for item in these]]
-            self._advance(float(self._about.truth.time[steps[-1]]))
-            mean = np.stack([item.mean for item in these], axis=1)
-            covariance = np.stack([item.covariance for item in these], axis=2)
-            estimates = estimates_table({tracker: RecordedEstimates(mean, covariance)}, self._about.truth, steps, 0)
+        truth, nothing = self._about.truth, pa.table({})
+        self._advance(float(truth.time[self._steps[instants[-1].number]]))
+        for tracker in self._trackers:
+            known = [(item.number, item.estimates[tracker]) for item in instants if tracker in item.estimates]
+            if not known:
+                continue
+            numbers, gaussians = zip(*known, strict=True)
+            mean, covariance = (np.moveaxis(np.array(part), 0, -2) for part in zip(*gaussians, strict=True))
+            steps = self._steps[list(numbers)]
+            estimates = estimates_table({tracker: RecordedEstimates(mean, covariance)}, truth, steps, 0)
             scene.send_estimates(self._stream, estimates, self._motion, self._trackers, self._about.hold)
-            nothing = pa.table({})
             series.send_recorded_run(self._stream, estimates, nothing, nothing, self._trackers)
 
     def _advance(self, time: float) -> None:

@@ -27,7 +27,7 @@ from trackbench.metrics.summary import (
 )
 from trackbench.results import SCHEMA_VERSION, Result
 from trackbench.runner import tables
-from trackbench.runner.block import Block, Failure, Observer, Work
+from trackbench.runner.block import Block, Failure, OnRecordedRun, Work
 from trackbench.runner.expectations import judge
 from trackbench.runner.pool import run_blocks
 from trackbench.scenario import LoadedScenario
@@ -55,7 +55,7 @@ def run(
     workers: int = 1,
     command: str = "",
     progress: Progress = no_progress,
-    observer: Observer | None = None,
+    on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
     """The result of a scenario.
 
@@ -67,11 +67,11 @@ def run(
         workers: number of processes.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
-        observer: called with what is found of the recorded run, as it is found; it should return at once.
+        on_recorded_run: called with the recorded run while it is made; it should return at once.
     """
     work = work_of(loaded, truth)
     begin = time.perf_counter()
-    blocks = list(run_blocks(work, workers, progress, observer))
+    blocks = list(run_blocks(work, workers, progress, on_recorded_run))
     _log_times(work, blocks, min(workers, len(blocks)), time.perf_counter() - begin)
     return assemble(loaded, truth, work, blocks, command)
 

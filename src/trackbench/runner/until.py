@@ -11,7 +11,7 @@ from trackbench.metrics.intervals import paired
 from trackbench.metrics.scores import Scores, merge
 from trackbench.metrics.summary import error_intervals
 from trackbench.results import PrecisionReached, Result
-from trackbench.runner.block import Block, Observer
+from trackbench.runner.block import Block, OnRecordedRun
 from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import assemble, work_of
 from trackbench.scenario import LoadedScenario
@@ -37,7 +37,7 @@ def run_until(
     workers: int = 1,
     command: Callable[[LoadedScenario], str],
     progress: Progress = no_progress,
-    observer: Observer | None = None,
+    on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
     """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
 
@@ -53,7 +53,7 @@ def run_until(
         workers: number of processes.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
-        observer: called with what is found of the recorded run, which is among those of the first look.
+        on_recorded_run: called with the recorded run while it is made, which is among those of the first look.
     """
     blocks: list[Block] = []
     while True:
@@ -61,8 +61,8 @@ def run_until(
         pieces = work.blocks()
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         blocks = [block for block, piece in zip(blocks, pieces, strict=False) if block.runs == piece]
-        blocks += run_blocks(work, workers, progress, observer, at_hand=len(blocks))
-        observer = None
+        blocks += run_blocks(work, workers, progress, on_recorded_run, at_hand=len(blocks))
+        on_recorded_run = None
         found = _precision(list(work.trackers), blocks, target, max_runs)
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
