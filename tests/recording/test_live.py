@@ -98,7 +98,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario
     viewer.end(result)
     viewer.close()
     assert viewer.lost
-    assert result.json()["trackers"][0]["failed"] is None
+    assert result.summary.trackers[0].failed is None
 
 
 def test_the_other_process_gives_up_a_viewer_that_takes_nothing(

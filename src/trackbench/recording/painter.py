@@ -8,12 +8,13 @@ from itertools import groupby
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import rerun as rr
 
 from trackbench.palette import sensor_colours, tracker_colours
 from trackbench.recording import layout, scene, series, views
 from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
-from trackbench.recording.writer import new_recording, send
+from trackbench.recording.writer import application, send
 from trackbench.results import Result
 from trackbench.runner.block import RecordedEstimates, RecordedInstant
 from trackbench.runner.tables import estimates_table, measurements_table, roads_table, truth_table
@@ -63,7 +64,7 @@ class _Run:
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
         self._drawn = -np.inf
-        self.recording = new_recording(about.name)
+        self.recording = rr.RecordingStream(application(about.name))
         self.recording.connect_grpc(url)
         windows = views.windows(self._motion)
         self.recording.send_blueprint(layout.live_blueprint(windows, about.sensors))

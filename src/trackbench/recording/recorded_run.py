@@ -31,7 +31,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class ShownRun:
+class RecordedRun:
     """The recorded run at each instant of a measurement."""
 
     objects: tuple[str, ...]
@@ -46,25 +46,25 @@ class ShownRun:
         return np.asarray(self.target.alive & late)
 
 
-def recorded_run(result: Result) -> ShownRun:
+def recorded_run(result: Result) -> RecordedRun:
     """The recorded run, from the first to the last instant of a measurement."""
-    tables, score = result.tables, result.json()["score"]
-    objects = tuple(result.json()["truth"]["objects"])
-    truth = {name: rows for (role, name), rows in split(tables["truth"], "role", "object").items() if role == "target"}
-    time = np.unique(columns(tables["measurements"])["time_s"])
+    tables, score = result.tables, result.summary.score
+    objects = tuple(result.summary.truth.objects)
+    truth = {name: rows for (role, name), rows in split(tables.truth, "role", "object").items() if role == "target"}
+    time = np.unique(columns(tables.measurements)["time_s"])
     at = np.searchsorted(truth[objects[0]]["time_s"], time)
     state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
     alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
     start = np.full((len(objects), 1), np.inf)
-    for (name,), rows in split(tables["measurements"], "object").items():
+    for (name,), rows in split(tables.measurements, "object").items():
         valid = rows["valid"].astype(bool)
         if valid.any():
-            start[objects.index(name)] = rows["time_s"][valid][0] + score["settle_s"]
-    target = Target(time, state[..., None], alive, start, score["divergence_m"])
+            start[objects.index(name)] = rows["time_s"][valid][0] + score.settle_s
+    target = Target(time, state[..., None], alive, start, score.divergence_m)
     tracks: dict[str, dict[str, Columns]] = {}
-    for (tracker, name), rows in split(tables["estimates"], "tracker", "object").items():
+    for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows
-    return ShownRun(objects, target, {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()})
+    return RecordedRun(objects, target, {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()})
 
 
 def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> Track:
