@@ -72,12 +72,14 @@ def differences(
 
 def _compare(match: Match, metric: str) -> Iterator[PairDifference | NotCompared]:
     """The pairs of one match, their p-values still as they are alone."""
+    # A metric over a bound has the bound of all runs, which those of a part of them may not be divided by.
+    runs = None if METRICS[metric].over and not match.how.whole else match.how.shared
     known: dict[tuple[int, str], Interval | None] = {}
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])
         for entry, tracker in sides:
             if (id(entry), tracker) not in known:
-                known[id(entry), tracker] = entry.interval(tracker, metric, match.how.shared)
+                known[id(entry), tracker] = entry.interval(tracker, metric, runs)
         own, other = (known[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
         if own is None or other is None:
@@ -91,7 +93,7 @@ def _compare(match: Match, metric: str) -> Iterator[PairDifference | NotCompared
                 of_entrant=other is not None,
             )
             continue
-        result = (unpaired if match.how.shared is None else paired)(own, other)
+        result = (unpaired if runs is None else paired)(own, other)
         yield PairDifference(
             scenario=match.scenario,
             metric=metric,
@@ -103,7 +105,7 @@ def _compare(match: Match, metric: str) -> Iterator[PairDifference | NotCompared
             difference=result.value,
             ci95=result.ci95,
             p_value=result.p_value,
-            paired_runs=None if match.how.shared is None else len(match.how.shared),
+            paired_runs=None if runs is None else len(runs),
             verdict=NO_DIFFERENCE,
         )
 

@@ -47,10 +47,16 @@ def _section(comparison: Comparison, metric: str, items: Sequence[PairDifference
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
-    table, figure = _differences(comparison, metric, items), difference_figure(metric, items, _label(comparison))
-    explained = Paragraph(_explanation(items))
+    table, explained = _differences(comparison, metric, items), Paragraph(_explanation(items))
+    figure = difference_figure(comparison, metric, items, _labels(comparison, items))
     yield from (
-        (Section("Each difference", (table, explained), folded=True), figure) if several else (table, explained, figure)
+        (figure, Section("Each difference", (table, explained), folded=True))
+        if several
+        else (
+            table,
+            explained,
+            figure,
+        )
     )
 
 
@@ -78,30 +84,28 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
     """Every difference of a metric."""
     places = _places(items)
     several = len(comparison.scenarios) > 1
-    columns = [
-        *([Column("scenario", left=True)] if several else []),
-        Column("tracker", left=True),
-        Column("against", left=True),
+    columns = (
+        Column("scenario" if several else "tracker", left=True),
+        Column("tracker" if several else "against", left=True),
         Column("value"),
         Column("difference"),
         Column("%", "of the value that it is held against"),
-        Column("p", "corrected"),
         Column("verdict", left=True),
-    ]
-    rows = [
-        (
-            *([Cell(item.scenario)] if several else []),
-            Cell(name(comparison, item.entrant), strong=True),
-            Cell(name(comparison, item.against, item.entrant)),
-            Cell(fixed(item.value, places)),
-            Cell("0 in every run" if item.identical else _with_reach(item, places)),
-            Cell(_percent(item.percent)),
-            Cell("<0.001" if item.p_value < 0.001 else fixed(item.p_value, 3)),
-            Cell(item.verdict, tone=TONES.get(item.verdict, "")),
+    )
+    rows = []
+    for item in items:
+        tracker = Cell(name(comparison, item.entrant), tracker=item.entrant.tracker)
+        against = name(comparison, item.against, item.entrant)
+        rows.append(
+            (
+                *((Cell(item.scenario), tracker) if several else (tracker, Cell(against))),
+                Cell(fixed(item.value, places)),
+                Cell("0 in every run" if item.identical else _with_reach(item, places)),
+                Cell(_percent(item.percent)),
+                Cell(item.verdict, tone=TONES.get(item.verdict, "")),
+            )
         )
-        for item in items
-    ]
-    return Table(f"differences-{metric.replace('.', '-')}", tuple(columns), tuple(rows))
+    return Table(f"differences-{metric.replace('.', '-')}", columns, tuple(rows))
 
 
 def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
@@ -109,7 +113,7 @@ def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
     verdicts = [verdict for verdict in _VERDICTS if any(verdict in item.verdicts for item in items)]
     rows = [
         (
-            Cell(name(comparison, item.entrant), strong=True),
+            Cell(name(comparison, item.entrant), tracker=item.entrant.tracker),
             Cell(name(comparison, item.against, item.entrant)),
             *(Cell(str(item.verdicts.get(verdict, 0))) for verdict in verdicts),  # type: ignore[call-overload]
             Cell(_percent(item.mean_percent)),
@@ -193,8 +197,11 @@ def _percent(value: float | None) -> str:
     return ("+" if value > 0 else "") + fixed(value, 1 if abs(value) < 10 else 0)
 
 
-def _label(comparison: Comparison) -> Mapping[Entrant, str]:
-    return {item.entrant: name(comparison, item.entrant) for item in comparison.differences}
+def _labels(comparison: Comparison, items: Sequence[PairDifference]) -> list[str]:
+    """What each difference is of."""
+    place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
+    against = " against {0.against.tracker}" if len(comparison.sets) == 1 else ""
+    return [f"{place}{{1}}{against}".format(item, name(comparison, item.entrant)) for item in items]
 
 
 def name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:

@@ -9,8 +9,6 @@ from trackbench.palette import tracker_colours
 from trackbench.report.comparison import differences, ranking
 from trackbench.report.document import Block, Document, Item, Items, Section
 from trackbench.report.document.styles import tracker_styles
-from trackbench.report.numbers import joined
-from trackbench.words import counted
 
 
 def document(comparison: Comparison, *, reports: Mapping[str, str] | None = None, times: bool = False) -> Document:
@@ -27,8 +25,8 @@ def document(comparison: Comparison, *, reports: Mapping[str, str] | None = None
     else:
         blocks = [*differences.blocks(comparison, reports or {})]
         names = [scenario.name for scenario in comparison.scenarios]
-        over = joined(names) if len(names) < 3 else counted(len(names), "scenario")
-        title, lead = f"Comparison over {over}", differences.lead(comparison)
+        over = f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
+        title, lead = f"Comparison{over}", differences.lead(comparison)
     styles = tracker_styles(tracker_colours(comparison.trackers))
     return Document(
         kind="comparison",
