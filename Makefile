@@ -24,9 +24,9 @@ types: $(VENV)/.installed-dev
 contracts: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 
-# The documentation as a site, in build/docs; a broken link fails (which --quiet would pass over).
+# The documentation as a site, in build/docs, searchable without a network; a broken link fails.
 docs: $(VENV)/.installed-dev
-	$(BIN)/mkdocs build
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs build/docs
 
 unit: $(VENV)/.installed-dev
 	$(BIN)/pytest -n auto

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import re
@@ -15,8 +16,11 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from tests.browser import CHROMIUM
 
 from trackbench.cli import main
+from trackbench.errors import TrackbenchError
+from trackbench.recording import viewer
 from trackbench.results import RunResult
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
@@ -47,6 +51,30 @@ monte_carlo: {runs: 4, seed: 7}
 """
 
 Run = Callable[..., RunResult]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a program that is not here, and say which."""
+    if item.get_closest_marker("browser") and CHROMIUM is None:
+        pytest.skip("Chromium is not installed (apt-get install chromium)")
+    if item.get_closest_marker("viewer") and (missing := missing_for_the_viewer()):
+        pytest.skip(missing)
+
+
+@functools.cache
+def missing_for_the_viewer() -> str | None:
+    """Why the viewer cannot draw here, or None. That it starts is not enough: it does so without a driver too."""
+    try:
+        started = viewer.start("--headless")
+    except TrackbenchError as error:
+        return str(error)
+    try:
+        started.wait().take_screenshot()
+    except (TrackbenchError, ConnectionError, RuntimeError):
+        return viewer.NO_DRIVER
+    finally:
+        started.stop()
+    return None
 
 
 @pytest.fixture(scope="session", autouse=True)
