@@ -58,7 +58,7 @@ def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-docstring", _read_sections)
 
 
-def _add_menu(_: Sphinx, page: str, source: list[str]) -> None:
+def _add_menu(_app: Sphinx, page: str, source: list[str]) -> None:
     """The menu goes onto the first page, where GitHub need not show it."""
     if page == "index":
         for heading, pages in MENU.items():
@@ -66,7 +66,7 @@ def _add_menu(_: Sphinx, page: str, source: list[str]) -> None:
             source[0] += f"\n\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n{listed}\n```\n"
 
 
-def _read_sections(_: Sphinx, what: str, name: str, documented: Any, options: Any, lines: list[str]) -> None:
+def _read_sections(_app: Sphinx, what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
     """Args, Returns and Raises of a docstring become lists; that of an attribute is text, colons and all."""
     if what != "attribute":
         lines[:] = GoogleDocstring(lines).lines()

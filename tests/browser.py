@@ -79,9 +79,10 @@ def shown_by_browser(folder: Path, page: Path, *options: str, query: str = "") -
     assert CHROMIUM is not None
     command = (
         CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync",
-        "--disable-component-update", "--no-first-run", "--enable-logging=stderr", "--host-resolver-rules=MAP * ~NOTFOUND",
-        "--virtual-time-budget=10000", "--hide-scrollbars", "--window-size=1400,1000", "--dump-dom",
-        f"--user-data-dir={folder / 'profile'}", *options, page.as_uri() + query,
+        "--disable-component-update", "--no-first-run", "--enable-logging=stderr",
+        "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=10000", "--hide-scrollbars",
+        "--window-size=1400,1000", "--dump-dom", f"--user-data-dir={folder / 'profile'}", *options,
+        page.as_uri() + query,
     )  # fmt: skip
     environment = {**os.environ, "HOME": str(folder)}
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300, env=environment)

@@ -79,8 +79,9 @@ def missing_for_the_viewer() -> str | None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _isolated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A cache of its own, and no terminal."""
+    """A cache of its own, no terminal, and Ctrl-C not ignored, which the processes that a test starts would inherit."""
     with pytest.MonkeyPatch.context() as patch:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         patch.setenv("TRACKBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
         for name in ("COLUMNS", "FORCE_COLOR", "NO_COLOR", "RERUN"):
             patch.delenv(name, raising=False)
