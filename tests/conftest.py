@@ -11,6 +11,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from hypothesis import settings
 from tests.browser import CHROMIUM
 
 from trackbench.cli import main
-from trackbench.errors import TrackbenchError
+from trackbench.errors import InputError
 from trackbench.recording import viewer
 from trackbench.results import RunResult
 from trackbench.runner.run import run
@@ -57,24 +58,26 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what needs a program that is not here, and say which."""
     if item.get_closest_marker("browser") and CHROMIUM is None:
         pytest.skip("Chromium is not installed (apt-get install chromium)")
-    if item.get_closest_marker("viewer") and (missing := missing_for_the_viewer()):
-        pytest.skip(missing)
+    if item.get_closest_marker("viewer") and not viewer_draws():
+        pytest.skip(viewer.NO_DRIVER)
 
 
 @functools.cache
-def missing_for_the_viewer() -> str | None:
-    """Why the viewer cannot draw here, or None. That it starts is not enough: it does so without a driver too."""
-    try:
-        started = viewer.start("--headless")
-    except TrackbenchError as error:
-        return str(error)
-    try:
-        started.wait().take_screenshot()
-    except (TrackbenchError, ConnectionError, RuntimeError):
-        return viewer.NO_DRIVER
-    finally:
-        started.stop()
-    return None
+def viewer_draws() -> bool:
+    """Whether there is a driver for the viewer, which starts without one too."""
+    with ExitStack() as stack:
+        try:
+            started = viewer.start("--headless")
+            stack.callback(started.stop)
+            started.wait().take_screenshot()
+            return True
+        except InputError as error:
+            cause = error
+        except (ConnectionError, RuntimeError):
+            started.process.wait(viewer.PATIENCE)
+            cause = viewer.ended(started.log)
+    assert str(cause) == viewer.NO_DRIVER
+    return False
 
 
 @pytest.fixture(scope="session", autouse=True)
