@@ -12,13 +12,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from scipy import stats
+from trackbench.compare.grounds import grounds
+from trackbench.compare.regression import ERROR, FAILED, PASSED, UNDECIDED, Limit
+from trackbench.compare.stored import StoredRun
 
 from trackbench import results
 from trackbench.compare import differences, regression, stored
 from trackbench.compare.differences import NO_DIFFERENCE
-from trackbench.compare.grounds import grounds
-from trackbench.compare.regression import ERROR, FAILED, PASSED, UNDECIDED, Limit
-from trackbench.compare.stored import StoredRun
 from trackbench.errors import InputError
 from trackbench.metrics.intervals import paired, ratio, unpaired
 from trackbench.results import Result

@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from tests.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
+from trackbench.report.claims import confidence
 
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report import html
-from trackbench.report.claims import confidence
 from trackbench.results import Result
 
 

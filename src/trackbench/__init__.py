@@ -14,8 +14,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trackbench.api.compare import Comparison, compare
-    from trackbench.api.result import Result
+    from trackbench.api.compare import ReportableComparison as Comparison
+    from trackbench.api.compare import compare
+    from trackbench.api.result import ReportableResult as Result
     from trackbench.api.run import run
     from trackbench.api.scenario import load
     from trackbench.api.scene import sense, truth
@@ -26,20 +27,22 @@ if TYPE_CHECKING:
 
     __version__: str
 
-_MODULES = {
-    "Comparison": "api.compare",
-    "Estimate": "types",
-    "InputError": "errors",
-    "Result": "api.result",
-    "Scan": "types",
-    "TrackbenchError": "errors",
-    "Truth": "types",
-    "check_tracker": "testing",
-    "compare": "api.compare",
-    "load": "api.scenario",
-    "run": "api.run",
-    "sense": "api.scene",
-    "truth": "api.scene",
+#: Where each name comes from.
+_HOMES = {
+    "Comparison": ("api.compare", "ReportableComparison"),
+    "Estimate": ("types", "Estimate"),
+    "InputError": ("errors", "InputError"),
+    "Result": ("api.result", "ReportableResult"),
+    "Scan": ("types", "Scan"),
+    "Scenario": ("scenario", "LoadedScenario"),
+    "TrackbenchError": ("errors", "TrackbenchError"),
+    "Truth": ("types", "Truth"),
+    "check_tracker": ("testing", "check_tracker"),
+    "compare": ("api.compare", "compare"),
+    "load": ("api.scenario", "load"),
+    "run": ("api.run", "run"),
+    "sense": ("api.scene", "sense"),
+    "truth": ("api.scene", "truth"),
 }
 
 __all__ = [
@@ -65,10 +68,9 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         found: Any = version("trackbench")
-    elif name == "Scenario":
-        from trackbench.scenario import LoadedScenario as found
-    elif name in _MODULES:
-        found = getattr(import_module(f"trackbench.{_MODULES[name]}"), name)
+    elif name in _HOMES:
+        module, own_name = _HOMES[name]
+        found = getattr(import_module(f"trackbench.{module}"), own_name)
     else:
         raise AttributeError(f"module 'trackbench' has no attribute {name!r}")
     globals()[name] = found

@@ -16,7 +16,7 @@ from trackbench.words import counted
 Compared = results.Result | Path | str
 
 
-class Comparison(comparison.Comparison):
+class ReportableComparison(comparison.Comparison):
     """What a comparison found. A notebook shows it as a page, ``print`` as text."""
 
     def report(self) -> Report:
@@ -39,7 +39,7 @@ def compare(
     metrics: Sequence[str] = (),
     trackers: Sequence[str] | None = None,
     limits: Mapping[str, float] | None = None,
-) -> Comparison:
+) -> ReportableComparison:
     """Compare the trackers of one result with each other, or of several, each with that of the first.
 
     Results on the same measurements are compared run by run, others as independent samples.
@@ -56,4 +56,4 @@ def compare(
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
     sets = [find(Path(item)) if isinstance(item, Path | str) else item for item in given]
     found = compare_sets(sets, metrics=metrics, trackers=trackers, limits=allowed)
-    return Comparison.model_validate(dict(found))
+    return ReportableComparison.model_validate(dict(found))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from trackbench.api.display import Report, ReportFigure
 
 
-class Result(results.Result):
+class ReportableResult(results.Result):
     """The result of a scenario, which a notebook shows as its ranking.
 
     ``result["ekf_cv"].position_rmse.value`` is a metric of a tracker, ``result.to_pandas("steps")`` a table.

@@ -9,7 +9,7 @@ from typing import overload
 
 from trackbench.api import session
 from trackbench.api.listener import Listener
-from trackbench.api.result import Result
+from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.scenario import LoadedScenario
 from trackbench.types import Progress, no_progress
@@ -23,7 +23,7 @@ def run(
     out: Path | str | None = None,
     recording: bool = True,
     progress: Progress = no_progress,
-) -> Result: ...
+) -> ReportableResult: ...
 @overload
 def run(
     scenario: list[LoadedScenario | Named],
@@ -32,7 +32,7 @@ def run(
     out: Path | str | None = None,
     recording: bool = True,
     progress: Progress = no_progress,
-) -> list[Result]: ...
+) -> list[ReportableResult]: ...
 def run(
     scenario: LoadedScenario | Named | list[LoadedScenario | Named],
     *,
@@ -40,7 +40,7 @@ def run(
     out: Path | str | None = None,
     recording: bool = True,
     progress: Progress = no_progress,
-) -> Result | list[Result]:
+) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
     The result is the same for any number of workers, to the last bit, but for the times. With several workers, a script
@@ -62,7 +62,7 @@ def run(
     plan = session.Plan(None if out is None else Path(out), workers, recording)
     listener = _Counter(progress)
     prepared = session.prepare([loaded_scenario(item) for item in given], plan, listener)
-    found = [Result.of(result) for result in session.run(prepared, plan, listener)]
+    found = [ReportableResult.of(result) for result in session.run(prepared, plan, listener)]
     return found if isinstance(scenario, list) else found[0]
 
 
