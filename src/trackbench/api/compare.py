@@ -35,7 +35,8 @@ class ReportableComparison(comparison.Comparison):
 
 
 def compare(
-    *given: Compared | Sequence[results.Result],
+    baseline: Compared | Sequence[results.Result],
+    *others: Compared | Sequence[results.Result],
     metrics: Sequence[str] = (),
     trackers: Sequence[str] | None = None,
     limits: Mapping[str, float] | None = None,
@@ -45,7 +46,8 @@ def compare(
     Results on the same measurements are compared run by run, others as independent samples.
 
     Args:
-        given: results; lists of results of several scenarios; or folders of either.
+        baseline: a result; a list of results of several scenarios; or the folder of either.
+        others: the same, each held against the baseline.
         metrics: what to compare by; ``position_rmse`` unless given.
         trackers: names of those to compare; all unless given.
         limits: by metric, by how many percent the later trackers may be worse; ``passed`` says whether none is.
@@ -54,6 +56,6 @@ def compare(
         InputError: there is no such result, or they cannot be compared.
     """
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
-    sets = [find(Path(item)) if isinstance(item, Path | str) else item for item in given]
+    sets = [find(Path(item)) if isinstance(item, Path | str) else item for item in (baseline, *others)]
     found = compare_sets(sets, metrics=metrics, trackers=trackers, limits=allowed)
     return ReportableComparison.model_validate(dict(found))

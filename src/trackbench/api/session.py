@@ -112,6 +112,7 @@ def _run(item: Prepared, plan: Plan, listener: Listener, place: str) -> Result:
                 progress=advance,
                 on_recorded_run=observe,
             )
+        advance(result.summary.runs, result.summary.runs)
     folder = None
     if plan.out is not None:
         folder = plan.out / name
