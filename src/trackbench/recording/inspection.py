@@ -32,7 +32,7 @@ class SensorContents:
 
 
 @dataclass(frozen=True)
-class Check:
+class ScoreCheck:
     """How the scores computed afresh compare with those that the run itself wrote beside the recording."""
 
     file: str
@@ -49,7 +49,7 @@ class Inspection:
     sensors: dict[str, SensorContents]
     scored: list[TrackerResult]
     """The trackers that did not fail, with the scores of the recorded run alone."""
-    checked: Check | None
+    checked: ScoreCheck | None
     """None where there is nothing to compare with."""
     at: SceneMoment | None
     worst: dict[str, list[EstimateMoment]] | None
@@ -126,7 +126,7 @@ def _sensor(rows: Columns) -> SensorContents:
     return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
 
 
-def _checked(found: Recorded, scored: list[TrackerResult]) -> Check | None:
+def _checked(found: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
     folder = found.file if found.file.is_dir() else found.file.parent
     try:
         beside = Result.load(folder)
@@ -144,4 +144,4 @@ def _checked(found: Recorded, scored: list[TrackerResult]) -> Check | None:
             column = f"{name.removeprefix('rmse.').removesuffix('_rmse')}_rmse{SUFFIX[unit]}"
             pairs.append((tracker.metrics[name].value, runs[column][row]))
         differences += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
-    return Check(str(folder / "runs.parquet"), float(max(differences)))
+    return ScoreCheck(str(folder / "runs.parquet"), float(max(differences)))

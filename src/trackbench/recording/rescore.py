@@ -7,7 +7,7 @@ import numpy as np
 from trackbench.errors import InputError
 from trackbench.metrics.scorer import Fault, Scorer
 from trackbench.metrics.summary import Bound, metrics
-from trackbench.recording.recorded_run import RecordedRun, Track
+from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
 from trackbench.recording.tables import Columns, split
 from trackbench.results import Health, Result, TrackerResult
 from trackbench.types import Array, Estimate, Mask, Scan
@@ -60,7 +60,7 @@ def _innovations(rows: dict[str, Columns], recorded: RecordedRun, dof: int) -> d
 
 
 def _scored(
-    tracker: TrackerResult, track: Track, recorded: RecordedRun, innovations: dict[str, dict[int, Array]]
+    tracker: TrackerResult, track: RecordedTrack, recorded: RecordedRun, innovations: dict[str, dict[int, Array]]
 ) -> TrackerResult:
     counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
