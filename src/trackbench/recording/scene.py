@@ -75,8 +75,8 @@ def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[s
     for (sensor,), rows in split(measurements, "sensor").items():
         valid = rows["valid"].astype(bool)
         time, count = np.unique(rows["time_s"][valid], return_counts=True)
-        x, y = rows["x_m"][valid], rows["y_m"][valid]
-        send_points(stream, path(*MEASUREMENTS, sensor), time, count, x, y, colours[sensor], 1.5, 20.0)
+        at = np.stack([rows["x_m"], rows["y_m"]])[:, valid]
+        send_points(stream, path(*MEASUREMENTS, sensor), time, at, colours[sensor], 1.5, 20.0, count)
 
 
 def send_estimates(
@@ -102,10 +102,10 @@ def send_estimates(
             gone = truth_rows["time_s"][~truth_rows["alive"].astype(bool)]
             time, count = _with_ends(rows["time_s"], gone, hold, truth_rows["time_s"][-1])
         entity = path(*ESTIMATES, tracker, name)
-        x, y, colour = rows["px_m"], rows["py_m"], colours[tracker]
-        send_points(stream, entity, time, count, x, y, colour, 2.5, 30.0)
-        covariance = rows["p_00"], rows["p_01"], rows["p_11"]
-        send_ellipses(stream, f"{entity}/covariance", time, count, x, y, covariance, colour, 25.0)
+        at, colour = np.stack([rows["px_m"], rows["py_m"]]), colours[tracker]
+        covariance = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])
+        send_points(stream, entity, time, at, colour, 2.5, 30.0, count)
+        send_ellipses(stream, f"{entity}/covariance", time, at, covariance, colour, 25.0, count)
 
 
 def _labels(stream: Stream, rows: Columns) -> None:
