@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from tests.scenes import fixed_observer, truth
 
-from trackbench.metrics.bound import Prior, cramer_rao
+from trackbench.metrics.bound import BoundStart, cramer_rao
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results import Result
 from trackbench.runner.run import run
@@ -112,7 +112,7 @@ def information(sensor: IdealSensor, place: tuple[float, float]) -> Array:
 
 
 def bound(of: Truth, sensor: IdealSensor, rate: float) -> Array:
-    prior = Prior(velocity_sigma=5, position_sigma=1)
+    prior = BoundStart(velocity_sigma=5, position_sigma=1)
     rates = {"sensor": np.full((len(sensor.steps), 1), rate)}
     return cramer_rao(of, [sensor], rates, 2.0, prior, np.array([0]))[0, 0]
 

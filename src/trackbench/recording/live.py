@@ -12,10 +12,12 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
+from trackbench.recording.contents import colours_of
 from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
 from trackbench.scenario import LoadedScenario
@@ -34,10 +36,9 @@ class Scene:
     """What is known of a run before the first tracker has taken a step."""
 
     name: str
-    trackers: list[str]
+    colours: Mapping[str, str]
+    """By tracker."""
     sensors: list[str]
-    hold: float
-    """For how long an estimate is shown when none follows, s."""
     truth: Truth
     """Of the recorded run alone."""
 
@@ -71,18 +72,18 @@ class Live:
         self._thread = threading.Thread(target=self._deliver, daemon=True)
         self._thread.start()
 
-    def begin(self, loaded: LoadedScenario, truth: Truth) -> None:
-        """A run starts; until the next one does, what is observed is of this one."""
+    def begin(self, loaded: LoadedScenario, truth: Truth, colours: Mapping[str, str] | None = None) -> None:
+        """A run starts; until the next one does, what is observed is of this one.
+
+        Args:
+            loaded: the scenario.
+            truth: its truth.
+            colours: of its trackers, by name, where they are those of several scenarios.
+        """
         scenario = loaded.config
-        self._latest = _Show(
-            Scene(
-                name=scenario.name,
-                trackers=list(scenario.trackers),
-                sensors=list(scenario.sensors),
-                hold=max(1.0 / sensor.rate_hz for sensor in scenario.sensors.values()),
-                truth=_of_run(truth, scenario.recording.run),
-            )
-        )
+        colours = colours_of(scenario.trackers, colours)
+        truth = _of_run(truth, scenario.recording.run)
+        self._latest = _Show(Scene(scenario.name, colours, list(scenario.sensors), truth))
         self._shows.append(self._latest)
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:
