@@ -11,8 +11,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 import xmlschema
-
 from trackbench.compare.regression import ERROR, FAILED, UNDECIDED
+
 from trackbench.report.junit import Case, Suite, to_xml
 
 Cli = Callable[..., Any]

@@ -49,15 +49,11 @@ def _section(comparison: Comparison, metric: str, items: Sequence[PairDifference
         yield _changes(comparison, metric, items)
     table, explained = _differences(comparison, metric, items), Paragraph(_explanation(items))
     figure = difference_figure(comparison, metric, items, _labels(comparison, items))
-    yield from (
-        (figure, Section("Each difference", (table, explained), folded=True))
-        if several
-        else (
-            table,
-            explained,
-            figure,
-        )
-    )
+    figures = () if all(item.identical for item in items) else (figure,)
+    if several:
+        yield from (*figures, Section("Each difference", (table, explained), folded=True))
+    else:
+        yield from (table, explained, *figures)
 
 
 def _result(comparison: Comparison, result: ComparedResult) -> Item:
