@@ -154,7 +154,10 @@ class Difference(Part):
     ci95: tuple[float, float] | None
     p_value: float
     """Corrected for the number of differences of the metric."""
+    better: str | None
+    """The tracker that is shown to be better."""
     verdict: str
+    """The same in words."""
 
 
 class ExpectationResult(Part):

@@ -1,0 +1,89 @@
+"""The mutants of the plain trackers in which a method is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from . import filter_faults as filtering
+from . import jacobian_faults as jacobian
+from . import sensor_faults as sensing
+from .mutant import Mutant, Subject
+
+PREDICTIONS = [
+    ("azimuth_not_wrapped", "residual", sensing.BareResidual),
+    ("arctan_quadrant", "prediction", sensing.Arctan),
+    ("degrees_for_radians", "prediction", sensing.AzimuthInDegrees),
+    ("speed_for_range_rate", "over_ground", sensing.SpeedOverGround),
+    ("speed_for_range_rate", "relative", sensing.RelativeSpeed),
+]
+JACOBIANS = [
+    ("azimuth_sign", jacobian.AzimuthSign, "radar"),
+    ("azimuth_over_range", jacobian.AzimuthOverRange, "radar"),
+    ("azimuth_swapped", jacobian.AzimuthSwapped, "radar"),
+    ("rate_without_position", jacobian.RateWithoutPosition, "radar"),
+    ("rate_term_missing", jacobian.RateTermMissing, "radar"),
+    ("rate_velocity_swapped", jacobian.RateVelocitySwapped, "radar"),
+    ("lidar_not_turned", jacobian.LidarNotTurned, "lidar"),
+]
+MOTION_JACOBIANS = [("dt_missing", jacobian.TimeStepMissing), ("dt_misplaced", jacobian.TimeStepMisplaced)]
+CORRECTIONS = [
+    ("covariance_asymmetric", "update", filtering.UnsymmetricUpdate, None),
+    ("covariance_asymmetric", "one_sided_noise", filtering.OneSidedNoise, None),
+    ("covariance_not_psd", "subtracts_too_much", filtering.SubtractsTooMuch, None),
+    ("measurement_ignored", "radar_mean_kept", filtering.RadarNotMoved, "radar"),
+    ("measurement_ignored", "lidar_mean_kept", filtering.LidarNotMoved, "lidar"),
+]
+
+
+def predictions(subject: Subject) -> Iterator[Mutant]:
+    for fault, variant, mixin in PREDICTIONS:
+        yield subject.mixed(fault, variant, mixin, "radar")
+
+
+def linearised(subject: Subject) -> Iterator[Mutant]:
+    # Without a Jacobian this is the same as a negated measurement.
+    yield subject.mixed("doppler_sign", "prediction", sensing.RateNegated, "radar")
+    for variant, mixin, kind in JACOBIANS:
+        yield subject.mixed("jacobian_wrong", variant, mixin, kind)
+
+
+def motion_jacobians(subject: Subject) -> Iterator[Mutant]:
+    for variant, mixin in MOTION_JACOBIANS:
+        yield subject.mixed("jacobian_wrong", variant, mixin)
+
+
+def starts(subject: Subject) -> Iterator[Mutant]:
+    yield subject.mixed("overconfident_start", "all", filtering.CertainStart)
+    for variant, mixin in (("position", filtering.PolarStart), ("with_rate", filtering.PolarStartWithRate)):
+        yield subject.mixed("polar_start", variant, mixin, "radar", start="first_reading")
+    yield subject.mixed("nonfinite", "dt_in_start", filtering.StartAtOneInstant, start="two_readings")
+
+
+def corrections(subject: Subject) -> Iterator[Mutant]:
+    for fault, variant, mixin, kind in CORRECTIONS:
+        yield subject.mixed(fault, variant, mixin, kind)
+    yield Mutant(
+        "not_deterministic", subject.name, "class_attribute", filtering.surviving(subject.tracker), subject.tracker
+    )
+
+
+def divisions(subject: Subject) -> Iterator[Mutant]:
+    """Divisions by values that can be zero."""
+    fault = "nonfinite"
+    yield subject.mixed(fault, "dt_in_noise", filtering.NoisePerSecond)
+    if subject.turning:
+        yield subject.mixed(fault, "yaw_rate", filtering.UnguardedTurn)
+        yield subject.mixed(fault, "speed", filtering.UnguardedSpeed, start="first_reading")
+    else:
+        yield subject.mixed(fault, "speed", filtering.NoiseAlongCourse)
+    if subject.uses_rate:
+        yield subject.mixed(fault, "range", filtering.UnguardedRange)
+
+
+def unscented(subject: Subject) -> Iterator[Mutant]:
+    yield subject.mixed("azimuth_not_wrapped", "spread", sensing.BareSpread, "radar")
+    yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_readings")
+
+
+def innovation(subject: Subject) -> Iterator[Mutant]:
+    yield subject.mixed("azimuth_not_wrapped", "innovation", sensing.BareInnovation, "radar")

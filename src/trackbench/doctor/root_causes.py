@@ -1,0 +1,70 @@
+"""Which findings are root causes, and which are their consequences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from trackbench.doctor.findings import Finding, known_faults
+
+#: Wrong sizes. Wrong models of other kinds look like these too.
+SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias")
+#: Consequences of a covariance that is not positive definite.
+NUMERICAL = ("covariance_not_psd", "nonfinite")
+_MODEL = ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL)
+
+#: Confidence from which on a finding can be the cause of others.
+SURE = 0.8
+
+#: The consequences that each fault can have; causes are tried in this order.
+CONSEQUENCES: dict[str, tuple[str, ...]] = {
+    "not_deterministic": tuple(known_faults()),
+    "axis_swapped": ("arctan_quadrant", "wrong_dt", "ego_motion_ignored", *_MODEL),
+    "axis_mirrored": ("arctan_quadrant", "wrong_dt", "ego_motion_ignored", *_MODEL),
+    "degrees_for_radians": ("arctan_quadrant", *_MODEL),
+    "ego_motion_ignored": ("arctan_quadrant", *_MODEL),
+    "arctan_quadrant": _MODEL,
+    "doppler_sign": _MODEL,
+    "speed_for_range_rate": _MODEL,
+    "wrong_dt": ("jacobian_wrong", *SIZES, *NUMERICAL),
+    "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
+    "covariance_not_psd": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, "nonfinite"),
+    "azimuth_not_wrapped": NUMERICAL,
+    "sensor_bias": ("jacobian_wrong", "overconfident_start", "covariance_not_psd"),
+    "jacobian_wrong": ("azimuth_not_wrapped", *SIZES, *NUMERICAL),
+    "measurement_ignored": ("nonfinite",),
+    "polar_start": ("overconfident_start", "sensor_bias"),
+    "r_too_small": ("overconfident_start", *NUMERICAL),
+    "r_too_large": NUMERICAL,
+    "q_too_large": NUMERICAL,
+    "q_too_small": NUMERICAL,
+}
+
+
+def rank(findings: Iterable[Finding]) -> list[Finding]:
+    """One finding for each fault and sensor: root causes first, then consequences, each by falling confidence."""
+    unique: dict[tuple[str, str | None], Finding] = {}
+    for finding in findings:
+        key = (finding.fault, finding.sensor)
+        if key not in unique or finding.confidence > unique[key].confidence:
+            unique[key] = finding
+    order = list(CONSEQUENCES)
+    ordered = sorted(
+        unique.values(),
+        key=lambda one: (one.confidence < SURE, order.index(one.fault) if one.fault in order else len(order)),
+    )
+    ranked: list[Finding] = []
+    for finding in ordered:
+        cause = next(
+            (
+                root.fault
+                for root in ranked
+                if root.consequence_of is None
+                and root.confidence >= SURE
+                and root.fault != finding.fault
+                and finding.fault in CONSEQUENCES.get(root.fault, ())
+            ),
+            None,
+        )
+        ranked.append(replace(finding, consequence_of=cause))
+    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))
