@@ -18,15 +18,16 @@ from scipy import stats
 
 from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, load
 from trackbench.compare.comparability import Comparability, comparability
-from trackbench.compare.comparison import NO_DIFFERENCE
-from trackbench.compare.metrics import METRICS
+from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
 from trackbench.errors import InputError
+from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.metrics.intervals import paired, ratio, unpaired
 from trackbench.results import Result
 
 Run = Callable[..., Result]
 Keep = Callable[..., ResultSet]
 
+POSITION = compared_metric("position_rmse", "")
 WORSE_EKF = "trackers.ekf.acceleration_sigma_mps2=30"
 TWIN = "trackers.twin={filter: ekf, motion: cv, acceleration_sigma_mps2: 3}"
 RANDOM = "truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {a: {pieces: [{white: {motion: cv, acceleration_sigma_mps2: 1}}]}}}"  # noqa: E501
@@ -73,12 +74,12 @@ def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path
         assert (item.verdict == NO_DIFFERENCE) == (expected.verdict == NO_DIFFERENCE)
 
 
-@pytest.mark.parametrize("metric", sorted(METRICS))
+@pytest.mark.parametrize("metric", sorted(BUILT_IN))
 def test_every_metric_comes_back_from_the_table_of_the_runs(keep: Keep, metric: str) -> None:
     (entry,) = keep().entries
     tracker = entry.result.summary.trackers[1]
     stated = tracker.metrics[metric.removesuffix(".mean")]
-    interval = entry.interval(tracker.name, metric)
+    interval = entry.interval(tracker.name, compared_metric(metric, ""))
     assert interval is not None
     assert interval.value == pytest.approx(stated.value, rel=1e-9)
     assert interval.ci95 == pytest.approx(stated.ci95, rel=1e-6)
@@ -91,7 +92,7 @@ def test_equal_measurements_are_paired_and_what_did_not_change_is_the_same(keep:
     assert (found["raw"].difference, found["raw"].verdict) == (0.0, NO_DIFFERENCE)
     assert found["ekf"].verdict == "worse"
     assert found["ekf"].paired_runs == 12
-    own, other = (item.entries[0].interval("ekf", "position_rmse") for item in (later, base))
+    own, other = (item.entries[0].interval("ekf", POSITION) for item in (later, base))
     assert own is not None
     assert other is not None
     assert found["ekf"].ci95 == paired(own, other).ci95
@@ -108,7 +109,7 @@ def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str)
     found = how(keep(), keep(setting))
     assert (found.shared, found.reason) == (None, reason)
     for item in compare([keep(), keep(setting)]).differences:
-        own, other = (part.entries[0].interval(item.entrant.tracker, item.metric) for part in (keep(setting), keep()))
+        own, other = (part.entries[0].interval(item.entrant.tracker, POSITION) for part in (keep(setting), keep()))
         assert own is not None
         assert other is not None
         assert (item.paired_runs, item.ci95) == (None, unpaired(own, other).ci95)
@@ -305,8 +306,10 @@ def test_a_regression_fails_when_it_is_real_and_more_than_allowed(keep: Keep) ->
 
 
 def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monkeypatch: pytest.MonkeyPatch) -> None:
-    larger = replace(METRICS["position_rmse"], better="larger")
-    monkeypatch.setitem(METRICS, "position_rmse", larger)
+    def larger(path: str, key: str, own: object = ()) -> ComparedMetric:
+        return replace(compared_metric(path, key), better="larger")
+
+    monkeypatch.setattr("trackbench.compare.assembly.compared_metric", larger)
     sets = [keep(), keep(WORSE_EKF)]
     assert judged(sets, 0)["ekf"] == "passed"
     assert judged(sets[::-1], 0)["ekf"] == "failed"
@@ -346,14 +349,24 @@ def test_no_regression_passes_unseen(keep: Keep) -> None:
         "position_rmse:",
         "position_rmse:-1",
         "position_rmse:nan",
-        "x:5",
-        "nees.mean:5",
-        "coverage:1",
     ],
 )
 def test_limits_that_are_none(text: str) -> None:
     with pytest.raises(InputError, match="--fail-on-regression"):
         Limit.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("metric", "message"),
+    [
+        ("x", "'x' is not compared run by run; "),
+        ("nis.radar", "'nis.radar' is not compared run by run; "),
+        ("nees.mean", "neither a larger nor a smaller nees.mean is better"),
+    ],
+)
+def test_metrics_that_have_no_limit(keep: Keep, metric: str, message: str) -> None:
+    with pytest.raises(InputError, match=f"--fail-on-regression: {message}"):
+        compare([keep(), keep(WORSE_EKF)], limits=[Limit(metric, 5)])
 
 
 def test_limits() -> None:
