@@ -22,6 +22,7 @@ from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
 from trackbench.errors import InputError
 from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.metrics.intervals import paired, ratio, unpaired
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.results import Result
 
 Run = Callable[..., Result]
@@ -59,10 +60,9 @@ def by_tracker(comparison: Comparison) -> dict[str, PairDifference]:
 def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path: Path) -> None:
     result = run_tiny("monte_carlo.runs=12", TWIN, WORSE_EKF)
     result.save(tmp_path / "tiny", {})
-    metrics = ("position_rmse", "velocity_rmse")
-    found = compare([find(tmp_path / "tiny" / "result.json")], metrics=metrics)
+    found = compare([find(tmp_path / "tiny" / "result.json")], metrics=list(ROOT_MEAN_SQUARES))
     stated = {(d.metric, frozenset((d.a, d.b))): d for d in result.summary.differences}
-    assert len(found.differences) == len(stated) == 6
+    assert len(found.differences) == len(stated) == 21
     for item in found.differences:
         expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
         sign = 1 if expected.a == item.entrant.tracker else -1
