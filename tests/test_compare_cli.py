@@ -11,7 +11,6 @@ from xml.etree import ElementTree as ET
 
 import pytest
 import xmlschema
-from trackbench.compare.regression import ERROR, FAILED, UNDECIDED
 
 from trackbench.report.junit import Case, Suite, to_xml
 
@@ -172,7 +171,7 @@ def test_a_folder_without_permission(cli: Cli, tiny: Path) -> None:
 
 
 def test_every_outcome_is_valid_junit(tmp_path: Path) -> None:
-    outcomes = [Case("a", "g"), *(Case(o, "g", o, "why \x07 \ud800 <&>\n\"'") for o in (FAILED, ERROR, UNDECIDED))]
+    outcomes = [Case("a", "g"), *(Case(o, "g", o, "why \x07 \ud800 <&>\n\"'") for o in OUTCOMES)]
     for suites in ([], [Suite("one", [])], [Suite("one", outcomes), Suite("two", outcomes)]):
         file = tmp_path / "junit.xml"
         file.write_text(to_xml(suites), encoding="utf-8")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.compare.comparison import NO_DIFFERENCE, ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.compare.comparison import VERDICTS, ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
@@ -13,8 +14,6 @@ from trackbench.words import counted
 
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
 _GATE_TONES: Mapping[str, Tone] = {"failed": "bad", "error": "bad", "undecided": "warn"}
-#: Order in which verdicts are counted.
-_VERDICTS = ("better", "worse", "larger", "smaller", NO_DIFFERENCE)
 
 
 def lead(comparison: Comparison) -> str:
@@ -24,7 +23,7 @@ def lead(comparison: Comparison) -> str:
 
 def _counts(items: Sequence[PairDifference]) -> str:
     found = [item.verdict for item in items]
-    return ", ".join(f"{found.count(verdict)} {verdict}" for verdict in _VERDICTS if verdict in found)
+    return ", ".join(f"{found.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in found)
 
 
 def blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
@@ -49,15 +48,11 @@ def _section(comparison: Comparison, metric: str, items: Sequence[PairDifference
         yield _changes(comparison, metric, items)
     table, explained = _differences(comparison, metric, items), Paragraph(_explanation(items))
     figure = difference_figure(comparison, metric, items, _labels(comparison, items))
-    yield from (
-        (figure, Section("Each difference", (table, explained), folded=True))
-        if several
-        else (
-            table,
-            explained,
-            figure,
-        )
-    )
+    figures = () if all(item.identical for item in items) else (figure,)
+    if several:
+        yield from (*figures, Section("Each difference", (table, explained), folded=True))
+    else:
+        yield from (table, explained, *figures)
 
 
 def _result(comparison: Comparison, result: ComparedResult) -> Item:
@@ -110,12 +105,12 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
 
 def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
     """Each entrant over all scenarios: in how many it is better, and the mean change."""
-    verdicts = [verdict for verdict in _VERDICTS if any(verdict in item.verdicts for item in items)]
+    verdicts = [verdict for verdict in VERDICTS if any(verdict in item.verdicts for item in items)]
     rows = [
         (
             Cell(name(comparison, item.entrant), tracker=item.entrant.tracker),
             Cell(name(comparison, item.against, item.entrant)),
-            *(Cell(str(item.verdicts.get(verdict, 0))) for verdict in verdicts),  # type: ignore[call-overload]
+            *(Cell(str(item.verdicts.get(verdict, 0))) for verdict in verdicts),
             Cell(_percent(item.mean_percent)),
         )
         for item in items

@@ -102,12 +102,12 @@ def efficiency_figure(comparison: Comparison) -> Figure:
 def difference_figure(
     comparison: Comparison, metric: str, items: Sequence[PairDifference], labels: Sequence[str]
 ) -> Figure:
-    """Each difference in percent with its interval; one against zero has none."""
+    """Each difference in percent with its interval; one that is zero in every run, or against zero, is left out."""
     colours = tracker_colours(comparison.trackers)
     drawn = [
         (label, item.percent, item.percent_ci95 or (item.percent,) * 2, colours[item.entrant.tracker])
         for label, item in zip(labels, items, strict=True)
-        if item.percent is not None
+        if item.percent is not None and not item.identical
     ]
 
     def paint(canvas: Canvas) -> None:
@@ -123,7 +123,8 @@ def difference_figure(
     return Figure(
         name=f"differences-{metric.replace('.', '-')}",
         title=f"Differences in {metric}",
-        caption="Dots are differences in percent of the value that each is held against, bars their 95 % intervals.",
+        caption="Dots are differences in percent of the value that each is held against, bars their 95 % intervals. "
+        "What is the same in every run is left out.",
         alternative=f"Differences in {metric}: " + ", ".join(f"{label} {value:+.1f} %" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),
