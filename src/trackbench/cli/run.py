@@ -22,6 +22,7 @@ from trackbench.cli.live import live_options, showing
 from trackbench.cli.progress import progress
 from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
+from trackbench.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
@@ -67,6 +68,8 @@ class Plan:
     precision: tuple[float, int] | None
     """The share and the largest number of runs, where the precision decides on their number."""
     viewer: Live | None
+    colours: Mapping[str, str]
+    """Of every tracker of all the scenarios."""
 
 
 Writer = Callable[[Path], None]
@@ -160,10 +163,11 @@ def run_command(
         results.require_replaceable(out / item.loaded.config.name)
     output = OutputOptions(Console(), as_json, quiet)
     with showing(**live) as viewer:
-        plan = Plan(out, workers, not no_recording, precision, viewer)
+        colours = tracker_colours(name for item in prepared for name in item.loaded.config.trackers)
+        plan = Plan(out, workers, not no_recording, precision, viewer, colours)
         found = [_run(item, plan, output, _place(i, files)) for i, item in enumerate(prepared, start=1)]
         if len(found) > 1:
-            _compare(found, out, output)
+            _compare(found, plan, output)
         if junit is not None:
             _write_junit(found, junit)
         if as_json:
@@ -271,8 +275,10 @@ def _run(
     of: str,
 ) -> Result:
     from trackbench import recording
-    from trackbench.report import html, markdown
     from trackbench.report.console import print_outcome, print_summary
+    from trackbench.report.document.html import to_html
+    from trackbench.report.document.markdown import to_markdown
+    from trackbench.report.run import run_document
     from trackbench.runner.run import run
     from trackbench.runner.until import run_until
 
@@ -289,12 +295,13 @@ def _run(
         else:
             result = run_until(item.loaded, item.truth, *plan.precision, command=item.command, **told)
     folder = plan.out / name
+    document = run_document(result, plan.colours)
     artifacts: dict[str, Writer] = {
-        "report.html": partial(_write_report, html.render, result),
-        "report.md": partial(_write_report, markdown.render, result),
+        "report.html": lambda path: results.write_file(to_html(document), path),
+        "report.md": lambda path: results.write_file(to_markdown(document), path),
     }
     if plan.recording:
-        artifacts["recording.rrd"] = partial(recording.write, result)
+        artifacts["recording.rrd"] = partial(recording.write, result, colours=plan.colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     with progress(f"{of}writing {name}", "files", quiet=output.quiet) as advance:
@@ -328,17 +335,13 @@ def _write_junit(found: Sequence[Result], path: Path) -> None:
     results.write_text(path, to_xml([suite_of_run(result) for result in found]))
 
 
-def _write_report(render: Any, result: Result, path: Path) -> None:
-    path.write_text(render(result), encoding="utf-8")
-
-
-def _compare(found: list[Result], out: Path, output: OutputOptions) -> None:
+def _compare(found: list[Result], plan: Plan, output: OutputOptions) -> None:
     from trackbench.compare import compare, results_in
     from trackbench.report.comparison import batch_files
 
-    for file, content in batch_files(compare([results_in(out, found)]), out):
+    for file, content in batch_files(compare([results_in(plan.out, found)]), plan.out, plan.colours):
         file.parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(file, content)
     if not output.as_json and not output.quiet:
-        line = f"Comparison of {len(found)} scenarios: {out / 'comparison.md'}"
+        line = f"Comparison of {len(found)} scenarios: {plan.out / 'comparison.md'}"
         output.console.print(line, highlight=False, soft_wrap=True)

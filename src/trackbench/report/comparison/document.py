@@ -13,11 +13,18 @@ from trackbench.report.numbers import joined
 from trackbench.words import counted
 
 
-def document(comparison: Comparison, *, reports: Mapping[str, str] | None = None, times: bool = False) -> Document:
+def document(
+    comparison: Comparison,
+    colours: Mapping[str, str] | None = None,
+    *,
+    reports: Mapping[str, str] | None = None,
+    times: bool = False,
+) -> Document:
     """What a comparison says.
 
     Args:
         comparison: what was found.
+        colours: of its trackers, by name; in the order in which they first appear unless given.
         reports: path of the report of each result, relative to the document, by the result's label.
         times: whether times of computing are in it, which are others on each machine.
     """
@@ -29,7 +36,7 @@ def document(comparison: Comparison, *, reports: Mapping[str, str] | None = None
         names = [scenario.name for scenario in comparison.scenarios]
         over = joined(names) if len(names) < 3 else counted(len(names), "scenario")
         title, lead = f"Comparison over {over}", differences.lead(comparison)
-    styles = tracker_styles(tracker_colours(comparison.trackers))
+    styles = tracker_styles(colours or tracker_colours(comparison.trackers))
     return Document(
         kind="comparison",
         title=title,
