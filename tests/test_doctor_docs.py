@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from trackbench.doctor.findings import advice
+from trackbench.doctor.findings import known_faults
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "doctor.md"
@@ -28,7 +28,7 @@ def test_the_page_shows_the_files(fenced: Fenced) -> None:
 
 def test_every_fault_is_listed() -> None:
     rows = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert rows == [(name, known.title, known.where) for name, known in advice().items()]
+    assert rows == [(name, known.title, known.where) for name, known in known_faults().items()]
 
 
 def test_the_readme_shows_what_the_page_shows(fenced: Fenced) -> None:

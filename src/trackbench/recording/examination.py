@@ -1,4 +1,4 @@
-"""An examination as a Rerun recording: each drive that shows a finding, its innovations and errors, the findings."""
+"""An examination as a Rerun recording: the evidence runs with their innovations and errors, and the findings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 import rerun as rr
 
+from trackbench.doctor.evidence import EvidenceRun
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.exhibits import Exhibit
 from trackbench.recording.examination_layout import blueprint
 from trackbench.recording.examination_scene import send_scene
 from trackbench.recording.examination_series import send_series
@@ -17,11 +17,11 @@ from trackbench.recording.stream import Stream
 from trackbench.recording.writer import write_recording
 
 
-def write(examination: Examination, exhibits: Sequence[Exhibit], path: Path) -> None:
+def write(examination: Examination, evidence: Sequence[EvidenceRun], path: Path) -> None:
     """Write an examination as a Rerun recording (.rrd) with its layout.
 
-    The timeline is ``sim_time``, in seconds of simulated time of each drive; positions are in metres of the fixed
-    frame. Everything of a drive lies below its name.
+    The timeline is ``sim_time``, the simulated time of each drive in s; positions are in m in the fixed frame. The
+    entities of a drive are below its name.
 
     Raises:
         TrackbenchError: the file cannot be written.
@@ -29,12 +29,12 @@ def write(examination: Examination, exhibits: Sequence[Exhibit], path: Path) -> 
     """
 
     def send(recording: rr.RecordingStream) -> None:
-        recording.send_blueprint(blueprint(exhibits))
+        recording.send_blueprint(blueprint(evidence))
         recording.send_recording_name(examination.tracker)
         stream = Stream(recording)
         stream.markdown("findings", findings(examination))
-        for exhibit in exhibits:
-            send_scene(stream, exhibit)
-            send_series(stream, exhibit)
+        for run in evidence:
+            send_scene(stream, run)
+            send_series(stream, run)
 
     write_recording(path, "trackbench doctor", send)
