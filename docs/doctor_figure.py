@@ -10,7 +10,7 @@ from trackbench.doctor.subject import subject
 from trackbench.report.examination_figures import innovation_drawing
 
 DOCS = Path(__file__).parent
-ALTERNATIVE = "Azimuth innovation of the radar over time, as the tracker takes it and as it should be"
+ALTERNATIVE = "Azimuth innovation of the radar over time, applied by the tracker and expected"
 
 
 def main() -> None:

@@ -5,25 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from trackbench import results
 from trackbench.results import Result
 from trackbench.types import Progress
 
-if TYPE_CHECKING:
-    from trackbench.report.document import Document
-
 Writer = Callable[[Path], None]
 
 
-def save(result: Result, folder: Path, progress: Progress, *, recording: bool = True) -> Result:
+def save(
+    result: Result, folder: Path, progress: Progress, colours: Mapping[str, str], *, recording: bool = True
+) -> Result:
     """Write the folder of a run with everything that is in it.
 
     Args:
         result: of the run.
         folder: its name; an earlier result under it is replaced.
         progress: called with the number of files written and of all.
+        colours: of its trackers.
         recording: whether the Rerun recording is among them.
 
     Returns:
@@ -37,20 +36,20 @@ def save(result: Result, folder: Path, progress: Progress, *, recording: bool = 
     from trackbench.report.document.markdown import to_markdown
     from trackbench.report.run import run_document
 
-    document = run_document(result)
+    document = run_document(result, colours)
     artifacts: dict[str, Writer] = {
-        "report.html": partial(_write_report, to_html, document),
-        "report.md": partial(_write_report, to_markdown, document),
+        "report.html": lambda path: results.write_file(to_html(document), path),
+        "report.md": lambda path: results.write_file(to_markdown(document), path),
     }
     if recording:
-        artifacts["recording.rrd"] = partial(rerun.write, result)
+        artifacts["recording.rrd"] = partial(rerun.write, result, colours=colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     result.save(folder, _counted(artifacts, progress))
     return result
 
 
-def save_comparison(found: Sequence[Result], out: Path) -> None:
+def save_comparison(found: Sequence[Result], out: Path, colours: Mapping[str, str]) -> None:
     """Write the comparison of several scenarios beside their folders.
 
     Raises:
@@ -59,7 +58,7 @@ def save_comparison(found: Sequence[Result], out: Path) -> None:
     from trackbench.compare import compare, results_in
     from trackbench.report.comparison import batch_files
 
-    for file, content in batch_files(compare([results_in(out, found)]), out):
+    for file, content in batch_files(compare([results_in(out, found)]), out, colours):
         results.write_bytes(file, content)
 
 
@@ -71,7 +70,3 @@ def _counted(artifacts: Mapping[str, Writer], progress: Progress) -> dict[str, W
         writer(path)
 
     return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
-
-
-def _write_report(render: Callable[[Document], str], document: Document, path: Path) -> None:
-    path.write_text(render(document), encoding="utf-8")

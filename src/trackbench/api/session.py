@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from trackbench import results
 from trackbench.api.files import save, save_comparison
 from trackbench.api.listener import Listener, Prepared
 from trackbench.errors import InputError
+from trackbench.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.check import check_plugins
@@ -57,9 +58,10 @@ def run(prepared: Sequence[Prepared], plan: Plan, listener: Listener) -> list[Re
     Raises:
         TrackbenchError: a worker died, or a folder cannot be written.
     """
-    found = [_run(item, plan, listener, _place(i, prepared)) for i, item in enumerate(prepared, 1)]
+    colours = tracker_colours(name for item in prepared for name in item.scenario.config.trackers)
+    found = [_run(item, plan, listener, colours, _place(i, prepared)) for i, item in enumerate(prepared, 1)]
     if plan.out is not None and len(found) > 1:
-        save_comparison(found, plan.out)
+        save_comparison(found, plan.out, colours)
     return found
 
 
@@ -86,7 +88,7 @@ def _prepare(scenario: LoadedScenario, plan: Plan, listener: Listener, place: st
     return Prepared(scenario, truth)
 
 
-def _run(item: Prepared, plan: Plan, listener: Listener, place: str) -> Result:
+def _run(item: Prepared, plan: Plan, listener: Listener, colours: Mapping[str, str], place: str) -> Result:
     from trackbench.runner.run import run as run_scenario
     from trackbench.runner.until import run_until
 
@@ -117,7 +119,7 @@ def _run(item: Prepared, plan: Plan, listener: Listener, place: str) -> Result:
     if plan.out is not None:
         folder = plan.out / name
         with listener.progress(f"{place}writing {name}", "files") as advance:
-            result = save(result, folder, advance, recording=plan.recording)
+            result = save(result, folder, advance, colours, recording=plan.recording)
     listener.end(result, folder)
     return result
 
