@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.scenes import random_walk, work
-
-from trackbench.metrics.bound import Prior, cramer_rao
 from trackbench.metrics.scores import merge
 from trackbench.metrics.summary import Bound, health, metrics, rms_bound
+
+from trackbench.metrics.bound import Prior, cramer_rao
 from trackbench.runner.block import run_block
 from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.trackers.config import FilterConfig

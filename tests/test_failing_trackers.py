@@ -135,7 +135,7 @@ def test_the_lane_of_a_batch_is_named(outcome: Result) -> None:
 
 
 def test_the_others_finish_as_if_they_were_alone(outcome: Result, tiny_result: Result) -> None:
-    assert outcome.json()["fingerprint"] == tiny_result.json()["fingerprint"]
+    assert outcome.summary.fingerprint == tiny_result.summary.fingerprint
     for name in ("raw", "ekf"):
         metrics = [{**entry(result, name)["metrics"], "step_time": None} for result in (outcome, tiny_result)]
         assert metrics[0] == metrics[1]

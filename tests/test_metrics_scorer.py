@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 from tests.scenes import TRACKERS, random_walk, scan, truth, work
+from trackbench.metrics.scores import merge
+from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
 
 from trackbench.metrics import scorer
 from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target, percentiles
-from trackbench.metrics.scores import merge
-from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
 from trackbench.runner.block import Failure, run_block
 from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.scans import sense

@@ -37,5 +37,5 @@ def test_observing_changes_nothing(tiny: Path) -> None:
     loaded = load_scenario(tiny)
     truth = truth_of(loaded)
     alone, observed = run(loaded, truth), run(loaded, truth, observer=lambda _: None)
-    assert alone.json()["fingerprint"] == observed.json()["fingerprint"]
+    assert alone.summary.fingerprint == observed.summary.fingerprint
     assert all(alone.tables[name].equals(observed.tables[name]) for name in alone.tables)

@@ -74,7 +74,7 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
     whole = run_tiny("monte_carlo.runs=7")
     monkeypatch.setattr(block, "BATCH_SIZE", 4)  # two objects: two runs to a block, and one in the last
     parts = run_tiny("monte_carlo.runs=7")
-    assert parts.json()["fingerprint"] == whole.json()["fingerprint"]
+    assert parts.summary.fingerprint == whole.summary.fingerprint
     assert parts.json()["ranking"] == whole.json()["ranking"]
     for name in ("raw", "ekf"):
         one, two = (numbers(tracker(result, name)) for result in (whole, parts))
@@ -95,7 +95,7 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
 def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(block, "BATCH_SIZE", 4)
     one, two = (run_tiny("monte_carlo.runs=5", workers=workers) for workers in (1, 2))
-    assert one.json()["fingerprint"] == two.json()["fingerprint"]
+    assert one.summary.fingerprint == two.summary.fingerprint
     for name in ("raw", "ekf"):
         assert numbers(tracker(one, name)) == numbers(tracker(two, name))
     assert all(table.equals(two.tables[name]) for name, table in one.tables.items())
@@ -109,17 +109,16 @@ def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:
         for who in ("raw", "ekf"):
             few_runs = column(few.tables["runs"], name, tracker=who)
             np.testing.assert_array_equal(few_runs, column(many.tables["runs"], name, tracker=who)[:3])
-    assert few.json()["fingerprint"] != many.json()["fingerprint"]
+    assert few.summary.fingerprint != many.summary.fingerprint
 
 
 def test_the_fingerprint_is_that_of_the_measurements(run_tiny: Run, tiny_result: Result) -> None:
     same = ["score.settle_s=1", "trackers={raw: {use: raw}}", "recording.run=1"]
     other = ["monte_carlo.seed=8", "sensors.lidar.position_sigma_m=0.16", "truth.seed=2", "name: x"]
-    print_of = tiny_result.json()["fingerprint"]
-    assert print_of.startswith("sha256:")
+    print_of = tiny_result.summary.fingerprint
     for override in same:
-        assert run_tiny(override).json()["fingerprint"] == print_of, override
-    found = {run_tiny(override.replace("name: ", "name=")).json()["fingerprint"] for override in other}
+        assert run_tiny(override).summary.fingerprint == print_of, override
+    found = {run_tiny(override.replace("name: ", "name=")).summary.fingerprint for override in other}
     assert len(found | {print_of}) == len(other) + 1
 
 
@@ -166,7 +165,7 @@ def test_a_batched_plug_in_equals_a_looped_one(run_tiny: Run, tmp_path: Path, wr
 def test_a_tracker_reads_its_sensors_alone(run_tiny: Run) -> None:
     lidar_only = "trackers.ekf.sensors=[lidar]"
     quiet, loud = (run_tiny(lidar_only, f"sensors.radar.range_sigma_m={sigma}") for sigma in (0.1, 9))
-    assert quiet.json()["fingerprint"] != loud.json()["fingerprint"]
+    assert quiet.summary.fingerprint != loud.summary.fingerprint
     assert numbers(tracker(quiet, "ekf")) == numbers(tracker(loud, "ekf"))
     assert numbers(tracker(quiet, "raw")) != numbers(tracker(loud, "raw"))
     metrics = tracker(quiet, "ekf")["metrics"]

@@ -6,11 +6,11 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
+from trackbench.scenario.metric_names import METRICS, metrics_by_path
 
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Scenario
 from trackbench.scenario.docs import EXAMPLES, SECTIONS, scenario_markdown
-from trackbench.scenario.metric_names import METRICS, metrics_by_path
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.source import parse
 

@@ -64,9 +64,9 @@ def _sensors() -> Iterable[Row]:
 
 
 def _metrics() -> Iterable[Row]:
-    from trackbench.scenario.metric_names import METRICS
+    from trackbench.metrics.registry import known
 
-    for metric in METRICS:
+    for metric in known():
         unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
         yield metric.path, metric.meaning + unit
 

@@ -8,9 +8,10 @@ from itertools import combinations
 from typing import NamedTuple
 
 from trackbench.compare.grounds import Grounds, grounds
-from trackbench.compare.stored import COLUMNS, UNITS, StoredRun
+from trackbench.compare.stored import StoredRun
 from trackbench.errors import InputError, nearest
 from trackbench.metrics.intervals import ROUNDING, holm, paired, unpaired
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES as COMPARED
 
 BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference shown"
 #: Level at which a difference is real, after the correction.
@@ -105,8 +106,8 @@ def compare(runs: Sequence[StoredRun], metrics: Sequence[str], trackers: Sequenc
         InputError: runs that cannot be compared, a name that is not there, nothing to compare.
     """
     for metric in metrics:
-        if metric not in COLUMNS:
-            raise InputError(f"{metric!r} is not compared run by run; {nearest(metric, COLUMNS)}", key="--metric")
+        if metric not in COMPARED:
+            raise InputError(f"{metric!r} is not compared run by run; {nearest(metric, COMPARED)}", key="--metric")
     found = tuple(grounds(runs[0], later) for later in runs[1:])
     chosen = [_chosen(run, trackers, several=len(runs) > 1) for run in runs]
     _require_known(runs, trackers)
@@ -169,7 +170,15 @@ def _compare(
     is_paired = entrant.run == against.run or found[entrant.run - 1].paired
     result = paired(own, other) if is_paired else unpaired(own, other)
     return Difference(
-        metric, UNITS[metric], entrant, against, own.value, other.value, result.ci95, result.p_value, is_paired
+        metric,
+        COMPARED[metric].unit,
+        entrant,
+        against,
+        own.value,
+        other.value,
+        result.ci95,
+        result.p_value,
+        is_paired,
     )
 
 

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from trackbench.compare.differences import WORSE, Difference, Entrant, Missing, Outcome
-from trackbench.compare.stored import COLUMNS, StoredRun
+from trackbench.compare.stored import StoredRun
 from trackbench.errors import InputError, nearest
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES as COMPARED
 
 PASSED, FAILED, UNDECIDED, ERROR = "passed", "failed", "undecided", "error"
 OPTION = "--fail-on-regression"
@@ -43,8 +44,8 @@ def parse(text: str) -> Limit:
     metric, colon, number = text.rpartition(":")
     if not colon:
         raise InputError(f"write METRIC:PERCENT, such as position_rmse:5, not {text!r}", key=OPTION)
-    if metric not in COLUMNS:
-        raise InputError(f"{metric!r} is not compared run by run; {nearest(metric, COLUMNS)}", key=OPTION)
+    if metric not in COMPARED:
+        raise InputError(f"{metric!r} is not compared run by run; {nearest(metric, COMPARED)}", key=OPTION)
     try:
         percent = float(number.removesuffix("%"))
     except ValueError:

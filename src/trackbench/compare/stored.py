@@ -11,24 +11,13 @@ import pyarrow.compute as pc
 
 from trackbench import results
 from trackbench.errors import InputError
-from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.metrics.summary import ROOT_MEAN_SQUARES
+from trackbench.metrics import Interval
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.results import Result, Summary, TrackerResult
 from trackbench.scenario.config import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.types import Array
 
-#: Where the errors that can be compared stand in ``runs.parquet``, by metric: each run's value and its number of terms.
-COLUMNS = {
-    "position_rmse": ("position_rmse_m", "count"),
-    "velocity_rmse": ("velocity_rmse_mps", "count"),
-    "course_rmse": ("course_rmse_deg", "course_count"),
-    "rmse.px": ("px_rmse_m", "count"),
-    "rmse.py": ("py_rmse_m", "count"),
-    "rmse.vx": ("vx_rmse_mps", "count"),
-    "rmse.vy": ("vy_rmse_mps", "count"),
-}
-UNITS = {metric: ROOT_MEAN_SQUARES[metric][2] for metric in COLUMNS}
 #: Columns of the tables that hold text.
 TEXT = {"tracker", "object", "role"}
 #: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
@@ -67,7 +56,8 @@ class StoredRun:
         Raises:
             InputError: the table does not hold the metric, or is not that of this run.
         """
-        column, count_column = COLUMNS[metric]
+        known = ROOT_MEAN_SQUARES[metric]
+        column, count_column = known.column, known.count
         if self.failure(tracker) is not None:
             return None
         if len(self.runs) == 0:
@@ -79,9 +69,9 @@ class StoredRun:
         value, count = self._column(rows, column), self._column(rows, count_column)
         if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(value)):
             raise InputError(f"runs.parquet: {column} or {count_column} holds what no run leaves", file=self.label)
-        if count.sum() == 0:
+        found = known.of_runs(value, count)
+        if found is None:
             return None
-        found = root(ratio(np.where(count > 0, np.nan_to_num(value) ** 2 * count, 0.0), count))
         self._require_agreement(tracker, metric, found.value)
         return found
 

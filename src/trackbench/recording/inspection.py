@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench import results
 from trackbench.errors import InputError
-from trackbench.metrics.summary import ROOT_MEAN_SQUARES
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.recording.moments import scene_at, worst
 from trackbench.recording.reader import Recorded, read
 from trackbench.recording.rescore import rescored
@@ -17,9 +17,6 @@ from trackbench.recording.shown import recorded_run
 from trackbench.recording.tables import columns, split
 
 Json = dict[str, Any]
-
-#: What the columns of the table of runs end with, by unit.
-SUFFIX = {"m": "_m", "m/s": "_mps", "deg": "_deg"}
 
 
 def inspect(path: Path, at: float | None = None, count: int | None = None) -> Json:
@@ -51,7 +48,7 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> Js
         "recorded_run": summary["recorded_run"],
         "objects": summary["truth"]["objects"],
         "duration_s": summary["truth"]["duration_s"],
-        "fingerprint": summary["fingerprint"],
+        "fingerprint": recorded.result.summary.fingerprint,
         "versions": summary["versions"],
         "rows": {name: table.num_rows for name, table in sorted(tables.items())},
         "sensors": {name: _measurements(rows) for (name,), rows in split(tables["measurements"], "sensor").items()},
@@ -82,18 +79,17 @@ def _checked(recorded: Recorded, scores: dict[str, Json]) -> Json | None:
     except InputError:
         return None
     summary = recorded.result.json()
-    if "runs" not in beside.tables or beside.json()["fingerprint"] != summary["fingerprint"]:
+    if "runs" not in beside.tables or beside.summary.fingerprints != recorded.result.summary.fingerprints:
         return None
     runs = columns(beside.tables["runs"])
     apart = [0.0]
     for tracker, found in scores.items():
         (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker) & (runs["run"] == summary["recorded_run"]))
         pairs = [(found["metrics"]["nees"]["mean"], runs["nees_mean"][row])]
-        for name, (_, _, unit) in ROOT_MEAN_SQUARES.items():
+        for name, metric in ROOT_MEAN_SQUARES.items():
             node = found["metrics"]
             for part in name.split("."):
                 node = node[part]
-            column = f"{name.removeprefix('rmse.').removesuffix('_rmse')}_rmse{SUFFIX[unit]}"
-            pairs.append((node["value"], runs[column][row]))
+            pairs.append((node["value"], runs[metric.column][row]))
         apart += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
     return {"file": str(folder / "runs.parquet"), "largest_relative_difference": float(max(apart))}

@@ -16,7 +16,7 @@ from trackbench.recording.stream import Stream
 from trackbench.recording.writer import new_recording, send
 from trackbench.results import Result
 from trackbench.runner.block import Observation, RecordedEstimates
-from trackbench.runner.tables import estimates_table, measurements_table, roads_table, truth_table
+from trackbench.runner.recorded_tables import estimates_table, measurements_table, roads_table, truth_table
 from trackbench.types import Scan
 
 

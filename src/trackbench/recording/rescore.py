@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.metrics.scorer import Fault, Scorer
-from trackbench.metrics.summary import Bound, health, metrics
+from trackbench.metrics import Fault, Scorer, evaluate, health
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.recording.shown import ShownRun
 from trackbench.recording.tables import Columns, split
 from trackbench.results import Result
+from trackbench.results.metric_value import nested_metrics
 from trackbench.types import Array, Estimate, Scan
 
 Json = dict[str, Any]
@@ -26,7 +27,6 @@ NOT_RECORDED = (
     "velocity_efficiency",
     "step_time",
 )
-NO_BOUND = Bound(float("nan"), float("nan"))
 
 
 def rescored(result: Result, shown: ShownRun) -> dict[str, Json]:
@@ -65,7 +65,7 @@ def _scores(tracker: str, shown: ShownRun, measurements: dict[str, dict[int, Arr
     counts = {sensor: len(items) for sensor, items in measurements.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
     alike = np.zeros((len(shown.target.time), len(shown.objects), 1), dtype=np.int8)
-    scorer = Scorer(shown.target, alike, counts, keep_spread=False)
+    scorer = Scorer(shown.target, alike, counts)
     try:
         for instant, time in enumerate(shown.target.time):
             estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
@@ -73,15 +73,15 @@ def _scores(tracker: str, shown: ShownRun, measurements: dict[str, dict[int, Arr
                 if instant in items:
                     white = items[instant]
                     scan = _scan(float(time), sensor, np.isfinite(white[0]))
-                    scorer.innovation(instant, scan, estimate._replace(whitened_innovation=white))
+                    scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
             scorer.estimate(estimate)
-        scores = scorer.scores(seconds=float("nan"), steps=0)
+        sums = scorer.close()
     except Fault as fault:
         raise InputError(f"the recorded estimates of {tracker} cannot be scored: {fault.cause}") from fault
-    known = metrics(scores, NO_BOUND, runs=1)
+    known = {path: value.model_dump() for path, value in evaluate(sums).values.items()}
     return {
-        "metrics": {name: value for name, value in known.items() if name not in NOT_RECORDED},
-        "health": {"diverged_runs": health(scores)["diverged_runs"]},
+        "metrics": {name: value for name, value in nested_metrics(known).items() if name not in NOT_RECORDED},
+        "health": {"diverged_runs": health(sums[ESTIMATES.name]).diverged_runs},
     }
 
 

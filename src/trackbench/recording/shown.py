@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.metrics.scorer import Target
+from trackbench.metrics import Target
 from trackbench.recording.tables import Columns, columns, split
 from trackbench.results import Result
 from trackbench.types import Array, Mask

@@ -36,7 +36,7 @@ class Differences:
             if entry.get("metric", "position_rmse") != "position_rmse" or entry["value"] is None:
                 continue
             a, b, value, ci = entry["a"], entry["b"], entry["value"], entry.get("ci95")
-            better = {"a better": a, "b better": b}.get(entry["verdict"])
+            better = entry["better"]
             p_value = entry.get("p_value")
             self._pairs[a, b] = Difference(a, b, value, tuple(ci) if ci else None, p_value, better)
             flipped = (-ci[1], -ci[0]) if ci else None

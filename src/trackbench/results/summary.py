@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -147,7 +148,10 @@ class Difference(Part):
     ci95: tuple[float, float] | None
     p_value: float
     """Corrected for the number of differences of the metric."""
+    better: str | None
+    """The tracker that is shown to be better."""
     verdict: str
+    """The same in words."""
 
 
 class ExpectationResult(Part):
@@ -183,7 +187,8 @@ class Summary(Part):
     versions: dict[str, str]
     engine: str = "numpy"
     command: str
-    fingerprint: str
+    fingerprints: list[str]
+    """One a run, of all its measurements: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
     bound: BoundSummary
@@ -196,3 +201,8 @@ class Summary(Part):
     passed: bool
     artifacts: dict[str, str]
     precision: PrecisionReached | None = None
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the measurements of all runs together."""
+        return hashlib.sha256(" ".join(self.fingerprints).encode()).hexdigest()[:16]

@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.metrics import BUILT_IN, Fault, Metric, Scorer, Scores, Sums, Target
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
-from trackbench.metrics.scorer import Fault, Scorer, Target
-from trackbench.metrics.scores import Scores
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
+from trackbench.results import Failure
 from trackbench.runner.adapters import TrackFault, adapt, cause_of, masked
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.scans import IdealSensor, Measurements, sense
@@ -43,6 +44,7 @@ class Work:
     settle: float
     divergence: float
     recorded_run: int
+    metrics: tuple[Metric, ...] = BUILT_IN
 
     def blocks(self) -> list[range]:
         """The runs in blocks, which depend on the numbers of runs and objects alone."""
@@ -52,19 +54,6 @@ class Work:
     def instants(self) -> Indices:
         """Indices of the truth's steps at which any sensor takes a measurement."""
         return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why and where a tracker could not go on."""
-
-    cause: str
-    step: int
-    """Number of the instant, from 0."""
-    time_s: float
-    sensor: str | None
-    run: int | None
-    object: str | None
 
 
 @dataclass
@@ -100,12 +89,20 @@ class Block:
     """What a block of runs leaves behind."""
 
     runs: range
-    scores: dict[str, Scores | Failure]
+    sums: dict[str, Sums | Failure]
+    """By tracker."""
     recorded: dict[str, RecordedEstimates]
     scans: list[Scan] | None
     """Those of the recorded run, if it is in this block; batch axis ``(objects,)``."""
     detections: dict[str, Array]
     digests: list[bytes]
+
+    @property
+    def scores(self) -> dict[str, Scores | Failure]:
+        """By tracker, the sums that the built-in metrics share."""
+        return {
+            name: found if isinstance(found, Failure) else found[ESTIMATES.name] for name, found in self.sums.items()
+        }
 
 
 def run_block(work: Work, runs: range, progress: Progress = no_progress, observer: Observer | None = None) -> Block:
@@ -124,7 +121,7 @@ def run_block(work: Work, runs: range, progress: Progress = no_progress, observe
     scans = None if kept is None else [_of_run(scan, len(work.truth.ids), kept) for scan in measurements.scans]
     if observer is not None and scans is not None:
         observer(scans)
-    scores: dict[str, Scores | Failure] = {}
+    sums: dict[str, Sums | Failure] = {}
     recorded: dict[str, RecordedEstimates] = {}
     for done, name in enumerate(work.trackers):
 
@@ -132,10 +129,10 @@ def run_block(work: Work, runs: range, progress: Progress = no_progress, observe
             progress((done + share) / len(work.trackers) * len(runs), len(runs))
 
         passage = TrackerRun(work, name, runs, measurements, target, kept, reached, observer)
-        scores[name] = passage.take()
+        sums[name] = passage.take()
         if passage.recorded is not None:
             recorded[name] = passage.recorded
-    return Block(runs, scores, recorded, scans, measurements.detections, measurements.digests)
+    return Block(runs, sums, recorded, scans, measurements.detections, measurements.digests)
 
 
 class TrackerRun:
@@ -168,17 +165,16 @@ class TrackerRun:
                 np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
             )
 
-    def take(self) -> Scores | Failure:
-        """The tracker's scores, or why there are none."""
+    def take(self) -> Sums | Failure:
+        """What is kept of the tracker's estimates, or why there are none."""
         work = self._work
         config = work.trackers[self._name]
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
         read = [sensor for sensor in work.sensors if config.sensors is None or sensor.name in config.sensors]
         classes = conditions(work.truth, work.instants(), read, self._runs)
-        scorer = Scorer(self._target, classes, counts, keep_spread=self._runs.start == 0)
+        scorer = Scorer(self._target, classes, counts, self._runs.start == 0, work.metrics)
         named = config.sensors_used
         instant, scan = 0, self._measurements.scans[0]
-        seconds, steps = 0.0, 0
         try:
             stepper = adapt(config, work.folder, self._none.mean.shape[1], self._primed)
             for instant, (_, group) in enumerate(groupby(self._measurements.scans, key=lambda item: item.time)):
@@ -187,24 +183,24 @@ class TrackerRun:
                     given = scan if named is None or scan.sensor in named else masked(scan)
                     begin = time.perf_counter()
                     answer = stepper.step(given)
-                    seconds += time.perf_counter() - begin
-                    steps += given.valid.size
+                    seconds = time.perf_counter() - begin
                     latest = answer or self._none
-                    scorer.innovation(instant, given, latest)
+                    scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
                 scorer.estimate(latest)
                 self._keep(instant, latest)
                 self._reached((instant + 1) / len(self._target.time))
-            scores = scorer.scores(seconds, steps)
+            sums = scorer.close()
         except Fault as fault:
             return self._failure(fault.cause, fault.instant, None, fault.member)
         except TrackFault as fault:
             return self._failure(cause_of(fault.cause), instant, scan.sensor, fault.member)
         except (Exception, SystemExit) as error:
             return self._failure(cause_of(error), instant, scan.sensor, None)
+        scores = sums[ESTIMATES.name]
         if scores.present.sum() > 0 and scores.per_step[0].sum() == 0:
             return self._failure("it gave no estimate at all", instant, None, None)
-        return scores
+        return sums
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""

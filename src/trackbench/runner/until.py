@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from trackbench.errors import InputError
+from trackbench.metrics import evaluate, merge_sums
 from trackbench.metrics.intervals import paired
-from trackbench.metrics.scores import Scores, merge
-from trackbench.metrics.summary import error_intervals
-from trackbench.results import PrecisionReached, Result
+from trackbench.results import Failure, PrecisionReached, Result
+from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, Observer
 from trackbench.runner.pool import run_blocks
-from trackbench.runner.run import assemble, work_of
+from trackbench.runner.run import work_of
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truth_of
@@ -102,11 +102,10 @@ def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, 
     """How well the leading difference is known after these blocks."""
     known = {}
     for name in trackers:
-        outcomes = [block.scores[name] for block in blocks]
-        scores = [outcome for outcome in outcomes if isinstance(outcome, Scores)]
-        interval = error_intervals(merge(scores)).get("position_rmse") if len(scores) == len(outcomes) else None
-        if interval is not None:
-            known[name] = interval
+        outcomes = [block.sums[name] for block in blocks]
+        sums = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
+        if len(sums) == len(outcomes) and "position_rmse" in (intervals := evaluate(merge_sums(sums)).intervals):
+            known[name] = intervals["position_rmse"]
     if len(known) < 2:
         return PrecisionReached(
             target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from pydantic import Field
 
@@ -39,6 +40,7 @@ class Score(Config):
     settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
     bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
+    metrics: tuple[Any, ...] = ()
 
 
 class Expectation(Config):

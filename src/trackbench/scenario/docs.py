@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from trackbench.metrics.registry import known
 from trackbench.scenario.key_units import show, split_key
-from trackbench.scenario.metric_names import METRICS
 from trackbench.scenario.schema import Schema, json_schema
 from trackbench.sensing.presets import list_presets
 
@@ -265,11 +265,11 @@ def _presets() -> str:
 
 def _metrics() -> str:
     rows = ["### Metrics", "", "| metric | unit | meaning |", "| --- | --- | --- |"]
-    for metric in METRICS:
+    for metric in known():
         unit = " or ".join(f"`{word}`" for word in metric.words) or metric.unit
         rows.append(f"| `{metric.path}` | {unit} | {metric.meaning} |")
-    paired = ", ".join(f"`{metric.path}`" for metric in METRICS if metric.paired)
-    rows += ["", f"`better_than` compares run by run, and only by {paired}."]
+    compared = ", ".join(f"`{metric.path}`" for metric in known() if metric.compared)
+    rows += ["", f"`better_than` compares run by run, and only by {compared}."]
     return "\n".join(rows)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.metrics.consistency import normalised_square
-from trackbench.metrics.scores import OVERFLOW
+from trackbench.metrics.sums import OVERFLOW
 from trackbench.runner.adapters import Stepper, TrackFault, adapt, cause_of, masked
 from trackbench.scenario import LoadedScenario
 from trackbench.sensing.config import LidarConfig, RadarConfig

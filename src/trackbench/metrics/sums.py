@@ -1,4 +1,4 @@
-"""What is kept of a tracker's estimates: sums, small enough for any number of runs, that merge exactly."""
+"""The sums that all built-in metrics share: small enough for any number of runs, and they merge exactly."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ NIS_RUN_FIELDS = ("count", "nis", "inside", "pairs", "product", "square")
 #: Rows of the sums of innovations per lag: pairs of measurements so far apart of which both count, their products, and
 #: the squares of the later ones.
 LAG_FIELDS = ("pairs", "product", "square")
+ERROR, NIS_STEP, NIS_RUN = (
+    {name: row for row, name in enumerate(names)} for names in (ERROR_FIELDS, NIS_STEP_FIELDS, NIS_RUN_FIELDS)
+)
 #: Lags of the autocorrelation, in measurements.
 LAGS = 20
 
@@ -53,6 +56,19 @@ class ClassSums:
     """``(1, classes)`` number of runs with an estimate of the class."""
 
 
+@dataclass(frozen=True)
+class Bound:
+    """Root mean square of the Cramer-Rao bound over the scored instants and objects; NaN where there is none."""
+
+    position: float
+    """m"""
+    velocity: float
+    """m/s"""
+
+
+NO_BOUND = Bound(float("nan"), float("nan"))
+
+
 @dataclass
 class Scores:
     """Sums over the estimates of one tracker in a block of runs."""
@@ -79,6 +95,8 @@ class Scores:
     """Time spent in the tracker."""
     steps: int
     """Number of steps of single objects that it took."""
+    bound: Bound = NO_BOUND
+    """What errors are held against; known once all runs are."""
 
 
 def merge(blocks: Sequence[Scores]) -> Scores:
