@@ -16,9 +16,9 @@ def main() -> None:
     sys.path.insert(0, str(DOCS / "examples"))
     examined = subject("sensor_fusion_student:Tracker", {})
     doctor = Doctor(examined.sensors)
-    exhibit = doctor.exhibits(doctor.examine(examined.name, examined.make), examined.make)[0]
-    radar = next(one for one in exhibit.innovations if one.sensor == "radar")
-    drawn = standalone(innovation_drawing(exhibit, radar), ALTERNATIVE)
+    run = doctor.evidence(doctor.examine(examined.name, examined.make), examined.make)[0]
+    radar = next(one for one in run.innovations if one.sensor == "radar")
+    drawn = standalone(innovation_drawing(run, radar), ALTERNATIVE)
     (DOCS / "images" / "doctor-innovation.svg").write_text(drawn, encoding="utf-8")
 
 

@@ -34,16 +34,19 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.docs_pages
 def test_the_page_runs_as_printed(folder: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(PAGE, folder) >= 3
     assert (folder / "results" / "alpha_beta" / "report.html").exists()
 
 
+@pytest.mark.docs_pages
 def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
     assert run_page(DOCS / "compare.md", tmp_path) >= 7
 
 
+@pytest.mark.docs_pages
 def test_the_page_on_recordings_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     (tmp_path / "scenarios").mkdir()
     shutil.copy(DOCS.parent / "scenarios" / "highway.yaml", tmp_path / "scenarios")

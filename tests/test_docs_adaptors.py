@@ -25,6 +25,7 @@ PAGE = DOCS / "adaptors.md"
 EXAMPLES = DOCS / "examples"
 
 
+@pytest.mark.docs_pages
 def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     for file in EXAMPLES.glob("own_*"):
         shutil.copy(file, tmp_path)

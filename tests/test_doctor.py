@@ -1,4 +1,4 @@
-"""The examination of a tracker: silent on correct ones, and with the right name for injected faults."""
+"""The examination of a tracker: no finding for correct ones, and the right first finding for injected faults."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from benchmarks.doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
 
-from trackbench.doctor.bench import Bench
 from trackbench.doctor.checks.gain import gain
 from trackbench.doctor.checks.models import models
-from trackbench.doctor.drives import battery
+from trackbench.doctor.drives import drive_configs
 from trackbench.doctor.examine import Doctor, Examination
-from trackbench.doctor.findings import Finding, advice
-from trackbench.doctor.session import Session, blind
-from trackbench.doctor.stations import OPEN, Stations, varied
+from trackbench.doctor.findings import Finding, known_faults
+from trackbench.doctor.probes import GENERAL, Probes, varied
+from trackbench.doctor.root_causes import CONSEQUENCES, rank
+from trackbench.doctor.session import TrackerSession
 from trackbench.doctor.subject import SENSORS, subject
-from trackbench.doctor.weighing import EXPLAINS, weigh
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
+from trackbench.runner.adapters import masked
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Estimate
 
@@ -95,16 +96,16 @@ def test_a_tracker_of_one_sensor_has_nothing() -> None:
     assert Doctor({kind: SENSORS[kind]}).examine(name, make).findings == []
 
 
-def test_every_fault_has_advice_and_a_place_in_the_order() -> None:
-    assert sorted(advice()) == sorted(NAMES)
-    explained = {fault for faults in EXPLAINS.values() for fault in faults}
-    assert explained | set(EXPLAINS) <= set(NAMES)
-    shown = [fault for drive in battery().values() for fault in drive.shows]
+def test_every_fault_has_a_fix_and_a_drive() -> None:
+    assert sorted(known_faults()) == sorted(NAMES)
+    explained = {fault for faults in CONSEQUENCES.values() for fault in faults}
+    assert explained | set(CONSEQUENCES) <= set(NAMES)
+    shown = [fault for drive in drive_configs().values() for fault in drive.shows]
     assert sorted(shown) == sorted(NAMES)
 
 
-def test_what_follows_from_a_root_comes_after_it() -> None:
-    found = weigh(
+def test_consequences_come_after_their_root_cause() -> None:
+    found = rank(
         [
             Finding("r_too_large", 0.98, "", sensor="radar"),
             Finding("jacobian_wrong", 0.9, "", sensor="radar"),
@@ -116,16 +117,16 @@ def test_what_follows_from_a_root_comes_after_it() -> None:
     assert all(one.consequence_of == "doppler_sign" for one in found[1:])
 
 
-def test_an_unsure_finding_explains_nothing() -> None:
-    found = weigh([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
+def test_an_uncertain_finding_is_no_root_cause() -> None:
+    found = rank([Finding("covariance_not_psd", 0.6, ""), Finding("r_too_large", 0.98, "", sensor="radar")])
     assert [(one.fault, one.consequence_of) for one in found] == [
         ("r_too_large", None),
         ("covariance_not_psd", "r_too_large"),
     ]
 
 
-def test_gains_give_jacobian_and_noise_of_a_linear_filter_away() -> None:
-    """With half the stated variance the factor is a half, of every component."""
+def test_gains_imply_the_noise_of_a_linear_filter() -> None:
+    """The factor is the ratio of the used to the stated variance."""
 
     class Halved:
         batched = True
@@ -134,32 +135,32 @@ def test_gains_give_jacobian_and_noise_of_a_linear_filter_away() -> None:
         def step(self, state, scan):
             return self.tracker.step(state, scan._replace(noise_covariance=scan.noise_covariance * 0.4))
 
-    bench = Bench(Halved, SENSORS, [], Stations(), 0)
-    found = gain(bench).findings
+    tracker = TrackerUnderTest(Halved, SENSORS, [], Probes(), 0)
+    found = gain(tracker).findings
     assert {(one.fault, one.sensor) for one in found} == {("r_too_small", "lidar"), ("r_too_small", "radar")}
     for one in found:
         assert one.factor == pytest.approx(0.4, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["PlainEkf first_reading", "FilterPyEkf first_reading", "ekf cv calm, first_reading"])
-def test_asking_changes_nothing(name: str) -> None:
+def test_peek_changes_nothing(name: str) -> None:
     """Also of a tracker that keeps its state in itself."""
-    make, station, sensor = CORRECT[name], OPEN[0], SENSORS["lidar"]
-    asked, left = Session(make), Session(make)
+    make, probe, sensor = CORRECT[name], GENERAL[0], SENSORS["lidar"]
+    peeked, left = TrackerSession(make), TrackerSession(make)
     for k in range(6):
-        scan = station.scan("lidar", sensor, 0.1 * k)
+        scan = probe.scan("lidar", sensor, 0.1 * k)
         if k:
-            asked.peek(blind(scan))
-            asked.peek(scan._replace(measurement=scan.measurement + 3.0))
-        one, other = asked.step(scan), left.step(scan)
+            peeked.peek(masked(scan))
+            peeked.peek(scan._replace(measurement=scan.measurement + 3.0))
+        one, other = peeked.step(scan), left.step(scan)
         assert one is not None
         assert other is not None
         np.testing.assert_array_equal(one.mean, other.mean)
         np.testing.assert_array_equal(one.covariance, other.covariance)
 
 
-def test_a_jacobian_that_is_shown_is_held_against_its_model() -> None:
-    class Shown:
+def test_a_provided_jacobian_is_compared_with_its_model() -> None:
+    class Provided:
         def __init__(self, slip: float) -> None:
             self.slip = slip
 
@@ -175,17 +176,17 @@ def test_a_jacobian_that_is_shown_is_held_against_its_model() -> None:
             matrix[0, 2] = 2 * dt * x[2] + self.slip
             return matrix
 
-    bench = Bench(lambda: Shown(0.0), {"lidar": SENSORS["lidar"]}, [], Stations(), 0)
-    assert models(bench).findings == []
-    bench = Bench(lambda: Shown(0.1), {"lidar": SENSORS["lidar"]}, [], Stations(), 0)
-    (finding,) = models(bench).findings
+    tracker = TrackerUnderTest(lambda: Provided(0.0), {"lidar": SENSORS["lidar"]}, [], Probes(), 0)
+    assert models(tracker).findings == []
+    tracker = TrackerUnderTest(lambda: Provided(0.1), {"lidar": SENSORS["lidar"]}, [], Probes(), 0)
+    (finding,) = models(tracker).findings
     assert finding.fault == "jacobian_wrong"
     assert "transition[0] / d x[2] = 0.7, where 0.6 is right" in finding.evidence
 
 
-def test_other_seeds_give_other_stations() -> None:
+def test_other_seeds_give_other_probes() -> None:
     one, other = (varied(np.random.default_rng(seed)) for seed in (1, 2))
-    assert one.open[0].target != other.open[0].target
+    assert one.general[0].target != other.general[0].target
     assert varied(np.random.default_rng(1)) == one
 
 
@@ -195,7 +196,7 @@ def test_the_same_seed_gives_the_same_examination() -> None:
 
 
 def test_an_examination_as_data() -> None:
-    found = Examination("mine", [Finding("r_too_small", 0.9, "said", sensor="radar", factor=0.2512)], [])
+    found = Examination("mine", [Finding("r_too_small", 0.9, "evidence", sensor="radar", factor=0.2512)], [])
     data = found.json()
     assert data["tracker"] == "mine"
     assert data["healthy"] is False
@@ -204,7 +205,7 @@ def test_an_examination_as_data() -> None:
     assert one["factor"] == 0.251
 
 
-def test_the_tracker_of_a_scenario_is_examined_with_the_sensors_that_it_hears() -> None:
+def test_the_tracker_of_a_scenario_is_examined_with_the_sensors_that_it_uses() -> None:
     found = subject(f"{REPOSITORY}/scenarios/scripted/own_model.yaml#kf_lidar", {})
     assert list(found.sensors) == ["lidar"]
     assert found.notes

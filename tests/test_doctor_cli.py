@@ -16,10 +16,10 @@ import pytest
 from rerun.chunk import RrdReader
 from tests.test_report import Page
 
-from trackbench.doctor.breaks import CannotRun, broken_findings
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.findings import Check, Finding, advice
-from trackbench.doctor.session import Broken
+from trackbench.doctor.failures import CannotRun, failure_findings
+from trackbench.doctor.findings import CheckResult, Finding, known_faults
+from trackbench.doctor.session import StepFailed
 from trackbench.report.examination_text import text
 from trackbench.trackers.answers import TrackerFault
 from trackbench.types import Scan
@@ -115,10 +115,10 @@ def test_the_report_shows_the_jump(faulty: Faulty) -> None:
     page = Page(markup)
     finding = json.loads(faulty.done.stdout)["findings"][0]
     assert finding["evidence"] in page.text
-    assert advice()["azimuth_not_wrapped"].fix in page.text
+    assert known_faults()["azimuth_not_wrapped"].fix in page.text
     drawn = {str(plot.get("aria-label")) for plot in page.all("svg")}
     (innovation,) = (label for label in drawn if label.startswith("Innovations of radar over time, azimuth"))
-    assert "taken as -6.2" in innovation
+    assert "azimuth applied -6.2" in innovation
     assert {label.split()[0] for label in drawn} == {"Innovations", "Map", "Position", "NEES"}
     assert len(page.rows) == 1 + len(json.loads(faulty.done.stdout)["checks"])
     assert not re.search("https?://", markup)
@@ -139,12 +139,12 @@ def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
                 by_entity.setdefault(entity, []).extend(v for row in values.to_pylist() for v in row or [])
             if name == "TextDocument:text":
                 texts += [line for row in values.to_pylist() for line in row or []]
-    taken, sound = (
-        np.array(by_entity[f"/azimuth_crossing/innovation/radar/azimuth/{name}"]) for name in ("taken", "sound")
+    applied, expected = (
+        np.array(by_entity[f"/azimuth_crossing/innovation/radar/azimuth/{name}"]) for name in ("applied", "expected")
     )
-    first = int(np.argmax(np.abs(taken - sound) > 1.0))
-    assert taken[first] == pytest.approx(-2 * np.pi, abs=0.1)
-    assert sound[first] == pytest.approx(0.0, abs=0.1)
+    first = int(np.argmax(np.abs(applied - expected) > 1.0))
+    assert applied[first] == pytest.approx(-2 * np.pi, abs=0.1)
+    assert expected[first] == pytest.approx(0.0, abs=0.1)
     entities = {chunk.schema.metadata[b"rerun:entity_path"].decode() for chunk in chunks}
     scene = {
         "truth",
@@ -238,7 +238,11 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
             Finding("jacobian_wrong", 0.9, long, sensor="radar", factor=4.0),
             Finding("r_too_small", 0.6, long, consequence_of="jacobian_wrong"),
         ],
-        [Check("a", long, True, long), Check("b", "Why?", False, long), Check("c", long, None, "could not")],
+        [
+            CheckResult("a", long, True, long),
+            CheckResult("b", "Why?", False, long),
+            CheckResult("c", long, None, "could not"),
+        ],
     )
     said, every = text(examination), text(examination, every_check=True)
     assert max(len(line) for line in (said + every).splitlines()) <= 80
@@ -249,11 +253,11 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
     assert "FAILED   b: Why?" in every
 
 
-def _bench(cause: BaseException, where: str) -> Any:
+def _under_test(cause: BaseException, where: str) -> Any:
     scan = Scan(
         1.5, "radar", "radar", np.zeros(3), np.array(True), np.eye(3), np.zeros(3), np.zeros(2), 1.5
     )  # fmt: skip
-    return SimpleNamespace(broken=[(where, Broken(cause, scan))])
+    return SimpleNamespace(failures=[(where, StepFailed(cause, scan))])
 
 
 @pytest.mark.parametrize(
@@ -266,8 +270,8 @@ def _bench(cause: BaseException, where: str) -> Any:
     ],
 )
 def test_an_error_of_a_known_kind_is_a_finding(cause: BaseException, where: str, fault: str) -> None:
-    (finding,) = broken_findings(_bench(cause, where), [])
-    assert (finding.fault, finding.station) == (fault, where)
+    (finding,) = failure_findings(_under_test(cause, where), [])
+    assert (finding.fault, finding.shown_by) == (fault, where)
     assert str(cause) in finding.evidence
     assert f"at 1.5 s of {where}" in finding.evidence
 
@@ -282,9 +286,9 @@ def test_an_error_of_a_known_kind_is_a_finding(cause: BaseException, where: str,
 )
 def test_any_other_error_means_that_it_cannot_run(cause: BaseException, where: str) -> None:
     with pytest.raises(CannotRun, match=f"at 1.5 s of {where}"):
-        broken_findings(_bench(cause, where), [])
+        failure_findings(_under_test(cause, where), [])
 
 
-def test_an_error_that_a_finding_may_explain_is_no_news() -> None:
-    bench = _bench(IndexError("history"), "long_run")
-    assert broken_findings(bench, [Finding("wrong_dt", 0.9, "")]) == []
+def test_an_error_that_a_finding_may_explain_is_not_reported() -> None:
+    tracker = _under_test(IndexError("history"), "long_run")
+    assert failure_findings(tracker, [Finding("wrong_dt", 0.9, "")]) == []

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from trackbench.doctor.findings import advice
+import pytest
+
+from trackbench.doctor.findings import known_faults
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "doctor.md"
@@ -15,6 +17,7 @@ PAGE = ROOT / "docs" / "doctor.md"
 Fenced = Callable[[Path], list[Any]]
 
 
+@pytest.mark.docs_pages
 def test_the_case_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(PAGE, tmp_path) == 6
     assert (tmp_path / "results" / "doctor" / "sensor_fusion_student_Tracker" / "report.html").exists()
@@ -28,7 +31,7 @@ def test_the_page_shows_the_files(fenced: Fenced) -> None:
 
 def test_every_fault_is_listed() -> None:
     rows = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
-    assert rows == [(name, known.title, known.where) for name, known in advice().items()]
+    assert rows == [(name, known.title, known.where) for name, known in known_faults().items()]
 
 
 def test_the_readme_shows_what_the_page_shows(fenced: Fenced) -> None:

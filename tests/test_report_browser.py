@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from tests.browser import CHROMIUM, Seen, look
+from tests.browser import Seen, look
 from tests.example_result import make_result
 
 from trackbench.report import comparison, html
 from trackbench.results import Result
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (apt-get install chromium)")
+pytestmark = pytest.mark.browser
 
 PHONE, DESKTOP = 390, 1280
 BROKEN = """<!doctype html>

@@ -1,1 +1,1 @@
-"""Correct trackers, and the same trackers with one known fault each: what `trackbench doctor` is measured on."""
+"""Correct trackers, and the same trackers with one known fault each, to test `trackbench doctor`."""

@@ -14,8 +14,8 @@ from trackbench.trackers.filtered import FilterTracker
 from trackbench.types import Scan
 
 from . import builtin_models as wrong
-from .inside import JACOBIANS
 from .jacobian_faults import RadarRow
+from .method_faults import JACOBIANS
 from .mutant import Mutant, Subject
 
 
@@ -58,7 +58,7 @@ KF = Subject("builtin_kf", kf_cv, uses_rate=False)
 
 
 class SeenBy:
-    """A tracker to which another model stands for a kind of sensor, at every step or at its first."""
+    """A tracker with a wrong model for one kind of sensor, at every step or at the first."""
 
     def __init__(self, tracker: FilterTracker, model: SensorModel, first_only: bool = False) -> None:
         self.tracker, self.model, self.first_only = tracker, model, first_only

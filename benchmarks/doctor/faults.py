@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from . import builtin, inside, outside
+from . import builtin, wrapper_faults
+from . import method_faults as methods
 from .correct import CORRECT, ONE_SENSOR
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Mutant, Subject
@@ -21,12 +22,24 @@ FILTERPY_EKF = Subject("filterpy_ekf", FilterPyEkf)
 FILTERPY_UKF = Subject("filterpy_ukf", FilterPyUkf, turning=True)
 
 SUBJECTS = {
-    PLAIN_EKF: (inside.predictions, inside.linearised, inside.motion_jacobians, inside.starts, inside.divisions),
-    PLAIN_UKF: (inside.predictions, inside.unscented, inside.innovation, inside.starts, inside.divisions),
-    PLAIN_KF: (inside.starts, inside.divisions),
+    PLAIN_EKF: (
+        methods.predictions,
+        methods.linearised,
+        methods.motion_jacobians,
+        methods.starts,
+        methods.divisions,
+    ),
+    PLAIN_UKF: (
+        methods.predictions,
+        methods.unscented,
+        methods.innovation,
+        methods.starts,
+        methods.divisions,
+    ),
+    PLAIN_KF: (methods.starts, methods.divisions),
     # FilterPy's EKF refuses to invert what is not finite, so that it raises where the others answer.
-    FILTERPY_EKF: (inside.predictions, inside.linearised, inside.starts),
-    FILTERPY_UKF: (inside.predictions, inside.unscented, inside.starts, inside.divisions),
+    FILTERPY_EKF: (methods.predictions, methods.linearised, methods.starts),
+    FILTERPY_UKF: (methods.predictions, methods.unscented, methods.starts, methods.divisions),
     builtin.EKF: (builtin.any_filter, builtin.predictions, builtin.linearised),
     builtin.UKF: (builtin.any_filter, builtin.predictions, builtin.turning),
     builtin.KF: (builtin.any_filter,),
@@ -35,11 +48,11 @@ SUBJECTS = {
 
 def _mutants() -> Iterator[Mutant]:
     for subject, parts in SUBJECTS.items():
-        yield from outside.mutants(subject)
+        yield from wrapper_faults.mutants(subject)
         for part in parts:
             yield from part(subject)
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
-        yield from inside.corrections(subject)
+        yield from methods.corrections(subject)
 
 
 MUTANTS: list[Mutant] = list(_mutants())

@@ -1,4 +1,4 @@
-"""Faults in the start, the noise and the correction of a plain tracker, as methods that go before the correct ones."""
+"""Faults in the start, the noise and the update of a plain tracker, as methods that override the correct ones."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ class OneSidedNoise:
 
 
 class SubtractsTooMuch:
-    """Half as much again as the correction takes from the covariance."""
+    """Subtracts half as much again from the covariance as the update should."""
 
     def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
         return super().corrected_covariance(P, np.sqrt(1.5) * K, S)
 
 
 class MeanNotMoved:
-    """A sensor's correction narrows the covariance, and the corrected mean is thrown away."""
+    """A sensor's update reduces the covariance and leaves the mean."""
 
     kind: str
 
@@ -93,7 +93,7 @@ class NoisePerSecond:
 
 
 class StartAtOneInstant:
-    """The velocity from two measurements without a look at the time between them."""
+    """The velocity from two measurements that may be of the same time."""
 
     def differs(self, elapsed: float) -> bool:
         return True
@@ -145,7 +145,7 @@ class UnguardedSpeed:
 
 
 def surviving(base: type[PlainTracker]) -> type[PlainTracker]:
-    """The tracker, the covariance of its start being a class attribute that each track then changes in place."""
+    """The tracker with the covariance as a class attribute that each track changes in place."""
 
     class Surviving(base):  # type: ignore[misc, valid-type]
         covariance: Array | None = None

@@ -12,7 +12,7 @@ from .plain_ukf import SIZE, PlainUkf, root
 
 
 class Held:
-    """Keeps the track to itself."""
+    """Keeps the track in the instance."""
 
     track: Track | None = None
 

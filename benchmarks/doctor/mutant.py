@@ -64,7 +64,7 @@ class Subject:
         return Mutant(fault, self.name, variant, lambda: wrapper(correct(), *arguments), correct, sensor, factor)
 
     def mixed(self, fault: str, variant: str, mixin: type, sensor: str | None = None, **options: Any) -> Mutant:
-        """The tracker's class with methods that go before its own."""
+        """The tracker's class with methods that override its own."""
         mutated = type(mixin.__name__, (mixin, self.tracker), {})
         correct = partial(self.tracker, **options)
         return Mutant(fault, self.name, variant, partial(mutated, **options), correct, sensor)

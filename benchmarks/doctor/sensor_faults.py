@@ -1,4 +1,4 @@
-"""Faults in what a plain tracker expects its sensors to read, as methods that go before the correct ones."""
+"""Faults in the measurement model of a plain tracker, as methods that override the correct ones."""
 
 from __future__ import annotations
 

@@ -86,6 +86,8 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
         assert [item.instant for item in kept] == [7, 8, 9]
     finally:
         stop(viewer)
+        # Which otherwise the thread does.
+        viewer._pipe.close()
 
 
 def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario, LoadedTruth]) -> None:

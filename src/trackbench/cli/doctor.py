@@ -22,8 +22,8 @@ from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse
 
 if TYPE_CHECKING:
+    from trackbench.doctor.evidence import EvidenceRun
     from trackbench.doctor.examine import Examination
-    from trackbench.doctor.exhibits import Exhibit
     from trackbench.doctor.subject import Subject
 
 FOUND = 1
@@ -37,7 +37,7 @@ CANNOT_RUN = 3
     "--scenario",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Examine it with the sensors of this scenario.",
+    help="Use the sensors of this scenario.",
 )
 @click.option(
     "--out",
@@ -45,15 +45,15 @@ CANNOT_RUN = 3
     metavar="DIR",
     help="Folder of the files.  [default: results/doctor/TRACKER]",
 )
-@click.option("--all-checks", is_flag=True, help="Show what every check saw.")
+@click.option("--all-checks", is_flag=True, help="Print the result of every check.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
 def doctor_command(
     tracker: str, options: tuple[str, ...], scenario: Path | None, out: Path | None, all_checks: bool, as_json: bool
 ) -> None:
-    """Say what is wrong with a tracker, and show it.
+    """Find the faults of a tracker, with evidence.
 
-    TRACKER is SCENARIO.yaml#NAME, module:Class or a published name. It is taken through drives and situations that
-    each bring out one kind of fault, and held against a reference.
+    TRACKER is SCENARIO.yaml#NAME, module:Class or a published name. It is tried on single measurements and on test
+    drives, each of which shows one kind of fault, and compared with a reference.
 
     \b
     Examples:
@@ -64,11 +64,11 @@ def doctor_command(
     Exit status:
       0 healthy   1 faults found   2 bad input   3 the tracker cannot be run
     """
-    from trackbench.doctor.breaks import CannotRun
+    from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.subject import subject
     from trackbench.report.examination_text import text
 
-    with _apart():
+    with _tracker_output():
         examined = subject(tracker, dict(_option(item) for item in options), scenario)
     folder = out or Path("results", "doctor", _file_name(examined.name))
     results.require_replaceable(folder, EXAMINATION)
@@ -76,12 +76,12 @@ def doctor_command(
     for note in examined.notes:
         click.echo(f"{examined.name}: {note}", err=True)
     try:
-        with _apart():
-            examination, exhibits = _examine(examined)
+        with _tracker_output():
+            examination, evidence = _examine(examined)
     except CannotRun as error:
         click.echo(f"{examined.name} cannot be examined: {error}", err=True)
         raise click.exceptions.Exit(CANNOT_RUN) from error
-    written = _save(examination, exhibits, folder)
+    written = _save(examination, evidence, folder)
     if as_json:
         click.echo(results.to_json(examination.json()), nl=False)
     else:
@@ -91,23 +91,23 @@ def doctor_command(
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
 
 
-def _examine(examined: Subject) -> tuple[Examination, list[Exhibit]]:
+def _examine(examined: Subject) -> tuple[Examination, list[EvidenceRun]]:
     from trackbench.doctor.examine import Doctor
 
     doctor = Doctor(examined.sensors)
     with progress(f"examining {examined.name}", "parts") as advance:
         examination = doctor.examine(examined.name, examined.make, advance)
-        return examination, doctor.exhibits(examination, examined.make)
+        return examination, doctor.evidence(examination, examined.make)
 
 
-def _save(examination: Examination, exhibits: Sequence[Exhibit], folder: Path) -> list[str]:
+def _save(examination: Examination, evidence: Sequence[EvidenceRun], folder: Path) -> list[str]:
     from trackbench.recording import examination as recording
     from trackbench.report import examination as report
 
     files = {
         EXAMINATION: partial(_write, results.to_json(examination.json())),
-        "report.html": partial(_write, report.render(examination, exhibits)),
-        "recording.rrd": partial(recording.write, examination, exhibits),
+        "report.html": partial(_write, report.render(examination, evidence)),
+        "recording.rrd": partial(recording.write, examination, evidence),
     }
     results.save_files(files, folder, EXAMINATION)
     return list(files)
@@ -125,13 +125,13 @@ def _option(item: str) -> tuple[str, Any]:
 
 
 def _file_name(name: str) -> str:
-    """A name for a folder on any system."""
+    """The name without characters that a folder cannot have on some systems."""
     return re.sub(r"[^\w.-]+", "_", name).strip(".") or "tracker"
 
 
 @contextmanager
-def _apart() -> Iterator[None]:
-    """What a tracker prints is no part of the result, and its warnings are no news: faults are what is looked for."""
+def _tracker_output() -> Iterator[None]:
+    """Send what the tracker prints to stderr, and drop its warnings: the checks look for the same faults."""
     with redirect_stdout(sys.stderr), warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)
         yield

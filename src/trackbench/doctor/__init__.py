@@ -1,1 +1,1 @@
-"""Says what is wrong with a tracker."""
+"""Examines a tracker and names its faults."""

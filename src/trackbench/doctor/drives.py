@@ -1,4 +1,4 @@
-"""Drives with noise, through which a tracker is taken beside a reference."""
+"""Test drives: scripted scenes with noise, for the tracker under test and for a reference."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from trackbench.truth.config import ScriptedTruth
 from trackbench.truth.scripted import script
 from trackbench.types import Array, Scan
 
-#: Of every drive; those of the sensors divide it.
-STEPS_PER_SECOND = 100
+#: Rate of the truth, Hz: a multiple of all sensors' rates.
+TRUTH_RATE = 100
 
 
-class Drive(Config):
-    """One drive of the battery."""
+class DriveConfig(Config):
+    """One entry of drives.yaml."""
 
-    purpose: str
+    description: str
     shows: list[str] = Field(default_factory=list)
-    """The faults that come out in it."""
+    """The faults that are visible in it."""
     truth: ScriptedTruth
     runs: int = Field(4, ge=1)
     rates_hz: list[Positive] | None = None
-    """In place of the sensors' own."""
+    """Replace the sensors' own."""
     detection_probability: Probability = 1
     silent_s: list[NonNegative] | None = None
-    """From when to when no sensor reads anything."""
+    """Start and end of an interval without measurements."""
 
 
 @cache
-def battery() -> Mapping[Name, Drive]:
-    """Every drive, by name."""
-    text = files("trackbench.doctor").joinpath("battery.yaml").read_text(encoding="utf-8")
-    return {name: Drive.model_validate(_whole(entry)) for name, entry in yaml.safe_load(text).items()}
+def drive_configs() -> Mapping[Name, DriveConfig]:
+    """The entries of drives.yaml, by name."""
+    text = files("trackbench.doctor").joinpath("drives.yaml").read_text(encoding="utf-8")
+    return {name: DriveConfig.model_validate(_with_source(entry)) for name, entry in yaml.safe_load(text).items()}
 
 
-def _whole(entry: dict[str, Any]) -> dict[str, Any]:
-    return {**entry, "truth": {"source": "scripted", "rate_hz": STEPS_PER_SECOND, **entry["truth"]}}
+def _with_source(entry: dict[str, Any]) -> dict[str, Any]:
+    return {**entry, "truth": {"source": "scripted", "rate_hz": TRUTH_RATE, **entry["truth"]}}
 
 
-class Course(NamedTuple):
-    """A drive made ready: what is true of it, and what was read."""
+class TestDrive(NamedTuple):
+    """The truth and the scans of a drive."""
 
     name: str
-    drive: Drive
+    config: DriveConfig
     scans: list[Scan]
     """With the batch axis ``(runs,)``."""
     time: Array
@@ -61,12 +61,12 @@ class Course(NamedTuple):
     """``(4, scans, runs or 1)`` px, py, vx, vy of the target at each scan."""
 
 
-def courses(sensors: Mapping[str, Sensor], seed: int) -> list[Course]:
-    """Every drive of the battery, seen by some sensors."""
-    return [_course(name, drive, sensors, seed) for name, drive in battery().items()]
+def simulate_drives(sensors: Mapping[str, Sensor], seed: int) -> list[TestDrive]:
+    """Every drive, measured by the sensors."""
+    return [_simulate(name, config, sensors, seed) for name, config in drive_configs().items()]
 
 
-def _course(name: str, drive: Drive, sensors: Mapping[str, Sensor], seed: int) -> Course:
+def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed: int) -> TestDrive:
     truth = script(drive.truth, seed, name, drive.runs)
     changed = {}
     for number, (sensor, config) in enumerate(sensors.items()):
@@ -80,4 +80,4 @@ def _course(name: str, drive: Drive, sensors: Mapping[str, Sensor], seed: int) -
     time = np.array([scan.time for scan in scans])
     at = np.searchsorted(truth.time, time - 1e-9)
     target = np.stack([field[at, 0] for field in (truth.px, truth.py, truth.vx, truth.vy)])
-    return Course(name, drive, scans, time, target)
+    return TestDrive(name, drive, scans, time, target)

@@ -1,4 +1,4 @@
-"""What an examination can find."""
+"""Known faults, the findings of an examination and the results of its checks."""
 
 from __future__ import annotations
 
@@ -11,45 +11,45 @@ from typing import Any, NamedTuple
 import yaml
 
 
-class Advice(NamedTuple):
-    """What is known of a fault before any tracker is examined."""
+class KnownFault(NamedTuple):
+    """An entry of faults.yaml."""
 
     title: str
     """The fault in a few words."""
     where: str
     """Where in the tracker's code to look."""
     fix: str
-    """What a fix looks like."""
+    """How to fix it."""
 
 
 @cache
-def advice() -> Mapping[str, Advice]:
-    """Every fault that can be named, in the order of the file."""
-    text = files("trackbench.doctor").joinpath("advice.yaml").read_text(encoding="utf-8")
-    return {name: Advice(**entry) for name, entry in yaml.safe_load(text).items()}
+def known_faults() -> Mapping[str, KnownFault]:
+    """Every fault that the doctor can name, in the order of faults.yaml."""
+    text = files("trackbench.doctor").joinpath("faults.yaml").read_text(encoding="utf-8")
+    return {name: KnownFault(**entry) for name, entry in yaml.safe_load(text).items()}
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault, and what speaks for it."""
+    """A fault and the evidence for it."""
 
     fault: str
     confidence: float
-    """0 to 1."""
+    """That the fault is the one named, 0 to 1."""
     evidence: str
     """A sentence with its numbers."""
     sensor: str | None = None
-    """The sensor whose measurements are treated wrongly, where it is one."""
+    """The sensor whose measurements are processed wrongly, if it is one sensor."""
     factor: float | None = None
-    """What the tracker uses over what would be right, where the fault is a wrong size; of a noise, its variances."""
-    station: str | None = None
-    """Where it shows best."""
+    """The tracker's value over the right one, if the fault is a wrong size; for noise, of its variances."""
+    shown_by: str | None = None
+    """The probe or test drive that shows it best."""
     consequence_of: str | None = None
-    """The fault that explains this one."""
+    """The fault that causes this one."""
 
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it."""
-        known = advice()[self.fault]
+        known = known_faults()[self.fault]
         return {
             "fault": self.fault,
             "confidence": round(self.confidence, 3),
@@ -62,15 +62,15 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Check:
-    """One thing that was looked at."""
+class CheckResult:
+    """The outcome of one check."""
 
     name: str
     question: str
     passed: bool | None
-    """None where it could not be looked at."""
+    """None where the check could not be made."""
     result: str
-    """What was seen, with its numbers."""
+    """What was measured, with its numbers."""
 
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it."""
@@ -78,8 +78,8 @@ class Check:
 
 
 @dataclass
-class Outcome:
-    """What one part of the examination has come to."""
+class PartResult:
+    """The checks and findings of one part of an examination."""
 
-    checks: list[Check] = field(default_factory=list)
+    checks: list[CheckResult] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The tracker that a name on the command line stands for."""
+"""The tracker that a name on the command line refers to, and the sensors for its examination."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, InitialConfig
 from trackbench.trackers.filtered import FilterTracker
 
-#: What a tracker is examined with unless a scenario says otherwise.
+#: For a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {
     "lidar": LidarConfig(rate_hz=10, position_sigma_m=0.15),
     "radar": RadarConfig(rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1),
@@ -31,20 +31,20 @@ class Subject:
     make: Callable[[], Tracker]
     sensors: Mapping[str, Sensor]
     notes: tuple[str, ...] = ()
-    """What was done differently from what its scenario says."""
+    """How the examination differs from the scenario."""
 
 
 def subject(target: str, options: Mapping[str, Any], scenario: Path | None = None) -> Subject:
-    """The tracker behind ``SCENARIO.yaml#NAME``, ``module:Attr`` or a published name.
+    """The tracker named by ``SCENARIO.yaml#NAME``, ``module:Attr`` or a published name.
 
     Args:
         target: the name.
         options: keyword arguments of a class; not with ``SCENARIO.yaml#NAME``.
-        scenario: the file whose sensors the tracker is examined with; those of its own, or else a radar and a lidar,
-            unless given.
+        scenario: the file whose sensors are used. By default those of the tracker's own scenario, or else a radar and
+            a lidar.
 
     Raises:
-        InputError: there is no such scenario, tracker or module, or the options do not fit.
+        InputError: there is no such scenario, tracker or module, or it does not take the options.
     """
     file, mark, name = target.rpartition("#")
     if not mark and Path(target).suffix in (".yaml", ".yml"):
@@ -62,19 +62,19 @@ def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Map
     if name not in config.trackers:
         raise InputError(f"there is no tracker {name!r} in it: {nearest(name, config.trackers)}", file=path)
     if options:
-        raise InputError("--option goes with a class; that of a scenario has its options there", file=path)
+        raise InputError("--option goes with a class; the scenario has the options of its trackers", file=path)
     tracker = config.trackers[name]
     sensors_used = tracker.sensors_used
-    seen = sensors or {
+    used = sensors or {
         key: value for key, value in config.sensors.items() if sensors_used is None or key in sensors_used
     }
     if isinstance(tracker, FilterConfig):
-        return _startable(Subject(name, lambda: build(tracker), seen))
-    return _startable(Subject(name, plugins.create(tracker.use, tracker.options, path.resolve().parent), seen))
+        return _startable(Subject(name, lambda: build(tracker), used))
+    return _startable(Subject(name, plugins.create(tracker.use, tracker.options, path.resolve().parent), used))
 
 
 def _startable(of: Subject) -> Subject:
-    """A tracker that is given its first state by the bench starts from two measurements here."""
+    """The tracker; one that starts from the truth is made to start from two measurements."""
     made = of.make()
     if not (isinstance(made, FilterTracker) and made.starts_from_truth):
         return of
@@ -85,4 +85,6 @@ def _startable(of: Subject) -> Subject:
         assert isinstance(tracker, FilterTracker)
         return replace(tracker, initial=initial)
 
-    return replace(of, make=make, notes=("its tracks start from the truth; here they start from two measurements",))
+    return replace(
+        of, make=make, notes=("its tracks start from two measurements here, and from the truth in the scenario",)
+    )

@@ -1,4 +1,4 @@
-"""An examination as a Rerun recording: each drive that shows a finding, its innovations and errors, the findings."""
+"""An examination as a Rerun recording: the evidence runs with their innovations and errors, and the findings."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from pathlib import Path
 
 import rerun as rr
 
+from trackbench.doctor.evidence import EvidenceRun
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.exhibits import Exhibit
 from trackbench.errors import InputError
 from trackbench.recording.examination_layout import blueprint
 from trackbench.recording.examination_scene import send_scene
@@ -17,11 +17,11 @@ from trackbench.recording.examination_text import findings
 from trackbench.recording.stream import Stream
 
 
-def write(examination: Examination, exhibits: Sequence[Exhibit], path: Path) -> None:
+def write(examination: Examination, evidence: Sequence[EvidenceRun], path: Path) -> None:
     """Write an examination as a Rerun recording (.rrd) with its layout.
 
-    The timeline is ``sim_time``, in seconds of simulated time of each drive; positions are in metres of the fixed
-    frame. Everything of a drive lies below its name.
+    The timeline is ``sim_time``, the simulated time of each drive in s; positions are in m in the fixed frame. The
+    entities of a drive are below its name.
 
     Raises:
         InputError: the environment switches Rerun off.
@@ -32,13 +32,13 @@ def write(examination: Examination, exhibits: Sequence[Exhibit], path: Path) -> 
         raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
     # To memory first: Rerun's own file sink waits for ever on a full disk.
     binary = rr.binary_stream(recording)
-    recording.send_blueprint(blueprint(exhibits))
+    recording.send_blueprint(blueprint(evidence))
     recording.send_recording_name(examination.tracker)
     stream = Stream(recording)
     stream.static("findings", rr.TextDocument(findings(examination), media_type=rr.MediaType.MARKDOWN))
-    for exhibit in exhibits:
-        send_scene(stream, exhibit)
-        send_series(stream, exhibit)
+    for run in evidence:
+        send_scene(stream, run)
+        send_series(stream, run)
     content = binary.read()
     recording.disconnect()
     path.write_bytes(content or b"")

@@ -1,4 +1,4 @@
-"""How an examination opens: a tab for each drive, the scene above its series, the findings beside them."""
+"""The layout of an examination: a tab for each drive with its scene and series, and the findings beside them."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 import rerun.blueprint as rrb
 
-from trackbench.doctor.exhibits import Exhibit
+from trackbench.doctor.evidence import EvidenceRun
 from trackbench.recording.examination_scene import frame, measurements
 from trackbench.recording.examination_series import ERROR, INNOVATION, NEES
 from trackbench.recording.stream import TIMELINE, path
 from trackbench.types import Array
 
-#: How long a measurement stays in the picture, s.
+#: How long a measurement is shown, s.
 TRAIL = 0.5
 MARGIN_M = 6.0
 BACKGROUND = (16, 18, 22)
 
 
-def blueprint(exhibits: Sequence[Exhibit]) -> rrb.Blueprint:
-    """The layout; it plays from the start, again and again."""
-    drives = rrb.Tabs(*(_drive(exhibit) for exhibit in exhibits), active_tab=0)
+def blueprint(evidence: Sequence[EvidenceRun]) -> rrb.Blueprint:
+    """The layout; it plays in a loop."""
+    drives = rrb.Tabs(*(_drive(run) for run in evidence), active_tab=0)
     text = rrb.TextDocumentView(origin="findings", name="Findings")
     return rrb.Blueprint(
         rrb.Horizontal(drives, text, column_shares=[5, 2]),
@@ -31,37 +31,37 @@ def blueprint(exhibits: Sequence[Exhibit]) -> rrb.Blueprint:
     )
 
 
-def _drive(exhibit: Exhibit) -> rrb.Container:
-    named = [finding.sensor for finding in exhibit.findings]
-    ordered = sorted(exhibit.innovations, key=lambda one: one.sensor not in named)
+def _drive(run: EvidenceRun) -> rrb.Container:
+    named = [finding.sensor for finding in run.findings]
+    ordered = sorted(run.innovations, key=lambda one: one.sensor not in named)
     innovations = [
-        _plot(exhibit, f"Innovation of {one.sensor}, {component}", INNOVATION, one.sensor, component)
+        _plot(run, f"Innovation of {one.sensor}, {component}", INNOVATION, one.sensor, component)
         for one in ordered
         for component in one.components
     ]
-    errors = rrb.Vertical(_plot(exhibit, "Position error, m", ERROR), _plot(exhibit, "NEES", NEES))
-    above = rrb.Horizontal(_scene(exhibit), errors, column_shares=[3, 2])
+    errors = rrb.Vertical(_plot(run, "Position error, m", ERROR), _plot(run, "NEES", NEES))
+    above = rrb.Horizontal(_scene(run), errors, column_shares=[3, 2])
     below = rrb.Grid(*innovations, grid_columns=min(3, max(1, len(innovations))))
-    return rrb.Vertical(above, below, row_shares=[1, 1], name=exhibit.course)
+    return rrb.Vertical(above, below, row_shares=[1, 1], name=run.drive)
 
 
-def _scene(exhibit: Exhibit) -> rrb.Spatial2DView:
+def _scene(run: EvidenceRun) -> rrb.Spatial2DView:
     recent = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    sensors = dict.fromkeys(scan.sensor for scan in exhibit.scans)
-    poses = np.array([scan.sensor_pose[:2] for scan in exhibit.scans]).T
+    sensors = dict.fromkeys(scan.sensor for scan in run.scans)
+    poses = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
     return rrb.Spatial2DView(
-        origin=path(*frame(exhibit.course)),
-        contents=[f"+ {path(exhibit.course, 'world')}/**"],
+        origin=path(*frame(run.drive)),
+        contents=[f"+ {path(run.drive, 'world')}/**"],
         name="From above",
         visual_bounds=rrb.VisualBounds2D(
-            x_range=_extent(exhibit.target[0], poses[0]), y_range=_extent(-exhibit.target[1], -poses[1])
+            x_range=_extent(run.target[0], poses[0]), y_range=_extent(-run.target[1], -poses[1])
         ),
         background=BACKGROUND,
-        overrides={path(*measurements(exhibit.course, sensor)): recent for sensor in sensors},
+        overrides={path(*measurements(run.drive, sensor)): recent for sensor in sensors},
     )
 
 
@@ -70,7 +70,7 @@ def _extent(target: Array, sensors: Array) -> tuple[float, float]:
     return float(both.min()) - MARGIN_M, float(both.max()) + MARGIN_M
 
 
-def _plot(exhibit: Exhibit, name: str, *place: str) -> rrb.TimeSeriesView:
+def _plot(run: EvidenceRun, name: str, *place: str) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
-        origin=path(exhibit.course, *place), name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+        origin=path(run.drive, *place), name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
     )

@@ -1,11 +1,11 @@
-"""A drive of an examination seen from above: truth, tracker and reference with their ellipses, measurements."""
+"""An evidence run from above: truth, tracker and reference with their ellipses, and measurements."""
 
 from __future__ import annotations
 
 import numpy as np
 import rerun as rr
 
-from trackbench.doctor.exhibits import Exhibit
+from trackbench.doctor.evidence import EvidenceRun
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.palette import OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colour
 from trackbench.recording.scene import ellipse
@@ -16,42 +16,42 @@ from trackbench.types import Array
 COLOURS = {"tracker": TRACKER_COLOURS[4], "reference": TRACKER_COLOURS[5]}
 
 
-def frame(course: str) -> tuple[str, ...]:
-    """The frame of the scene in which y is down, as Rerun's 2D views have it, so that a left turn goes left."""
-    return course, "world", "frame"
+def frame(drive: str) -> tuple[str, ...]:
+    """The entity that turns y down, as Rerun's 2D views have it, so that a left turn goes left."""
+    return drive, "world", "frame"
 
 
-def measurements(course: str, sensor: str) -> tuple[str, ...]:
-    """Where a sensor's measurements lie."""
-    return course, "world", "measurements", sensor
+def measurements(drive: str, sensor: str) -> tuple[str, ...]:
+    """The entity of a sensor's measurements."""
+    return drive, "world", "measurements", sensor
 
 
-def send_scene(stream: Stream, exhibit: Exhibit) -> None:
-    """Everything that lies in the fixed frame."""
-    world = (exhibit.course, "world")
-    stream.static(path(*frame(exhibit.course)), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
-    _send_path(stream, (*world, "truth"), exhibit.time, exhibit.target[:2], TRUTH_COLOUR, 5.0)
-    sensors = np.array([scan.sensor_pose[:2] for scan in exhibit.scans]).T
-    _send_path(stream, (*world, "sensors"), exhibit.time, sensors, OBSERVER_COLOUR, 4.0)
+def send_scene(stream: Stream, run: EvidenceRun) -> None:
+    """Send all that is drawn in the fixed frame."""
+    world = (run.drive, "world")
+    stream.static(path(*frame(run.drive)), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
+    _send_path(stream, (*world, "truth"), run.time, run.target[:2], TRUTH_COLOUR, 5.0)
+    sensors = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
+    _send_path(stream, (*world, "sensors"), run.time, sensors, OBSERVER_COLOUR, 4.0)
     tracks = {
-        "reference": (exhibit.reference_mean, exhibit.reference_covariance),
-        "tracker": (exhibit.mean, exhibit.covariance),
+        "reference": (run.reference_mean, run.reference_covariance),
+        "tracker": (run.mean, run.covariance),
     }
     for name, (mean, covariance) in tracks.items():
         known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-        at, time, p = mean[:2, known], exhibit.time[known], covariance[:, :, known]
+        at, time, p = mean[:2, known], run.time[known], covariance[:, :, known]
         _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
         _send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name])
-    _send_measurements(stream, exhibit)
+    _send_measurements(stream, run)
 
 
 def _send_path(stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float) -> None:
-    """Where something is, and the whole of its way."""
+    """The position over time, and the whole path."""
     entity = path(*place)
     stream.columns(entity, time, rr.Points2D.columns(positions=position.T))
     stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=20.0))
-    way = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(0.75), draw_order=5.0)
-    stream.static(path(*place, "way"), way)
+    line = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(0.75), draw_order=5.0)
+    stream.static(path(*place, "path"), line)
 
 
 def _send_ellipses(stream: Stream, entity: str, time: Array, at: Array, p: Array, colour: str) -> None:
@@ -67,10 +67,10 @@ def _send_ellipses(stream: Stream, entity: str, time: Array, at: Array, p: Array
     stream.static(entity, rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=15.0))
 
 
-def _send_measurements(stream: Stream, exhibit: Exhibit) -> None:
-    for sensor, colour in sensor_colour(dict.fromkeys(scan.sensor for scan in exhibit.scans)).items():
-        scans = [scan for scan in exhibit.scans if scan.sensor == sensor and scan.valid]
-        entity = path(*measurements(exhibit.course, sensor))
+def _send_measurements(stream: Stream, run: EvidenceRun) -> None:
+    for sensor, colour in sensor_colour(dict.fromkeys(scan.sensor for scan in run.scans)).items():
+        scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
+        entity = path(*measurements(run.drive, sensor))
         points = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2)
         stream.columns(entity, np.array([scan.time for scan in scans]), rr.Points2D.columns(positions=points))
         stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(2.0), draw_order=10.0))

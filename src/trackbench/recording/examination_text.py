@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.findings import Finding, advice
+from trackbench.doctor.findings import Finding, known_faults
 
 
 def findings(examination: Examination) -> str:
-    """What was found, with the evidence, and the checks that failed."""
+    """The findings with their evidence, and the failed checks."""
     lines = [f"## {examination.tracker}", "", "Healthy: no fault found." if examination.healthy else ""]
     for finding in examination.findings:
         lines += _finding(finding)
@@ -18,18 +18,17 @@ def findings(examination: Examination) -> str:
         lines += ["", "### Failed checks", "", *(f"- **{check.name}**: {check.result}" for check in failed)]
     lines += [
         "",
-        "### In the pictures",
+        "### Legend",
         "",
-        "Grey is the truth, orange the tracker, blue the reference; dots are measurements of the last 0.5 s. Ellipses "
-        "hold 95 % of what each says of the position. Of the innovations, orange is what the tracker took each "
-        "measurement for, blue what a sound model makes of the same prediction; grey are two standard deviations of "
-        "the noise.",
+        "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.5 s. Ellipses: 95 "
+        "% of the position by the estimate's covariance. Innovations: orange, applied by the tracker; blue, expected "
+        "from the same prediction by the right measurement model; grey, two standard deviations of the noise.",
     ]
     return "\n".join(lines)
 
 
 def _finding(finding: Finding) -> Iterator[str]:
-    known = advice()[finding.fault]
+    known = known_faults()[finding.fault]
     of = "" if finding.sensor is None else f", {finding.sensor}"
     yield from ("", f"### {known.title}{of}", "")
     yield f"`{finding.fault}`, confidence {100 * finding.confidence:.0f} %: {finding.evidence}"

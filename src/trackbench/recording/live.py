@@ -102,6 +102,8 @@ class Live:
         if self._thread.is_alive():
             self.lost = True
             self._process.kill()
+        # Nobody waits for it, but its end is taken note of.
+        threading.Thread(target=self._process.wait, daemon=True).start()
 
     def _deliver(self) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Which innovations of an exhibit tell something, and where."""
+"""Where the applied and the expected innovations of an evidence run differ."""
 
 from __future__ import annotations
 
@@ -6,41 +6,41 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.doctor.exhibits import Innovations
+from trackbench.doctor.evidence import SensorInnovations
 
-#: Innovations taken and sound that are further apart, in standard deviations of the measurement, are not the same.
-APART = 3.0
+#: Difference from which on applied and expected innovation are not the same, in standard deviations of the measurement.
+DIFFERENT = 3.0
 
 
-class Departure(NamedTuple):
-    """The first measurement that is not taken for what it is."""
+class Mismatch(NamedTuple):
+    """The first measurement whose applied innovation is not the expected one."""
 
     component: str
     time: float
     """s"""
-    taken: float
-    sound: float
+    applied: float
+    expected: float
 
 
-def telling(innovations: Innovations) -> list[int]:
-    """The components that are taken for something else than they are; all where none is."""
-    found = np.flatnonzero((_gap(innovations) > APART).any(axis=1))
+def mismatched_components(innovations: SensorInnovations) -> list[int]:
+    """The components with a mismatch; all components if there is none."""
+    found = np.flatnonzero((_gap(innovations) > DIFFERENT).any(axis=1))
     return [int(i) for i in found] or list(range(len(innovations.components)))
 
 
-def departure(innovations: Innovations) -> Departure | None:
-    """Where a component is first taken for something else; None if none is."""
+def first_mismatch(innovations: SensorInnovations) -> Mismatch | None:
+    """The first mismatch; None if there is none."""
     gap = _gap(innovations)
-    columns = np.flatnonzero((gap > APART).any(axis=0))
+    columns = np.flatnonzero((gap > DIFFERENT).any(axis=0))
     if not len(columns):
         return None
     k = int(columns[0])
     i = int(np.argmax(gap[:, k]))
-    return Departure(
+    return Mismatch(
         innovations.components[i],
         float(innovations.time[k]),
-        float(innovations.taken[i, k]),
-        float(innovations.sound[i, k]),
+        float(innovations.applied[i, k]),
+        float(innovations.expected[i, k]),
     )
 
 
@@ -49,6 +49,6 @@ def innovation_unit(component: str) -> str:
     return {"azimuth": "rad", "range_rate": "m/s", "speed": "m/s"}.get(component, "m")
 
 
-def _gap(innovations: Innovations) -> np.ndarray:
-    gap = np.abs(innovations.taken - innovations.sound) / innovations.sigma[:, None]
+def _gap(innovations: SensorInnovations) -> np.ndarray:
+    gap = np.abs(innovations.applied - innovations.expected) / innovations.sigma[:, None]
     return np.nan_to_num(gap, nan=0.0)

@@ -1,4 +1,4 @@
-"""What an examination found, for a terminal of 80 columns."""
+"""An examination as text for a terminal of 80 columns."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Iterator
 
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.findings import Check, Finding, advice
+from trackbench.doctor.findings import CheckResult, Finding, known_faults
 from trackbench.report.examination_words import consequences, facts, mark, roots, verdict
 from trackbench.words import counted
 
@@ -14,34 +14,34 @@ WIDTH = 80
 
 
 def text(examination: Examination, every_check: bool = False) -> str:
-    """The verdict, each fault with its evidence and advice, what follows from them, and the checks.
+    """The verdict, each root cause with its evidence and fix, the consequences, and the checks.
 
     Args:
-        examination: what to tell of.
-        every_check: tell what each check saw, and not of the failed ones alone.
+        examination: the findings and checks.
+        every_check: all checks with their results, instead of the failed ones only.
     """
     lines = [*_wrapped(verdict(examination))]
     for number, finding in enumerate(roots(examination), start=1):
         lines += ["", *_finding(number, finding)]
-    following = consequences(examination)
-    if following:
-        lines += ["", "Probably consequences, to be looked at again after the fix:"]
-        lines += [_short(f"  {one.fault} (of {one.consequence_of}): {one.evidence}") for one in following]
+    caused = consequences(examination)
+    if caused:
+        lines += ["", "Probably consequences; check them again after the fix:"]
+        lines += [_short(f"  {one.fault} (of {one.consequence_of}): {one.evidence}") for one in caused]
     return "\n".join([*lines, "", *_checks(examination.checks, every_check)])
 
 
 def _finding(number: int, finding: Finding) -> Iterator[str]:
-    known = advice()[finding.fault]
+    known = known_faults()[finding.fault]
     yield from _wrapped(f"{number}. {known.title}", "   ")
     yield from _wrapped(f"   {finding.fault}: {', '.join(facts(finding))}", "   ")
     for label, said in (("evidence", finding.evidence), ("look at", known.where), ("fix", known.fix)):
         yield from _wrapped(f"   {label:<9} {said}", " " * 13)
 
 
-def _checks(checks: Iterable[Check], every: bool) -> Iterator[str]:
-    asked = [check for check in checks if check.passed is not None]
-    failed = [check for check in asked if not check.passed]
-    yield f"Checks: {len(asked) - len(failed)} of {len(asked)} passed" + (", failed:" if failed and not every else "")
+def _checks(checks: Iterable[CheckResult], every: bool) -> Iterator[str]:
+    made = [check for check in checks if check.passed is not None]
+    failed = [check for check in made if not check.passed]
+    yield f"Checks: {len(made) - len(failed)} of {len(made)} passed" + (", failed:" if failed and not every else "")
     left_out = [check for check in checks if check.passed is None]
     if every:
         for check in checks:
@@ -60,5 +60,5 @@ def _wrapped(said: str, indent: str = "") -> list[str]:
 
 
 def _short(said: str) -> str:
-    """One line; what does not fit into it is left out."""
+    """One line, cut to the width."""
     return said if len(said) <= WIDTH else said[: WIDTH - 3].rstrip() + "..."

@@ -1,15 +1,15 @@
-"""What an examination found, in words."""
+"""The sentences of an examination."""
 
 from __future__ import annotations
 
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.findings import Check, Finding
+from trackbench.doctor.findings import CheckResult, Finding
 from trackbench.report.numbers import percent
 from trackbench.words import counted
 
 
 def verdict(examination: Examination) -> str:
-    """One sentence."""
+    """The result in one sentence."""
     found, failed = roots(examination), sum(check.passed is False for check in examination.checks)
     if found:
         return f"{examination.tracker}: {counted(len(found), 'fault')} found"
@@ -19,17 +19,17 @@ def verdict(examination: Examination) -> str:
 
 
 def roots(examination: Examination) -> list[Finding]:
-    """The findings that no other explains."""
+    """The findings that are no consequence of another."""
     return [finding for finding in examination.findings if finding.consequence_of is None]
 
 
 def consequences(examination: Examination) -> list[Finding]:
-    """The findings that another explains."""
+    """The findings that are consequences of another."""
     return [finding for finding in examination.findings if finding.consequence_of is not None]
 
 
 def facts(finding: Finding) -> list[str]:
-    """How sure it is, of which sensor, and by which factor."""
+    """Confidence, sensor and factor."""
     said = [f"confidence {percent(finding.confidence)}".replace("\N{NO-BREAK SPACE}", " ")]
     if finding.sensor is not None:
         said.append(f"sensor {finding.sensor}")
@@ -38,6 +38,6 @@ def facts(finding: Finding) -> list[str]:
     return said
 
 
-def mark(check: Check) -> str:
-    """Whether it passed, in a word or two."""
+def mark(check: CheckResult) -> str:
+    """Whether the check passed."""
     return {True: "passed", False: "FAILED", None: "not made"}[check.passed]

@@ -1,1 +1,1 @@
-"""The parts of an examination: each asks one question of a tracker, and names the faults that answer it."""
+"""The checks of an examination: each looks for one family of faults."""

@@ -1,47 +1,47 @@
-"""How does the tracker do on drives with noise, beside a reference?"""
+"""Does the tracker keep its target on drives with noise, and how does it compare with the reference?"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from trackbench.doctor.bench import Bench
-from trackbench.doctor.drives import Course
-from trackbench.doctor.findings import Check, Outcome
-from trackbench.doctor.following import Track, follow
-from trackbench.doctor.session import Broken
+from trackbench.doctor.drives import TestDrive
+from trackbench.doctor.findings import CheckResult, PartResult
+from trackbench.doctor.rollout import Rollout, rollout
+from trackbench.doctor.session import StepFailed
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
 
-#: Scans after the first that are left out of the errors, s.
+#: Time at the start of a drive that is not scored, s.
 SETTLE = 1.0
-#: RMS position error of a tracker that has lost its target, m.
+#: RMS position error from which on the target is lost, m.
 LOST = 20.0
 
 
-def drives(bench: Bench) -> Outcome:
-    """Take the tracker through every drive of the battery, on the measurements that the reference had."""
-    outcome = Outcome()
-    for course, theirs in bench.courses:
-        question = f"Does it keep {course.drive.purpose}?"
+def drives(tracker: TrackerUnderTest) -> PartResult:
+    """Run every test drive, with the measurements that the reference had."""
+    result = PartResult()
+    for drive, reference in tracker.drives:
+        question = f"Does the tracker keep its target ({drive.config.description})?"
         try:
-            own = follow(bench.make, course.scans, bench.vitals, course.name)
-        except Broken as broken:
-            bench.broken.append((course.name, broken))
-            outcome.checks.append(Check(course.name, question, False, f"it broke at {broken.scan.time:g} s: {broken}"))
+            estimates = rollout(tracker.make, drive.scans, tracker.output_checks, drive.name)
+        except StepFailed as failure:
+            tracker.failures.append((drive.name, failure))
+            text = f"the tracker failed at {failure.scan.time:g} s: {failure}"
+            result.checks.append(CheckResult(drive.name, question, False, text))
             continue
-        mine, other = _scores(own, course), _scores(theirs, course)
-        passed = bool(mine[0] < LOST)
+        (rmse, position, velocity), other = _scores(estimates, drive), _scores(reference, drive)
         text = (
-            f"position RMSE {mine[0]:.3g} m, reference {other[0]:.3g} m; NEES of position and velocity {mine[1]:.3g} "
-            f"and {mine[2]:.3g} of 2 each, reference {other[1]:.3g} and {other[2]:.3g}"
+            f"position RMSE {rmse:.3g} m, reference {other[0]:.3g} m; NEES of position {position:.3g} and of velocity "
+            f"{velocity:.3g} (expected: 2), reference {other[1]:.3g} and {other[2]:.3g}"
         )
-        outcome.checks.append(Check(course.name, question, passed, text))
-    return outcome
+        result.checks.append(CheckResult(drive.name, question, rmse < LOST, text))
+    return result
 
 
-def _scores(track: Track, course: Course) -> tuple[float, float, float]:
-    """RMS position error, and mean normalised squares of the errors of position and velocity."""
-    late = course.time > SETTLE
-    error = (track.mean - course.target)[:, late]
-    covariance = np.moveaxis(track.covariance[:, :, late], (0, 1), (-2, -1))
+def _scores(estimates: Rollout, drive: TestDrive) -> tuple[float, float, float]:
+    """RMS position error, and NEES of position and of velocity."""
+    scored = drive.time > SETTLE
+    error = (estimates.mean - drive.target)[:, scored]
+    covariance = np.moveaxis(estimates.covariance[:, :, scored], (0, 1), (-2, -1))
     known = np.isfinite(error).all(axis=0) & np.isfinite(covariance).all(axis=(-2, -1))
     if not known.any():
         return np.inf, np.inf, np.inf

@@ -1,4 +1,4 @@
-"""Which measurement does the tracker expect of the target that it believes in?"""
+"""Does the tracker predict the right measurement of the target that it estimates?"""
 
 from __future__ import annotations
 
@@ -6,145 +6,144 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.doctor.bench import Bench, Reply
-from trackbench.doctor.findings import Check, Finding, Outcome
-from trackbench.doctor.misreadings import Misreading, misreadings
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.doctor.trial import Trial
+from trackbench.doctor.wrong_models import WrongModel, wrong_models
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array
 
-#: An innovation where there should be none, in standard deviations of the measurement: a sigma-point filter's own
-#: second order stays below a third of one.
-MET = 0.75
-#: Share of the stations at which an expectation must be met.
+#: Innovation that counts as zero, in standard deviations of the measurement. The second-order terms of a sigma-point
+#: filter stay below a third of one.
+ZERO = 0.75
+#: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
-#: Standard deviations by which a constant offset may differ between stations.
+#: Differences between trials that a constant bias may have, in standard deviations of the measurement.
 CONSTANT = 0.5
 
 
-def expectation(bench: Bench) -> Outcome:
-    """Meet each expectation that a right or a faulty model leads to, and see whether the estimate stays."""
-    outcome = Outcome()
-    for sensor, replies in bench.replies.items():
-        if not replies:
-            outcome.checks.append(Check(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
+def expectation(tracker: TrackerUnderTest) -> PartResult:
+    """Try the measurements that the right and the wrong models predict, to find the one that has no innovation."""
+    result = PartResult()
+    for sensor, trials in tracker.trials.items():
+        if not trials:
+            result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
             continue
-        _examine(sensor, replies, outcome)
-    return outcome
+        _examine(sensor, trials, result)
+    return result
 
 
-def _examine(sensor: str, replies: Sequence[Reply], outcome: Outcome) -> None:
-    kind = replies[0].scan.kind
-    if not any(_moves(reply, kind) for reply in replies):
-        text = f"no measurement of {sensor} moves the estimate, at any of {len(replies)} stations"
-        outcome.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor))
-        outcome.checks.append(Check(f"expectation.{sensor}", _question(sensor), False, text))
+def _examine(sensor: str, trials: Sequence[Trial], result: PartResult) -> None:
+    kind = trials[0].scan.kind
+    if not any(_moves(trial, kind) for trial in trials):
+        text = f"no measurement of {sensor} moves the estimate, in any of {len(trials)} trials"
+        result.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor))
+        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
         return
-    surprises = np.array([_surprise(reply, reply.expected) for reply in replies])
-    right = float(np.mean(surprises < MET))
-    if right >= MOST:
-        text = "the measurement of the predicted target leaves the estimate where it is, to "
-        text += f"{np.nanmax(surprises):.2f} sigma"
-        outcome.checks.append(Check(f"expectation.{sensor}", _question(sensor), True, text))
+    innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
+    if float(np.mean(innovations < ZERO)) >= MOST:
+        text = f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma"
+        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), True, text))
         return
-    found = _misread(sensor, kind, replies) or _offset(sensor, replies)
-    worst = replies[int(np.nanargmax(np.where(np.isfinite(surprises), surprises, -1.0)))]
+    found = _wrong_model(sensor, kind, trials) or _bias(sensor, trials)
+    worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
     text = (
-        f"at {np.sum(~(surprises < MET))} of {len(replies)} stations the measurement of the predicted target itself is "
-        f"a surprise, of {np.nanmedian(surprises):.3g} sigma in the median"
+        f"in {np.sum(~(innovations < ZERO))} of {len(trials)} trials the predicted measurement has an innovation, of "
+        f"{np.nanmedian(innovations):.3g} sigma in the median (largest: {worst.description})"
     )
-    outcome.checks.append(
-        Check(f"expectation.{sensor}", _question(sensor), False, f"{text} (worst: {worst.station.purpose})")
-    )
+    result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
     if found is not None:
-        outcome.findings.append(found)
+        result.findings.append(found)
 
 
-def _misread(sensor: str, kind: str, replies: Sequence[Reply]) -> Finding | None:
-    best: tuple[float, Misreading] | None = None
-    for misreading in misreadings(kind):
-        met = np.mean(
-            [_surprise(reply, misreading.expect(reply.predicted.mean, reply.scan)) < MET for reply in replies]
-        )
-        if best is None or met > best[0] + 1e-9:
-            best = (float(met), misreading)
+def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial]) -> Finding | None:
+    best: tuple[float, WrongModel] | None = None
+    for model in wrong_models(kind):
+        zero = np.mean([_innovation(trial, _measured(trial, model)) < ZERO for trial in trials])
+        if best is None or zero > best[0] + 1e-9:
+            best = (float(zero), model)
     assert best is not None
-    share, misreading = best
+    share, model = best
     if share < MOST:
         return None
-    telling = max(replies, key=lambda reply: _apart(reply, misreading))
-    expects = misreading.expect(telling.predicted.mean, telling.scan)
+    clearest = max(trials, key=lambda trial: float(np.max(_deviation(trial, model))))
+    used, right = _measured(clearest, model), clearest.predicted_measurement
     names = SENSOR_MODELS[kind].components
-    shown = [i for i in range(len(expects)) if abs(expects[i] - telling.expected[i]) > 0.5 * telling.sigma[i]] or [0]
+    differing = np.flatnonzero(_deviation(clearest, model) > 0.5)
     numbers = ", ".join(
-        f"{names[i].replace('_', ' ')} {telling.expected[i]:.4g} is right and {expects[i]:.4g} is what it expects"
-        for i in shown
+        f"{names[i].replace('_', ' ')} {used[i]:.4g} is predicted and {right[i]:.4g} is right"
+        for i in (differing if len(differing) else [0])
     )
     text = (
-        f"{misreading.words}: of {telling.station.purpose}, {numbers}; that measurement leaves its estimate where it "
-        f"is at {share:.0%} of {len(replies)} stations, and the right one does not"
+        f"{model.description}: of {clearest.description}, {numbers}; the former has no innovation in {share:.0%} of "
+        f"{len(trials)} trials, the latter has one"
     )
-    return Finding(misreading.fault, 0.6 + 0.39 * share, text, sensor=sensor, station=telling.station.name)
+    return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name)
 
 
-def _offset(sensor: str, replies: Sequence[Reply]) -> Finding | None:
+def _bias(sensor: str, trials: Sequence[Trial]) -> Finding | None:
     """A constant error of the measurements."""
-    offsets = np.array([offset for reply in replies if (offset := _null(reply)) is not None])
-    if len(offsets) < MOST * len(replies):
+    offsets = np.array([offset for trial in trials if (offset := _offset(trial)) is not None])
+    if len(offsets) < MOST * len(trials):
         return None
-    sigma = replies[0].sigma
+    sigma = trials[0].sigma
     middle = np.median(offsets, axis=0)
     spread = np.median(np.abs(offsets - middle), axis=0) / sigma
-    biased = np.abs(middle) > MET * sigma
+    biased = np.abs(middle) > ZERO * sigma
     if not biased.any() or np.any(spread > CONSTANT + 0.1 * np.abs(middle) / sigma):
         return None
-    model = SENSOR_MODELS[replies[0].scan.kind]
+    model = SENSOR_MODELS[trials[0].scan.kind]
     parts = [
         f"{model.components[i].replace('_', ' ')} {middle[i]:+.3g} {'rad' if i in model.angular else 'm or m/s'}"
         for i in np.flatnonzero(biased)
     ]
     text = (
-        f"the measurement that it expects is off by the same at every station: {', '.join(parts)} "
-        f"(spread {np.max(spread[biased]):.2g} sigma over {len(offsets)} questions)"
+        f"the predicted measurement has a constant bias: {', '.join(parts)} "
+        f"(spread {np.max(spread[biased]):.2g} sigma over {len(offsets)} trials)"
     )
-    return Finding("sensor_bias", 0.9, text, sensor=sensor, station=replies[0].station.name)
+    return Finding("sensor_bias", 0.9, text, sensor=sensor, shown_by=trials[0].name)
 
 
-def _null(reply: Reply) -> Array | None:
-    """``(m,)`` from the expected measurement to the one that leaves the estimate where it is."""
-    measurement = reply.expected.copy()
+def _offset(trial: Trial) -> Array | None:
+    """``(m,)`` the measurement without an innovation, minus the predicted measurement."""
+    measurement = trial.predicted_measurement.copy()
     for _ in range(6):
-        effect = reply.effect(measurement)
-        if effect is None or not effect.used.any():
+        update = trial.update(measurement)
+        if update is None or not update.used.any():
             return None
-        step = np.nan_to_num(effect.surprise) * reply.sigma
+        step = np.nan_to_num(update.innovation) * trial.sigma
         measurement = measurement - step
-        if np.max(np.abs(step) / reply.sigma) < 0.02:
-            return measurement - reply.expected
+        if np.max(np.abs(step) / trial.sigma) < 0.02:
+            return measurement - trial.predicted_measurement
     return None
 
 
-def _surprise(reply: Reply, measurement: Array) -> float:
-    """How far a measurement is from what the tracker expects, in sigma; infinite where it says nothing."""
-    effect = reply.effect(measurement)
-    if effect is None or not effect.used.any():
+def _innovation(trial: Trial, measurement: Array) -> float:
+    """The largest component of the innovation that is applied to a measurement, in sigma; infinite where unknown."""
+    update = trial.update(measurement)
+    if update is None or not update.used.any():
         return np.inf
-    size = float(np.nanmax(np.abs(effect.surprise)))
+    size = float(np.nanmax(np.abs(update.innovation)))
     return size if np.isfinite(size) else np.inf
 
 
-def _apart(reply: Reply, misreading: Misreading) -> float:
-    expects = misreading.expect(reply.predicted.mean, reply.scan)
-    return float(np.max(np.abs(expects - reply.expected) / reply.sigma))
+def _measured(trial: Trial, model: WrongModel) -> Array:
+    return model.measure(trial.prediction.mean, trial.scan)
 
 
-def _moves(reply: Reply, kind: str) -> bool:
-    tried = [reply.expected, reply.scan.measurement]
-    tried += [misreading.expect(reply.predicted.mean, reply.scan) for misreading in misreadings(kind)]
-    effects = (reply.effect(measurement) for measurement in tried)
+def _deviation(trial: Trial, model: WrongModel) -> Array:
+    """``(m,)`` of a wrong model's prediction from the right one, in sigma."""
+    return np.asarray(np.abs(_measured(trial, model) - trial.predicted_measurement) / trial.sigma)
+
+
+def _moves(trial: Trial, kind: str) -> bool:
+    tried = [trial.predicted_measurement, trial.scan.measurement]
+    tried += [_measured(trial, model) for model in wrong_models(kind)]
+    updates = (trial.update(measurement) for measurement in tried)
     return any(
-        effect is not None and effect.used.any() and np.abs(effect.relative_gain).max() > 1e-9 for effect in effects
+        update is not None and update.used.any() and np.abs(update.relative_gain).max() > 1e-9 for update in updates
     )
 
 
 def _question(sensor: str) -> str:
-    return f"Does the tracker expect of {sensor} what the target it believes in would give?"
+    return f"Does the tracker predict the right measurement of {sensor} for its own estimate?"

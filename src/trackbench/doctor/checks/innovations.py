@@ -1,51 +1,48 @@
-"""What do the innovations look like on a drive with noise?"""
+"""Are the innovations right on a drive with noise?"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from trackbench.doctor.bench import Bench
-from trackbench.doctor.exhibits import Innovations, watch
-from trackbench.doctor.findings import Check, Outcome
+from trackbench.doctor.evidence import SensorInnovations, evidence_run
+from trackbench.doctor.findings import CheckResult, PartResult
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Mask
 
-#: The drive in which most can be wrong with them.
-COURSE = "azimuth_crossing"
+#: The drive in which the azimuth passes pi.
+DRIVE = "azimuth_crossing"
 
 
-def innovations(bench: Bench) -> Outcome:
-    """Mean, whiteness, size and relation to the bearing, of what each measurement was worth to the tracker."""
-    outcome = Outcome()
-    for course, _ in bench.courses:
-        if course.name == COURSE:
-            outcome.checks += [_check(one) for one in watch(bench.make, course).innovations]
-    return outcome
+def innovations(tracker: TrackerUnderTest) -> PartResult:
+    """Mean, NIS, autocorrelation and unwrapped angles of the innovations of each sensor."""
+    drive, reference = next(pair for pair in tracker.drives if pair[0].name == DRIVE)
+    return PartResult([_check(one) for one in evidence_run(tracker.make, drive, reference, []).innovations])
 
 
-def _check(of: Innovations) -> Check:
+def _check(of: SensorInnovations) -> CheckResult:
     model = SENSOR_MODELS[of.kind]
-    mean = np.nanmean(of.taken / of.sigma[:, None], axis=1)
-    turns = sum(int(np.sum(np.abs(of.taken[i]) > np.pi)) for i in model.angular)
-    nis = float(np.nanmean(np.sum(of.white**2, axis=0)))
+    mean = np.nanmean(of.applied / of.sigma[:, None], axis=1)
+    unwrapped = sum(int(np.sum(np.abs(of.applied[i]) > np.pi)) for i in model.angular)
+    nis = float(np.nanmean(np.sum(of.whitened**2, axis=0)))
     parts = [
         "mean "
         + ", ".join(f"{name.replace('_', ' ')} {value:.2g}" for name, value in zip(of.components, mean, strict=True))
         + " sigma",
-        f"NIS {nis:.3g} of {len(of.sigma)}",
-        f"lag-one autocorrelation {_autocorrelation(of.white):.2g}",
+        f"NIS {nis:.3g} (expected: {len(of.sigma)})",
+        f"lag-one autocorrelation {_autocorrelation(of.whitened):.2g}",
     ]
     if model.angular:
-        parts.append(f"{turns} of {of.taken.shape[1]} by more than pi")
-    question = f"Are the innovations of {of.sensor} small, where the target crosses the azimuth of pi too?"
-    # A mean or a colour may be what the motion model costs in this drive; a whole turn never is.
-    return Check(f"innovations.{of.sensor}", question, turns == 0, "; ".join(parts))
+        parts.append(f"{unwrapped} of {of.applied.shape[1]} larger than pi")
+    question = f"Are all angles in the innovations of {of.sensor} wrapped where the azimuth passes pi?"
+    # The motion model alone can give the innovations a mean and a correlation in this drive; they are only reported.
+    return CheckResult(f"innovations.{of.sensor}", question, unwrapped == 0, "; ".join(parts))
 
 
-def _autocorrelation(white: Array) -> float:
-    """Of successive whitened innovations."""
-    known: Mask = np.asarray(np.isfinite(white).all(axis=0))
-    now, before = white[:, 1:], white[:, :-1]
+def _autocorrelation(whitened: Array) -> float:
+    """Of successive innovations."""
+    known: Mask = np.asarray(np.isfinite(whitened).all(axis=0))
+    now, before = whitened[:, 1:], whitened[:, :-1]
     both: Mask = np.asarray(known[1:] & known[:-1])
     power = float(np.sum(now[:, both] ** 2))
     return float(np.sum(now[:, both] * before[:, both])) / power if power > 0.0 else 0.0

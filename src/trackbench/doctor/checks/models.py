@@ -1,6 +1,6 @@
-"""Are the Jacobians of a tracker that shows its models the derivatives of those models?
+"""Are the Jacobians that a tracker provides the derivatives of its models?
 
-A tracker shows them by methods of these names, each of its own state ``(n,)`` (that of ``Estimate.state``):
+A tracker may provide these methods, each of its own state ``(n,)`` (that of ``Estimate.state``):
 ``measurement(x, scan)`` with ``measurement_jacobian(x, scan)``, and ``transition(x, dt)`` with
 ``transition_jacobian(x, dt)``.
 """
@@ -13,68 +13,67 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.doctor.bench import Bench
-from trackbench.doctor.findings import Check, Finding, Outcome
-from trackbench.doctor.session import blind
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.runner.adapters import masked
 from trackbench.types import Array
 
 MODELS = ("measurement", "transition")
-#: Difference of an entry from that by finite differences, relative to the largest of its row and column scale.
+#: Difference of an entry from the finite difference, relative to the largest entry of its row.
 TOLERANCE = 1e-3
 STEP = 1e-5
 
 
-class Entry(NamedTuple):
-    """The entry of a Jacobian that is furthest off."""
+class WorstEntry(NamedTuple):
+    """The entry of a Jacobian with the largest error."""
 
     size: float
-    words: str
+    text: str
     sensor: str | None
-    station: str
+    probe: str
 
 
-def models(bench: Bench) -> Outcome:
-    """Compare every Jacobian that the tracker shows with finite differences of the model that it shows."""
-    shown = [name for name in MODELS if _has(bench, name) and _has(bench, f"{name}_jacobian")]
-    if not shown:
-        return Outcome()
-    entries = [entry for name in shown for entry in _entries(bench, name)]
-    question = f"Are the Jacobians of the {' and the '.join(shown)} that it shows right?"
+def models(tracker: TrackerUnderTest) -> PartResult:
+    """Compare each Jacobian that the tracker provides with finite differences of its model."""
+    provided = [name for name in MODELS if _has(tracker, name) and _has(tracker, f"{name}_jacobian")]
+    if not provided:
+        return PartResult()
+    entries = [entry for name in provided for entry in _entries(tracker, name)]
+    question = f"Are the Jacobians of the {' and the '.join(provided)} that the tracker provides right?"
     if not entries:
-        return Outcome([Check("models", question, None, "its estimates carry no state")])
+        return PartResult([CheckResult("models", question, None, "its estimates have no state")])
     worst = max(entries, key=lambda entry: entry.size)
     passed = worst.size < TOLERANCE
-    text = f"against finite differences the worst of {len(entries)} Jacobians has {worst.words}"
-    findings = [] if passed else [Finding("jacobian_wrong", 0.98, text, sensor=worst.sensor, station=worst.station)]
-    return Outcome([Check("models", question, passed, text)], findings)
+    text = f"the largest difference from finite differences in {len(entries)} Jacobians: {worst.text}"
+    findings = [] if passed else [Finding("jacobian_wrong", 0.98, text, sensor=worst.sensor, shown_by=worst.probe)]
+    return PartResult([CheckResult("models", question, passed, text)], findings)
 
 
-def _has(bench: Bench, name: str) -> bool:
-    return callable(getattr(bench.make(), name, None))
+def _has(tracker: TrackerUnderTest, name: str) -> bool:
+    return callable(getattr(tracker.make(), name, None))
 
 
-def _entries(bench: Bench, name: str) -> Iterator[Entry]:
-    tracker = bench.make()
-    model, jacobian = getattr(tracker, name), getattr(tracker, f"{name}_jacobian")
-    for station in bench.stations.ordinary:
-        session = bench.followed(station, bench.kinds()[-1])
-        for sensor in bench.sensors if name == "measurement" else list(bench.sensors)[:1]:
-            scan = station.scan(sensor, bench.sensors[sensor], 0.0)
-            answer = None if session is None else session.peek(blind(scan))
-            if answer is None or answer.state is None:
+def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
+    fresh = tracker.make()
+    model, jacobian = getattr(fresh, name), getattr(fresh, f"{name}_jacobian")
+    for probe in tracker.probes.regular:
+        session = tracker.session_at(probe, tracker.sensor_sets()[-1])
+        for sensor in tracker.sensors if name == "measurement" else list(tracker.sensors)[:1]:
+            scan = probe.scan(sensor, tracker.sensors[sensor], 0.0)
+            estimate = None if session is None else session.peek(masked(scan))
+            if estimate is None or estimate.state is None:
                 continue
             given: Any = scan if name == "measurement" else 0.1
-            shown, found = (
-                np.asarray(jacobian(answer.state, given), dtype=float),
-                _differences(partial(_called, model, given), answer.state),
+            provided, found = (
+                np.asarray(jacobian(estimate.state, given), dtype=float),
+                _differences(partial(_called, model, given), estimate.state),
             )
             scale = np.maximum(np.abs(found).max(axis=1, keepdims=True), 1e-9)
-            apart = np.abs(shown - found) / scale
+            apart = np.abs(provided - found) / scale
             i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
-            words = (
-                f"d {name}[{i}] / d x[{j}] = {shown[i, j]:.4g}, where {found[i, j]:.4g} is right ({station.purpose})"
-            )
-            yield Entry(float(apart[i, j]), words, sensor if name == "measurement" else None, station.name)
+            text = f"d {name}[{i}] / d x[{j}] = {provided[i, j]:.4g}, where {found[i, j]:.4g} is right "
+            text += f"({probe.description})"
+            yield WorstEntry(float(apart[i, j]), text, sensor if name == "measurement" else None, probe.name)
 
 
 def _called(model: Callable[..., Any], given: Any, x: Array) -> Array:

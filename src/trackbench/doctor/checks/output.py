@@ -1,4 +1,4 @@
-"""Is the estimate given as px, py, vx, vy of the target?"""
+"""Is the estimate px, py, vx, vy of the target in the fixed frame?"""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.doctor.bench import Bench
-from trackbench.doctor.findings import Check, Finding, Outcome
-from trackbench.doctor.session import blind
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.session import finite
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.runner.adapters import masked
 from trackbench.types import Array
 
-#: Largest error after a target was followed without noise, m and m/s.
+#: Largest error after following a target without noise, m and m/s.
 NEAR = 1.0
 
 
-class Mapping(NamedTuple):
-    """What may have become of px, py, vx, vy."""
+class WrongOutput(NamedTuple):
+    """An estimate with its components in another order or with other signs."""
 
     fault: str
-    words: str
+    description: str
     matrix: Array
-    """``(4, 4)`` from the truth to what is given."""
+    """``(4, 4)`` from the true state to the estimate."""
 
 
 def _signed(order: str, signs: tuple[int, ...] = (1, 1, 1, 1)) -> Array:
@@ -31,43 +32,45 @@ def _signed(order: str, signs: tuple[int, ...] = (1, 1, 1, 1)) -> Array:
     )
 
 
-MAPPINGS = (
-    Mapping("axis_swapped", "it gives px, vx, py, vy", _signed("px vx py vy")),
-    Mapping("axis_swapped", "it gives py, px, vy, vx", _signed("py px vy vx")),
-    Mapping("axis_swapped", "it gives px, py, vy, vx", _signed("px py vy vx")),
-    Mapping("axis_swapped", "it gives py, px, vx, vy", _signed("py px vx vy")),
-    Mapping("axis_swapped", "it gives the velocity before the position", _signed("vx vy px py")),
-    Mapping("axis_mirrored", "y has the other sign in it", _signed("px py vx vy", (1, -1, 1, -1))),
-    Mapping("axis_mirrored", "x has the other sign in it", _signed("px py vx vy", (-1, 1, -1, 1))),
+WRONG_OUTPUTS = (
+    WrongOutput("axis_swapped", "the estimate is px, vx, py, vy", _signed("px vx py vy")),
+    WrongOutput("axis_swapped", "the estimate is py, px, vy, vx", _signed("py px vy vx")),
+    WrongOutput("axis_swapped", "the estimate is px, py, vy, vx", _signed("px py vy vx")),
+    WrongOutput("axis_swapped", "the estimate is py, px, vx, vy", _signed("py px vx vy")),
+    WrongOutput("axis_swapped", "the estimate has the velocity before the position", _signed("vx vy px py")),
+    WrongOutput("axis_mirrored", "y has the other sign in the estimate", _signed("px py vx vy", (1, -1, 1, -1))),
+    WrongOutput("axis_mirrored", "x has the other sign in the estimate", _signed("px py vx vy", (-1, 1, -1, 1))),
 )
 
 
-def output(bench: Bench) -> Outcome:
-    """Follow targets without noise, and see how what is given lies to what is true."""
-    question = "Is the estimate given as px, py, vx, vy in the fixed frame?"
+def output(tracker: TrackerUnderTest) -> PartResult:
+    """Follow targets without noise, and compare the estimates with the true states."""
+    question = "Is the estimate px, py, vx, vy in the fixed frame?"
     pairs = []
-    for station in bench.stations.open:
-        session = bench.followed(station, bench.kinds()[-1])
-        name = bench.kinds()[-1][0]
-        answer = None if session is None else session.peek(blind(station.scan(name, bench.sensors[name], 0.0)))
-        if answer is not None and answer.finite:
-            pairs.append((answer.mean, station.truth(0.0)))
+    for probe in tracker.probes.general:
+        session = tracker.session_at(probe, tracker.sensor_sets()[-1])
+        name = tracker.sensor_sets()[-1][0]
+        scan = probe.scan(name, tracker.sensors[name], 0.0)
+        estimate = None if session is None else session.peek(masked(scan))
+        if estimate is not None and finite(estimate):
+            pairs.append((estimate.mean, probe.truth(0.0)))
     if not pairs:
-        return Outcome([Check("output", question, None, "there was no estimate")])
+        return PartResult([CheckResult("output", question, None, "there was no estimate")])
 
     def worst(matrix: Array) -> float:
         return max(float(np.abs(mean - matrix @ truth).max()) for mean, truth in pairs)
 
     error = worst(np.eye(4))
-    found = None if error < NEAR else next((one for one in MAPPINGS if worst(one.matrix) < NEAR), None)
-    text = f"after {len(pairs)} targets followed without noise the largest error is {error:.3g} m or m/s"
-    outcome = Outcome([Check("output", question, found is None, text)])
+    found = None if error < NEAR else next((one for one in WRONG_OUTPUTS if worst(one.matrix) < NEAR), None)
+    text = f"the largest error after following {len(pairs)} targets without noise is {error:.3g} m or m/s"
+    result = PartResult([CheckResult("output", question, found is None, text)])
     if found is not None:
         mean, truth = pairs[0]
-        said = f"{found.words}: of a target at {_shown(truth)} it says {_shown(mean)}, at all of {len(pairs)} stations"
-        outcome.findings.append(Finding(found.fault, 0.98, said, station=bench.stations.open[0].name))
-    return outcome
+        text = f"{found.description}: the target is at {_numbers(truth)} and the estimate is {_numbers(mean)}, "
+        text += f"and likewise for all {len(pairs)} targets"
+        result.findings.append(Finding(found.fault, 0.98, text, shown_by=tracker.probes.general[0].name))
+    return result
 
 
-def _shown(state: Array) -> str:
+def _numbers(state: Array) -> str:
     return "(" + ", ".join(f"{value:.3g}" for value in state) + ")"

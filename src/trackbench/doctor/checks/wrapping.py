@@ -1,115 +1,118 @@
-"""Does an angle that passes pi disturb the tracker?
+"""Is every angle wrapped where it passes pi?
 
-Turned about the sensor, the same target and the same measurement must lead to the same estimate, turned: unless an
-angle is handled wrongly where it passes pi.
+If the target, the prediction and the measurement are turned about the sensor, the estimate must turn with them. It does
+not where an angle at pi is not wrapped.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from trackbench.doctor.bench import Bench, Reply
-from trackbench.doctor.findings import Check, Finding, Outcome
-from trackbench.doctor.stations import Station
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.probes import Probe
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array
 from trackbench.units import wrap_angle
 
-#: Distance from the answer of the turned target, in standard deviations of the prediction.
+#: Difference from the estimate of the turned target that is a fault, in standard deviations of the prediction.
 FAR = 3.0
-#: Part of the turned target's answer by which the two may differ, where that answer is felt at all.
-LOST, FELT = 0.5, 0.6
-#: Difference of logarithms of two variances that are as good as equal.
-ALIKE = 0.2
+#: The gain counts as lost where the difference is more than the share `LOST` of the turned target's update, if that is
+#: more than `CLEAR` standard deviations.
+LOST, CLEAR = 0.5, 0.6
+#: Difference of logarithms below which two variances count as equal.
+EQUAL = 0.2
 PARTS = (slice(0, 2), slice(2, 4))
-#: By how much the target is turned for comparison, rad: well away from where any angle is pi.
+#: Angle by which the target is turned, rad: no angle is near pi then.
 TURN = -1.9
 
 
-def wrapping(bench: Bench) -> Outcome:
-    """Nudge the measurement of a target at the azimuth of pi, and of one whose course is pi."""
-    outcome = Outcome()
-    polar = [name for name, sensor in bench.sensors.items() if sensor.type != "lidar"]
-    for angle, stations, asked, question in (
-        ("azimuth", bench.stations.axes, polar, "Does a target that crosses the azimuth of pi stay where it is?"),
-        ("course", (bench.stations.course_axis,), bench.sensors, "Does a target whose course is pi stay where it is?"),
+def wrapping(tracker: TrackerUnderTest) -> PartResult:
+    """Try measurements beside a target at the azimuth pi, and beside one with the course pi."""
+    result = PartResult()
+    polar = [name for name, sensor in tracker.sensors.items() if sensor.type != "lidar"]
+    for angle, probes, sensors in (
+        ("azimuth", tracker.probes.axes, polar),
+        ("course", (tracker.probes.course_axis,), tracker.sensors),
     ):
+        question = f"Is the update of a target with the {angle} pi the same as with any other?"
         jumps = [
             jump
-            for station in stations
-            for name in asked
-            for by in bench.kinds()
-            for jump in _jumps(bench, station, name, by)
+            for probe in probes
+            for name in sensors
+            for sensor_set in tracker.sensor_sets()
+            for jump in _jumps(tracker, probe, name, sensor_set)
         ]
         if not jumps:
-            outcome.checks.append(Check(f"{angle}_wrapping", question, None, "no measurement could be tried there"))
+            result.checks.append(CheckResult(f"{angle}_wrapping", question, None, "there was no estimate to update"))
             continue
-        size, words, sensor = max(jumps, key=lambda jump: jump[0])
-        outcome.checks.append(Check(f"{angle}_wrapping", question, size < FAR, words))
+        size, text, sensor = max(jumps, key=lambda jump: jump[0])
+        result.checks.append(CheckResult(f"{angle}_wrapping", question, size < FAR, text))
         if size >= FAR:
             confidence = 0.97 if size > 5 * FAR else 0.85
-            finding = Finding("azimuth_not_wrapped", confidence, words, sensor=sensor, station=stations[0].name)
-            outcome.findings.append(finding)
-    return outcome
+            finding = Finding("azimuth_not_wrapped", confidence, text, sensor=sensor, shown_by=probes[0].name)
+            result.findings.append(finding)
+    return result
 
 
-def _jumps(bench: Bench, station: Station, name: str, by: tuple[str, ...]) -> list[tuple[float, str, str]]:
-    """How far the answers at a station are from those of the turned target, each with its evidence."""
-    here, there = bench.reply(station, name, by), bench.reply(station.turned(TURN), name, by)
-    if here is None or there is None or not (here.sound and there.sound):
+def _jumps(
+    tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]
+) -> list[tuple[float, str, str]]:
+    """Differences from the turned target's updates in standard deviations, each with its evidence and sensor."""
+    here, turned = tracker.trial(probe, name, sensor_set), tracker.trial(probe.turned(TURN), name, sensor_set)
+    if here is None or turned is None or not (here.usable and turned.usable):
         return []
     found = []
     for side in (-2.0, 2.0):
-        one, other = _moved(here, side), _moved(there, side)
-        if one is None or other is None:
+        change, other = _change(here, side), _change(turned, side)
+        if change is None or other is None:
             continue
         c, s = np.cos(-TURN), np.sin(-TURN)
         back = np.kron(np.eye(2), np.array([[c, -s], [s, c]]))
-        apart, usual = np.abs(one - back @ other) / here.spread, np.abs(back @ other) / here.spread
+        apart = np.abs(change - back @ other) / here.state_sigma
+        usual = np.abs(back @ other) / here.state_sigma
         size = float(np.max(apart))
-        # A gain that is lost there is as wrong as a jump.
-        lost = float(np.max(apart)) > LOST * float(np.max(usual)) > LOST * FELT and _alike(here, there)
-        found.append((max(size, FAR) if lost else size, _words(here, side, size), name))
+        lost = size > LOST * float(np.max(usual)) > LOST * CLEAR and _equally_certain(here, turned)
+        found.append((max(size, FAR) if lost else size, _text(here, side, size), name))
     return found
 
 
-def _alike(here: Reply, there: Reply) -> bool:
-    """Whether both know as much of their targets, so that their gains can be compared."""
+def _equally_certain(one: Trial, other: Trial) -> bool:
+    """Whether the predictions have similar variances, so that the gains can be compared."""
     ratios = (
-        np.trace(here.predicted.covariance[part, part]) / np.trace(there.predicted.covariance[part, part])
+        np.trace(one.prediction.covariance[part, part]) / np.trace(other.prediction.covariance[part, part])
         for part in PARTS
     )
-    return all(abs(np.log(ratio)) < ALIKE for ratio in ratios)
+    return all(abs(np.log(ratio)) < EQUAL for ratio in ratios)
 
 
-def _moved(reply: Reply, side: float) -> Array | None:
-    """``(4,)`` how much the answer to a measurement beside the expected one differs from that to it."""
-    answer, centre = reply.ask(_beside(reply, side)), reply.ask(reply.expected)
-    return None if answer is None or centre is None else answer.mean - centre.mean
+def _change(trial: Trial, side: float) -> Array | None:
+    """``(4,)`` the estimate after a measurement beside the predicted one, minus that after the predicted one."""
+    estimate, centre = trial.posterior(_beside(trial, side)), trial.posterior(trial.predicted_measurement)
+    return None if estimate is None or centre is None else estimate.mean - centre.mean
 
 
-def _beside(reply: Reply, side: float) -> Array:
-    """A measurement some standard deviations to the left, seen from the sensor."""
-    if reply.scan.kind != "lidar":
-        measurement = reply.expected.copy()
-        measurement[1] = wrap_angle(measurement[1] + side * reply.sigma[1])
+def _beside(trial: Trial, side: float) -> Array:
+    """The predicted measurement moved by some standard deviations to the left, as seen from the sensor."""
+    if trial.scan.kind != "lidar":
+        measurement = trial.predicted_measurement.copy()
+        measurement[1] = wrap_angle(measurement[1] + side * trial.sigma[1])
         return measurement
-    dx, dy = reply.predicted.mean[:2] - reply.scan.sensor_pose[:2]
-    aside = side * reply.sigma[0] * np.array([-dy, dx, 0.0, 0.0]) / np.hypot(dx, dy)
-    target, scan = reply.predicted.mean + aside, reply.scan
+    dx, dy = trial.prediction.mean[:2] - trial.scan.sensor_pose[:2]
+    left = side * trial.sigma[0] * np.array([-dy, dx, 0.0, 0.0]) / np.hypot(dx, dy)
+    target, scan = trial.prediction.mean + left, trial.scan
     return SENSOR_MODELS[scan.kind].measure(target, scan.sensor_pose, scan.sensor_velocity)
 
 
-def _words(reply: Reply, side: float, size: float) -> str:
-    measurement = _beside(reply, side)
-    if reply.scan.kind == "lidar":
-        course = np.arctan2(reply.predicted.mean[3], reply.predicted.mean[2])
-        return (
-            f"course {course:+.4f} rad: a measurement {abs(side):g} sigma aside moves the estimate by {size:.3g} of "
-            "its own standard deviations more than it does the same target turned away from pi"
+def _text(trial: Trial, side: float, size: float) -> str:
+    if trial.scan.kind == "lidar":
+        course = np.arctan2(trial.prediction.mean[3], trial.prediction.mean[2])
+        at = f"course {course:+.4f} rad, measurement {abs(side):g} sigma to the side"
+    else:
+        measured, predicted = _beside(trial, side)[1], trial.predicted_measurement[1]
+        at = (
+            f"predicted azimuth {predicted:+.4f} rad, measurement {measured:+.4f} rad, {abs(side):g} sigma apart "
+            f"(plain difference {measured - predicted:+.4f})"
         )
-    return (
-        f"predicted azimuth {reply.expected[1]:+.4f} rad, measurement {measurement[1]:+.4f} rad, {abs(side):g} sigma "
-        f"beside it (difference {measurement[1] - reply.expected[1]:+.4f}): the estimate moves by {size:.3g} of its "
-        "own standard deviations more than that of the same target turned away from pi"
-    )
+    return f"{at}: the update differs by {size:.3g} of its standard deviations from that of the same target turned away"

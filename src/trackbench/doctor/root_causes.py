@@ -1,24 +1,24 @@
-"""Which of the findings is the root, and which follow from it."""
+"""Which findings are root causes, and which are their consequences."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
 
-from trackbench.doctor.findings import Finding, advice
+from trackbench.doctor.findings import Finding, known_faults
 
-#: Faults of size, which any fault of kind can make it seem that there are.
+#: Wrong sizes. Wrong models of other kinds look like these too.
 SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias")
-#: What a covariance that is none leads to.
+#: Consequences of a covariance that is not positive definite.
 NUMERICAL = ("covariance_not_psd", "nonfinite")
 _MODEL = ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL)
 
-#: Confidence below which a finding explains no other.
+#: Confidence from which on a finding can be the cause of others.
 SURE = 0.8
 
-#: What each fault can bring about.
-EXPLAINS: dict[str, tuple[str, ...]] = {
-    "not_deterministic": tuple(advice()),
+#: The consequences that each fault can have; causes are tried in this order.
+CONSEQUENCES: dict[str, tuple[str, ...]] = {
+    "not_deterministic": tuple(known_faults()),
     "axis_swapped": ("arctan_quadrant", "wrong_dt", "ego_motion_ignored", *_MODEL),
     "axis_mirrored": ("arctan_quadrant", "wrong_dt", "ego_motion_ignored", *_MODEL),
     "degrees_for_radians": ("arctan_quadrant", *_MODEL),
@@ -41,30 +41,30 @@ EXPLAINS: dict[str, tuple[str, ...]] = {
 }
 
 
-def weigh(findings: Iterable[Finding]) -> list[Finding]:
-    """The findings, one of each fault and sensor, roots first and the surest of them at the top."""
+def rank(findings: Iterable[Finding]) -> list[Finding]:
+    """One finding for each fault and sensor: root causes first, then consequences, each by falling confidence."""
     unique: dict[tuple[str, str | None], Finding] = {}
     for finding in findings:
         key = (finding.fault, finding.sensor)
         if key not in unique or finding.confidence > unique[key].confidence:
             unique[key] = finding
-    order = list(EXPLAINS)
-    ranked = sorted(
+    order = list(CONSEQUENCES)
+    ordered = sorted(
         unique.values(),
         key=lambda one: (one.confidence < SURE, order.index(one.fault) if one.fault in order else len(order)),
     )
-    weighed: list[Finding] = []
-    for finding in ranked:
+    ranked: list[Finding] = []
+    for finding in ordered:
         cause = next(
             (
                 root.fault
-                for root in weighed
+                for root in ranked
                 if root.consequence_of is None
                 and root.confidence >= SURE
                 and root.fault != finding.fault
-                and finding.fault in EXPLAINS.get(root.fault, ())
+                and finding.fault in CONSEQUENCES.get(root.fault, ())
             ),
             None,
         )
-        weighed.append(replace(finding, consequence_of=cause))
-    return sorted(weighed, key=lambda one: (one.consequence_of is not None, -one.confidence))
+        ranked.append(replace(finding, consequence_of=cause))
+    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))

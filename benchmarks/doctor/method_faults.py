@@ -1,4 +1,4 @@
-"""The mutants of the plain trackers in which a method was written wrong."""
+"""The mutants of the plain trackers in which a method is wrong."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def corrections(subject: Subject) -> Iterator[Mutant]:
 
 
 def divisions(subject: Subject) -> Iterator[Mutant]:
-    """By what is zero now and then."""
+    """Divisions by values that can be zero."""
     fault = "nonfinite"
     yield subject.mixed(fault, "dt_in_noise", filtering.NoisePerSecond)
     if subject.turning:

@@ -1,4 +1,4 @@
-"""Means and covariances (4, ...) and (4, 4, ...) that are not what the filter found: one function for each mistake."""
+"""Means ``(4, ...)`` and covariances ``(4, 4, ...)`` with an error: one function for each mistake."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ def upper_triangle_scaled(mean: Array, covariance: Array) -> tuple[Array, Array]
 
 
 def one_entry_left(mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """The covariance of px and vx right in one of its two places only."""
+    """The covariance of px and vx, right in one of its two entries only."""
     changed = covariance.copy()
     changed[0, 2] = 0.9 * covariance[2, 0]
     return mean, changed
 
 
 def correlations_doubled(mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Each covariance counted twice, as where the two triangles are added up."""
+    """Covariances doubled, as if the two triangles had been added."""
     return mean, covariance * linalg.expand(2.0 - np.eye(4), covariance)
 
 
 def smallest_eigenvalue_negated(mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """As what is left of a difference of large numbers."""
+    """The smallest eigenvalue negated, as by cancellation."""
     values, vectors = np.linalg.eigh(np.nan_to_num(np.moveaxis(covariance, (0, 1), (-2, -1))))
     least = vectors[..., :, 0]
     flipped = 2 * values[..., 0, None, None] * least[..., :, None] * least[..., None, :]
@@ -42,7 +42,7 @@ def smallest_eigenvalue_negated(mean: Array, covariance: Array) -> tuple[Array, 
 
 
 def sampled(mean: Array, covariance: Array) -> tuple[Array, Array]:
-    """Of samples drawn from the estimate by a generator that nobody seeded."""
+    """The moments of samples from the estimate, by an unseeded generator."""
     normal = np.random.default_rng().standard_normal((4, SAMPLES, *mean.shape[1:]))
     spread = linalg.matmul(linalg.cholesky(covariance).lower(), normal)
     centre = spread.mean(axis=1)

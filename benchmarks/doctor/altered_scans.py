@@ -1,4 +1,4 @@
-"""Scans taken for something else than they are: one function for each mistake."""
+"""Scans with an error: one function for each mistake."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def lidar_axes_swapped(scan: Scan) -> Scan:
 
 
 def dropped(kind: str) -> Alter:
-    """One sensor's measurements as if they had been missed."""
+    """One sensor's measurements, marked as missed."""
 
     def alter(scan: Scan) -> Scan:
         return scan._replace(valid=np.zeros_like(scan.valid)) if scan.kind == kind else scan
@@ -77,13 +77,13 @@ def dropped(kind: str) -> Alter:
     return alter
 
 
-def missed_taken_as_read(scan: Scan) -> Scan:
-    """``valid`` is never looked at: a missed measurement is NaN."""
+def missed_used_as_valid(scan: Scan) -> Scan:
+    """Every measurement marked as valid; missed ones are NaN."""
     return scan._replace(valid=np.ones_like(scan.valid))
 
 
 def drawn(scale: float) -> Alter:
-    """The measurement with noise that nobody seeded, of ``scale`` times its standard deviations."""
+    """The measurement with noise from an unseeded generator, of ``scale`` times its standard deviations."""
 
     def alter(scan: Scan) -> Scan:
         sigma = scale * np.sqrt(np.diag(scan.noise_covariance))

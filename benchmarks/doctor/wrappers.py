@@ -1,6 +1,6 @@
-"""Faults outside of the filter: a tracker that is handed altered scans, or whose answer is altered.
+"""Trackers with a fault outside of the filter, in their scans, their time or their estimates.
 
-They fit any tracker, batched or not, whatever it is made of.
+The wrappers work with any tracker, batched or not.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from trackbench.types import Estimate, Scan
 When = Literal["always", "starting", "started"]
 
 
-class Misread:
-    """Takes each scan for another (or only those from which the track starts, or only those after them)."""
+class AlteredScans:
+    """Alters each scan (or only those before the first estimate, or only those after it)."""
 
     def __init__(self, tracker: Any, alter: Callable[[Scan], Scan], when: When = "always") -> None:
         self.tracker, self.alter, self.when = tracker, alter, when
@@ -30,11 +30,11 @@ class Misread:
         return (inner, started or (answer is not None and bool(np.all(np.isfinite(answer[0]))))), answer
 
 
-class Clocked:
-    """Steps by the wrong time.
+class WrongClock:
+    """Steps the tracker with the wrong time.
 
-    ``clock(now, before, time)`` gives the tracker's own time at a scan from its own time and the true time at the scan
-    before, and the true time at this one.
+    ``clock(now, before, time)`` gives the tracker's time at a scan from its time and the true time at the previous
+    scan, and the true time of this one.
     """
 
     def __init__(self, tracker: Any, clock: Callable[[float, float, float], float]) -> None:
@@ -49,8 +49,8 @@ class Clocked:
         return (inner, now, scan.time), answer
 
 
-class Misreported:
-    """Reports another mean and covariance than those it goes on with."""
+class AlteredEstimates:
+    """Alters the mean and covariance that are returned; the tracker goes on with the right ones."""
 
     def __init__(self, tracker: Any, alter: Callable[[Any, Any], tuple[Any, Any]]) -> None:
         self.tracker, self.alter = tracker, alter

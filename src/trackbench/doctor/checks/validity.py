@@ -1,0 +1,107 @@
+"""Is every estimate finite with a valid covariance, and are the estimates repeatable?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.output_checks import OutputChecks, WorstCase
+from trackbench.doctor.probes import Probe, with_noise
+from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+
+#: Asymmetry that rounding does not explain, relative to the variances.
+ASYMMETRY = 1e-6
+#: Scans within which a track starts.
+STARTED = 4
+#: Share of indefinite covariances below which they are probably the consequence of another fault.
+SELDOM = 0.02
+#: Share below which they are no fault: sigma points started from two measurements close together lose one at times.
+RARE = 1e-3
+
+
+def validity(tracker: TrackerUnderTest) -> PartResult:
+    """Report the checks of all estimates of the examination; add those of targets at rest and at the sensor."""
+    for probe in (tracker.probes.at_rest, tracker.probes.at_sensor):
+        for sensor_set in tracker.sensor_sets():
+            tracker.session_at(probe, sensor_set)
+        for name in tracker.sensors:
+            _measure_at_once(tracker, probe, name)
+    checks, result = tracker.output_checks, PartResult()
+    bad = checks.not_finite
+    text = (
+        f"all of {checks.estimates} estimates"
+        if bad is None
+        else f"not at {bad.time:g} s of {bad.where}, after {bad.sensor}"
+    )
+    result.checks.append(CheckResult("finite", "Is every number of every estimate finite?", bad is None, text))
+    if bad is not None:
+        text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
+        result.findings.append(Finding("nonfinite", 0.98, text, shown_by=bad.where))
+    result.checks += [_symmetric(checks, result.findings), _definite(checks, result.findings)]
+    return result
+
+
+def _symmetric(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
+    question, worst = "Is every covariance symmetric?", checks.asymmetry
+    if worst is None:
+        return CheckResult("symmetric", question, None, "there was no covariance")
+    text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
+    if worst.size >= ASYMMETRY:
+        findings.append(Finding("covariance_asymmetric", 0.95, text, shown_by=worst.where))
+    return CheckResult("symmetric", question, worst.size < ASYMMETRY, text)
+
+
+def _definite(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
+    question, worst = "Is every covariance positive definite?", checks.indefinite
+    if worst is None:
+        return CheckResult("definite", question, None, "there was no covariance")
+    share = checks.indefinite_estimates / checks.estimates
+    text = (
+        f"{checks.indefinite_estimates} of {checks.estimates} are not; scaled to unit variances the smallest "
+        f"eigenvalue is {-worst.size:.2g}{_at(worst)}"
+    )
+    if share >= RARE:
+        findings.append(Finding("covariance_not_psd", 0.6 if share < SELDOM else 0.95, text, shown_by=worst.where))
+    return CheckResult("definite", question, share < RARE, text)
+
+
+def _at(worst: WorstCase) -> str:
+    return f" (at {worst.time:g} s of {worst.where}, after {worst.sensor})"
+
+
+def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> None:
+    """Start a track with one sensor, and update it at the same instant with each sensor."""
+    session = TrackerSession(tracker.make)
+    with tracker.recording_failures(probe.name):
+        for k in range(STARTED):
+            if session.step(probe.scan(first, tracker.sensors[first], 0.1 * k)) is not None:
+                break
+        for name, sensor in tracker.sensors.items():
+            scan = probe.scan(name, sensor, 0.1 * k)
+            tracker.output_checks.add(session.copy().step(scan), scan, probe.name)
+
+
+def repeatability(tracker: TrackerUnderTest) -> PartResult:
+    """Give the same measurements to three fresh trackers."""
+    question = "Do three fresh trackers give the same estimates from the same measurements?"
+    probe = tracker.probes.general[0]
+    random = np.random.default_rng([tracker.seed, 1])
+    scans = [with_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
+    try:
+        runs = []
+        for _ in range(3):
+            session = TrackerSession(tracker.make)
+            estimates = [session.step(scan) for scan in scans]
+            runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
+    except StepFailed as failure:
+        tracker.failures.append((probe.name, failure))
+        return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])
+    gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
+    if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
+        return PartResult([CheckResult("repeatable", question, True, "three fresh trackers agree to the last bit")])
+    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements"
+    return PartResult(
+        [CheckResult("repeatable", question, False, text)],
+        [Finding("not_deterministic", 0.99, text, shown_by=probe.name)],
+    )

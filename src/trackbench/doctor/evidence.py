@@ -1,0 +1,149 @@
+"""The run of a test drive that shows a finding: the estimates, and the innovation of every measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.doctor.drives import TestDrive
+from trackbench.doctor.findings import Finding
+from trackbench.doctor.rollout import Rollout, one_run
+from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.trial import Trial
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.runner.adapters import masked
+from trackbench.trackers.base import Tracker
+from trackbench.types import Array, Scan
+from trackbench.units import difference
+
+
+@dataclass(frozen=True, eq=False)
+class SensorInnovations:
+    """The innovations of one sensor in a run: those that the tracker applied, and those that are right."""
+
+    sensor: str
+    kind: str
+    components: tuple[str, ...]
+    sigma: Array
+    """``(m,)`` stated standard deviations of the measurement."""
+    time: Array
+    """``(k,)`` s, of the valid measurements."""
+    applied: Array
+    """``(m, k)`` the innovation by which the estimate moved; NaN where it did not."""
+    expected: Array
+    """``(m, k)`` the measurement minus that of the tracker's own prediction, by the right measurement model."""
+    whitened: Array
+    """``(m, k)`` ``expected``, whitened by ``H P H^T + R``; NaN where that is not positive definite."""
+
+
+@dataclass(frozen=True, eq=False)
+class EvidenceRun:
+    """The first run of a test drive."""
+
+    drive: str
+    description: str
+    findings: list[Finding]
+    """Those that it shows, the most likely root cause first."""
+    scans: list[Scan]
+    """Without batch axes."""
+    time: Array
+    """``(scans,)`` s."""
+    target: Array
+    """``(4, scans)`` the true px, py, vx, vy."""
+    mean: Array
+    """``(4, scans)`` of the tracker, NaN where there is no estimate."""
+    covariance: Array
+    """``(4, 4, scans)`` of the tracker."""
+    reference_mean: Array
+    """``(4, scans)``"""
+    reference_covariance: Array
+    """``(4, 4, scans)``"""
+    innovations: list[SensorInnovations]
+
+
+def evidence_run(
+    make: Callable[[], Tracker], drive: TestDrive, reference: Rollout, findings: list[Finding]
+) -> EvidenceRun:
+    """Step a fresh tracker through the first run of a drive, and compute the innovation of every measurement.
+
+    Args:
+        make: gives a fresh tracker.
+        drive: the test drive.
+        reference: the estimates of the reference in it.
+        findings: those that the drive shows.
+    """
+    scans = [one_run(scan, 0) for scan in drive.scans]
+    mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
+    innovations: dict[str, list[_Innovation]] = {}
+    session = TrackerSession(make)
+    started = False
+    for k, scan in enumerate(scans):
+        started = started or bool(scan.valid)
+        if not started:
+            continue
+        try:
+            innovation = _innovation(session, scan, drive) if scan.valid else None
+            if innovation is not None:
+                innovations.setdefault(scan.sensor, []).append(innovation)
+            estimate = session.step(scan)
+        except StepFailed:
+            break
+        if estimate is not None:
+            mean[:, k], covariance[:, :, k] = estimate.mean, estimate.covariance
+    last = {scan.sensor: scan for scan in scans}
+    return EvidenceRun(
+        drive.name,
+        drive.config.description,
+        findings,
+        scans,
+        drive.time,
+        drive.target[..., 0],
+        mean,
+        covariance,
+        reference.mean[..., 0],
+        reference.covariance[..., 0],
+        [_series(last[name], parts) for name, parts in innovations.items()],
+    )
+
+
+class _Innovation(NamedTuple):
+    """Of one measurement, as in `SensorInnovations`."""
+
+    time: float
+    applied: Array
+    expected: Array
+    whitened: Array
+
+
+def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> _Innovation | None:
+    prediction = session.peek(masked(scan))
+    if prediction is None:
+        return None
+    trial = Trial(drive.name, drive.config.description, scan, prediction, session)
+    if not trial.usable:
+        return None
+    update = trial.update(scan.measurement)
+    applied = np.full(len(scan.measurement), np.nan) if update is None else update.innovation * trial.sigma
+    expected = difference(scan.measurement, trial.predicted_measurement, SENSOR_MODELS[scan.kind].angular)
+    predicted = linalg.quadratic(trial.jacobian, linalg.symmetrise(prediction.covariance))
+    factor = linalg.cholesky(predicted + scan.noise_covariance)
+    whitened = factor.whiten(expected) if factor.positive else np.full(len(expected), np.nan)
+    return _Innovation(scan.time, applied, expected, whitened)
+
+
+def _series(scan: Scan, innovations: list[_Innovation]) -> SensorInnovations:
+    time, applied, expected, whitened = zip(*innovations, strict=True)
+    return SensorInnovations(
+        scan.sensor,
+        scan.kind,
+        SENSOR_MODELS[scan.kind].components,
+        np.sqrt(np.diag(scan.noise_covariance)),
+        np.array(time),
+        np.stack(applied, axis=1),
+        np.stack(expected, axis=1),
+        np.stack(whitened, axis=1),
+    )

@@ -1,0 +1,145 @@
+"""Probes: places and velocities of a target, and of the observer, at which single measurements are tried."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.sensing.config import Sensor
+from trackbench.sensing.geometry import sensor_motion
+from trackbench.sensing.noise import noise_covariance
+from trackbench.types import Array, Observer, Scan
+
+
+class ProbeObserver(NamedTuple):
+    """The observer of a probe at time 0; its velocity and yaw are constant."""
+
+    x: float = 0.0
+    """m"""
+    y: float = 0.0
+    """m"""
+    yaw: float = 0.0
+    """rad"""
+    vx: float = 0.0
+    """m/s"""
+    vy: float = 0.0
+    """m/s"""
+
+
+class Probe(NamedTuple):
+    """A target and an observer of constant velocity; measurements are tried at time 0."""
+
+    name: str
+    description: str
+    target: tuple[float, float, float, float]
+    """px, py, vx, vy in the fixed frame at time 0."""
+    observer: ProbeObserver = ProbeObserver()
+
+    def truth(self, time: float) -> Array:
+        """``(4,)`` px, py, vx, vy of the target at a time."""
+        px, py, vx, vy = self.target
+        return np.array([px + vx * time, py + vy * time, vx, vy])
+
+    def turned(self, angle: float) -> Probe:
+        """The probe with its target turned about the origin by an angle in rad."""
+        c, s = np.cos(angle), np.sin(angle)
+        px, py, vx, vy = self.target
+        target = (c * px - s * py, s * px + c * py, c * vx - s * vy, s * vx + c * vy)
+        return self._replace(name=f"{self.name}_turned", target=target)
+
+    def scan(self, name: str, sensor: Sensor, time: float) -> Scan:
+        """A sensor's measurement of the target without noise."""
+        of = self.observer
+        one = np.ones(1)
+        observer = Observer(
+            (of.x + of.vx * time) * one, (of.y + of.vy * time) * one, of.yaw * one, of.vx * one, of.vy * one, 0.0 * one
+        )
+        motion = sensor_motion(observer, sensor.mount)
+        pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
+        measurement = SENSOR_MODELS[sensor.type].measure(self.truth(time), pose, velocity)
+        return Scan(
+            time, name, sensor.type, measurement, np.array(True), noise_covariance(sensor), pose, velocity, time
+        )
+
+
+def with_noise(scan: Scan, random: np.random.Generator) -> Scan:
+    """The scan with measurement noise of its stated variances."""
+    noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
+    return scan._replace(measurement=scan.measurement + noise)
+
+
+def probe_rate(sensor: Sensor) -> float:
+    """Scans of a sensor per second at a probe, Hz."""
+    return min(sensor.rate_hz, 20.0)
+
+
+GENERAL = (
+    Probe("ahead_left", "a target ahead to the left", (18.0, 13.0, -4.0, 9.0)),
+    Probe("behind_left", "a target behind to the left", (-20.0, 12.0, 7.0, 6.0)),
+    Probe("behind_right", "a target behind to the right", (-15.0, -18.0, -9.0, 3.0)),
+    Probe("ahead_right", "a target ahead to the right", (22.0, -12.0, 5.0, -8.0)),
+    Probe("close_pass", "a fast target close to the sensor", (6.0, 9.0, 14.0, -5.0)),
+)
+RADIAL = Probe("radial", "a target moving straight towards the sensor", (30.0, 17.0, -12.0, -6.8))
+TANGENTIAL = Probe("tangential", "a target moving across the line of sight", (9.0, 12.0, 8.0, -6.0))
+MOVING = (
+    Probe(
+        "moving_ahead",
+        "a target ahead of a moving, turned observer",
+        (35.0, 10.0, 3.0, 7.0),
+        ProbeObserver(12.0, -9.0, 0.7, 9.0, 4.0),
+    ),
+    Probe(
+        "moving_behind",
+        "a target behind a moving, turned observer",
+        (-18.0, 16.0, 6.0, -5.0),
+        ProbeObserver(9.0, 20.0, -0.9, -7.0, 8.0),
+    ),
+)
+PASSING = (
+    Probe("oncoming", "oncoming traffic in the next lane", (1.0, 11.0, -13.0, 0.0), ProbeObserver(vx=14.0)),
+    Probe("crossing", "crossing traffic close ahead", (9.0, -2.0, 2.0, 16.0)),
+)
+#: At an azimuth of pi: the prediction's own sigma points cross it in the first, only the measurements in the second.
+AXES = (
+    Probe("azimuth_axis", "a target at the azimuth pi", (-25.0, 0.05, 2.0, -7.0)),
+    Probe("azimuth_axis_near", "a target just before the azimuth pi", (-25.0, 0.3, 2.0, -7.0)),
+)
+COURSE_AXIS = Probe("course_axis", "a target with the course pi", (20.0, -15.0, -9.0, 0.002))
+AT_REST = Probe("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
+AT_SENSOR = Probe("at_sensor", "a target at the sensor's own position", (0.0, 0.0, 0.0, 0.0))
+
+
+class Probes(NamedTuple):
+    """All probes of an examination."""
+
+    general: tuple[Probe, ...] = GENERAL
+    radial: Probe = RADIAL
+    tangential: Probe = TANGENTIAL
+    passing: tuple[Probe, ...] = PASSING
+    moving: tuple[Probe, ...] = MOVING
+    axes: tuple[Probe, ...] = AXES
+    course_axis: Probe = COURSE_AXIS
+    at_rest: Probe = AT_REST
+    at_sensor: Probe = AT_SENSOR
+
+    @property
+    def regular(self) -> tuple[Probe, ...]:
+        """Those with no angle near pi, a range well above zero and a moving target."""
+        return (*self.general, self.radial, self.tangential, *self.passing, *self.moving)
+
+
+def varied(random: np.random.Generator) -> Probes:
+    """The probes with positions and velocities scaled by 0.9 to 1.1, except where they must be exact."""
+
+    def scaled(probe: Probe) -> Probe:
+        position, velocity = random.uniform(0.9, 1.1, 2)
+        px, py, vx, vy = probe.target
+        return probe._replace(target=(position * px, position * py, velocity * vx, velocity * vy))
+
+    def all_scaled(probes: tuple[Probe, ...]) -> tuple[Probe, ...]:
+        return tuple(scaled(probe) for probe in probes)
+
+    return Probes(all_scaled(GENERAL), scaled(RADIAL), scaled(TANGENTIAL), all_scaled(PASSING), all_scaled(MOVING))

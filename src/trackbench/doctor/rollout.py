@@ -1,0 +1,82 @@
+"""A tracker stepped through all scans of a test drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.doctor.output_checks import OutputChecks
+from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.trackers.answers import shaped, unpack
+from trackbench.trackers.base import Tracker
+from trackbench.types import Array, Mask, Scan
+
+
+class Rollout(NamedTuple):
+    """The estimates after each scan, NaN where there is none."""
+
+    mean: Array
+    """``(4, scans, runs)``"""
+    covariance: Array
+    """``(4, 4, scans, runs)``"""
+    given: Mask
+    """``(scans, runs)``: whether the tracker returned an estimate."""
+
+
+def rollout(
+    make: Callable[[], Tracker], scans: Sequence[Scan], checks: OutputChecks | None = None, drive: str = ""
+) -> Rollout:
+    """Step a fresh tracker (one for each run unless it is batched) through scans with the batch axis ``(runs,)``.
+
+    Raises:
+        StepFailed: the tracker raised, or returned no valid estimate.
+    """
+    batched = bool(getattr(make(), "batched", False))
+    estimates = _batched(make, scans) if batched else _one_by_one(make, scans)
+    if checks is not None:
+        for k, scan in enumerate(scans):
+            given = estimates.given[k]
+            checks.add_batch(estimates.mean[:, k, given], estimates.covariance[:, :, k, given], scan, drive)
+    return estimates
+
+
+def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
+    tracker, state, estimates = make(), None, _empty(scans)
+    for k, scan in enumerate(scans):
+        try:
+            state, returned = unpack(tracker.step(state, scan))
+            estimate = shaped(returned, scan)
+        except (Exception, SystemExit) as error:
+            raise StepFailed(error, scan) from error
+        if estimate is not None:
+            estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
+            # A batched tracker returns NaN for a track that has not started.
+            estimates.given[k] = ~np.isnan(estimate.mean).all(axis=0) | (k > 0 and estimates.given[k - 1])
+    return estimates
+
+
+def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
+    estimates = _empty(scans)
+    for run in range(scans[0].valid.size):
+        session: TrackerSession | None = None
+        for k, scan in enumerate(scans):
+            if session is None and not scan.valid[run]:
+                continue
+            session = session or TrackerSession(make)
+            estimate = session.step(one_run(scan, run))
+            if estimate is not None:
+                estimates.mean[:, k, run], estimates.covariance[:, :, k, run] = estimate.mean, estimate.covariance
+                estimates.given[k, run] = True
+    return estimates
+
+
+def one_run(scan: Scan, run: int) -> Scan:
+    """The scan of one run, without a batch axis."""
+    return scan._replace(measurement=scan.measurement[:, run], valid=scan.valid[run])
+
+
+def _empty(scans: Sequence[Scan]) -> Rollout:
+    shape: Any = (len(scans), scans[0].valid.size)
+    return Rollout(np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan), np.zeros(shape, dtype=bool))

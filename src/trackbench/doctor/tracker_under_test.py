@@ -1,0 +1,129 @@
+"""The tracker under test: sessions that have followed each probe's target, and trials of measurements there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+
+import numpy as np
+
+from trackbench.doctor.drives import TestDrive
+from trackbench.doctor.output_checks import OutputChecks
+from trackbench.doctor.probes import Probe, Probes, probe_rate
+from trackbench.doctor.rollout import Rollout
+from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.trial import Trial
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.runner.adapters import masked
+from trackbench.sensing.config import Sensor
+from trackbench.trackers.base import Tracker
+from trackbench.types import Scan
+
+#: How long a probe's target is followed before time 0, s.
+WARM_UP = 3.0
+
+
+class TrackerUnderTest:
+    """What the checks of an examination share.
+
+    Args:
+        make: gives a fresh tracker.
+        sensors: by name.
+        drives: the test drives, each with the estimates of the reference.
+        probes: all probes.
+        seed: of the noise.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Tracker],
+        sensors: Mapping[str, Sensor],
+        drives: Sequence[tuple[TestDrive, Rollout]],
+        probes: Probes,
+        seed: int,
+    ) -> None:
+        self.make = make
+        self.sensors = sensors
+        self.drives = drives
+        self.probes = probes
+        self.seed = seed
+        self.output_checks = OutputChecks()
+        self.failures: list[tuple[str, StepFailed]] = []
+        """Each with the name of the probe, drive or check where it happened."""
+        self._sessions: dict[tuple[Probe, tuple[str, ...]], TrackerSession | None] = {}
+
+    @contextmanager
+    def recording_failures(self, where: str) -> Iterator[None]:
+        """Add a failed step to the failures, and end the block."""
+        try:
+            yield
+        except StepFailed as failure:
+            self.failures.append((where, failure))
+
+    def sensor_sets(self) -> list[tuple[str, ...]]:
+        """The sets of sensors with which targets are followed: each sensor alone, and all."""
+        alone: list[tuple[str, ...]] = [(name,) for name in self.sensors]
+        return alone if len(alone) == 1 else [*alone, tuple(self.sensors)]
+
+    def session_at(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
+        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed."""
+        key = (probe, sensor_set)
+        if key not in self._sessions:
+            self._sessions[key] = self._follow(probe, sensor_set)
+        return self._sessions[key]
+
+    def _follow(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
+        session = TrackerSession(self.make)
+        with self.recording_failures(probe.name):
+            for scan in self.approach(probe, sensor_set):
+                self.output_checks.add(session.step(scan), scan, probe.name)
+            return session
+        return None
+
+    def approach(self, probe: Probe, sensor_set: tuple[str, ...]) -> list[Scan]:
+        """The scans without noise before time 0, ordered by time and then by sensor."""
+        scans = []
+        for name in sensor_set:
+            rate = probe_rate(self.sensors[name])
+            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-int(WARM_UP * rate), 0)]
+        return sorted(scans, key=lambda scan: scan.time)
+
+    def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...]) -> Trial | None:
+        """A trial of one sensor at a probe; None where the tracker failed or has no estimate."""
+        session = self.session_at(probe, sensor_set)
+        if session is None:
+            return None
+        scan = probe.scan(sensor, self.sensors[sensor], 0.0)
+        with self.recording_failures(probe.name):
+            prediction = session.peek(masked(scan))
+            return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
+        return None
+
+    @cached_property
+    def trials(self) -> dict[str, list[Trial]]:
+        """By sensor: the usable trials at the regular probes."""
+        found: dict[str, list[Trial]] = {name: [] for name in self.sensors}
+        for probe in self.probes.regular:
+            for sensor_set in self.sensor_sets():
+                for name in self.sensors:
+                    trial = self.trial(probe, name, sensor_set)
+                    if trial is not None and trial.usable:
+                        found[name].append(trial)
+        return found
+
+    @cached_property
+    def memoryless(self) -> bool:
+        """Whether the tracker predicts no motion, and its position is that of the last measurement."""
+        for trial in (trial for trials in self.trials.values() for trial in trials):
+            scan, predicted = trial.scan, trial.prediction.mean
+            later = trial.session.peek(masked(scan._replace(time=scan.time + 1.0)))
+            if later is None or not np.allclose(later.mean[:2], predicted[:2]):
+                return False
+            offset = 5.0 * np.array([trial.state_sigma[0], -trial.state_sigma[1], 0.0, 0.0])
+            measurement = SENSOR_MODELS[scan.kind].measure(predicted + offset, scan.sensor_pose, scan.sensor_velocity)
+            estimate = trial.posterior(measurement)
+            measured = (predicted + offset)[:2]
+            if estimate is None or np.hypot(*(estimate.mean[:2] - measured)) > 5e-3 * np.hypot(*offset[:2]):
+                return False
+        return any(self.trials.values())

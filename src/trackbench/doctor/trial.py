@@ -1,0 +1,158 @@
+"""Hypothetical measurements given to a tracker, and what they do to its estimate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.types import Array, Estimate, Mask, Scan
+
+#: Change of a measurement for the finite differences of a gain, in its standard deviations.
+GAIN_STEP = 0.05
+#: A gain below this, relative to the largest, counts as zero.
+NO_GAIN = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A tracker just before a measurement. Any measurement can be tried; none of them changes the tracker."""
+
+    name: str
+    """Of the probe or test drive."""
+    description: str
+    """Of the same."""
+    scan: Scan
+    """With the sensor's measurement of the true target."""
+    prediction: Estimate
+    """The tracker's, at the time of the scan."""
+    session: TrackerSession
+    _updates: dict[tuple[float, ...], Update | None] = field(default_factory=dict)
+
+    @property
+    def usable(self) -> bool:
+        """Whether the prediction is finite, not absurdly far off, and has positive variances."""
+        p = self.prediction
+        return finite(p) and bool(np.abs(p.mean).max() < 1e4) and bool(np.diag(p.covariance).min() > 0.0)
+
+    @cached_property
+    def sigma(self) -> Array:
+        """``(m,)`` stated standard deviations of the measurement."""
+        return np.sqrt(np.diag(self.scan.noise_covariance))
+
+    @cached_property
+    def state_sigma(self) -> Array:
+        """``(4,)`` standard deviations of the prediction."""
+        return np.sqrt(np.diag(self.prediction.covariance))
+
+    @cached_property
+    def predicted_measurement(self) -> Array:
+        """``(m,)`` the measurement of the predicted mean, by the right measurement model."""
+        return SENSOR_MODELS[self.scan.kind].measure(
+            self.prediction.mean, self.scan.sensor_pose, self.scan.sensor_velocity
+        )
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """``(m, 4)`` of the right measurement model at the predicted mean."""
+        return SENSOR_MODELS[self.scan.kind].jacobian(
+            self.prediction.mean, self.scan.sensor_pose, self.scan.sensor_velocity
+        )
+
+    @cached_property
+    def curvature(self) -> Array:
+        """``(m,)`` standard deviation of the measurement model's second-order term, in those of the measurement.
+
+        ``sqrt(tr(A P A P) / 2)`` with the second derivative ``A`` (Bar-Shalom, Li and Kirubarajan 2001, section
+        10.3.2). Where it is large, correct sigma-point filters and correct EKFs differ.
+        """
+        model, scan = SENSOR_MODELS[self.scan.kind], self.scan
+        steps = np.diag(1e-3 * np.maximum(self.state_sigma, 1e-3))
+        ahead, behind = (
+            [
+                model.jacobian(self.prediction.mean + side * step, scan.sensor_pose, scan.sensor_velocity)
+                for step in steps
+            ]
+            for side in (1, -1)
+        )
+        second = (np.stack(ahead, axis=-1) - np.stack(behind, axis=-1)) / (2 * np.diag(steps))
+        product = np.einsum("iab,bc->iac", second, linalg.symmetrise(self.prediction.covariance))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", product, product), 0.0) / 2) / self.sigma)
+
+    def posterior(self, measurement: Array) -> Estimate | None:
+        """The estimate after a measurement; None where the tracker fails or its estimate is not finite."""
+        try:
+            estimate = self.session.peek(self.scan._replace(measurement=np.asarray(measurement, dtype=float)))
+        except StepFailed:
+            return None
+        return estimate if estimate is not None and finite(estimate) else None
+
+    def update(self, measurement: Array) -> Update | None:
+        """The estimate and the gain at a measurement; None where ``posterior`` is."""
+        key = tuple(float(value) for value in measurement)
+        if key not in self._updates:
+            self._updates[key] = self._differentiated(np.array(key))
+        return self._updates[key]
+
+    def _differentiated(self, measurement: Array) -> Update | None:
+        centre = self.posterior(measurement)
+        if centre is None:
+            return None
+        columns = []
+        for i, size in enumerate(GAIN_STEP * self.sigma):
+            slopes = []
+            for step in (size, -size):
+                changed = measurement.copy()
+                changed[i] += step
+                estimate = self.posterior(changed)
+                if estimate is None:
+                    return None
+                slopes.append((estimate.mean - centre.mean) / step)
+            # An angle may jump on one side.
+            columns.append(min(slopes, key=lambda slope: float(np.abs(slope).max())))
+        return Update(centre, np.stack(columns, axis=1), self)
+
+
+@dataclass(frozen=True, eq=False)
+class Update:
+    """A tracker's update with one measurement."""
+
+    estimate: Estimate
+    gain: Array
+    """``(4, m)`` derivative of the estimate by the measurement, by finite differences."""
+    trial: Trial
+
+    @cached_property
+    def relative_gain(self) -> Array:
+        """``(4, m)`` the gain in standard deviations of the prediction per standard deviation of the measurement."""
+        return self.gain * self.trial.sigma / self.trial.state_sigma[:, None]
+
+    @cached_property
+    def used(self) -> Mask:
+        """``(m,)`` which components of the measurement move the estimate."""
+        size = np.linalg.norm(self.relative_gain, axis=0)
+        return np.asarray(size > NO_GAIN * max(1.0, float(size.max())))
+
+    @cached_property
+    def innovation(self) -> Array:
+        """``(m,)`` the innovation that the tracker applied, in standard deviations of the measurement.
+
+        It is the one by which the gain moves the prediction to the estimate; NaN in unused components.
+        """
+        moved = (self.estimate.mean - self.trial.prediction.mean) / self.trial.state_sigma
+        found = np.full(len(self.used), np.nan)
+        if self.used.any():
+            found[self.used] = np.linalg.pinv(self.relative_gain[:, self.used], rcond=1e-9) @ moved
+        return found
+
+    @cached_property
+    def information(self) -> Array | None:
+        """``(4, m)`` ``P^-1 K``, which is ``H^T R^-1`` in a Kalman filter; None where P is not positive definite."""
+        p = linalg.symmetrise(self.estimate.covariance)
+        if not np.linalg.eigvalsh(p)[0] > 0.0:
+            return None
+        return np.asarray(np.linalg.solve(p, self.gain))
