@@ -59,9 +59,17 @@ def _sensors() -> Iterable[Row]:
 
 
 def _metrics() -> Iterable[Row]:
+    from trackbench.errors import InputError
+    from trackbench.metrics.plugin import find, published
     from trackbench.metrics.registry import known
 
-    for metric in known():
+    own = []
+    for name in published():
+        try:
+            own.append(find(name))
+        except InputError as error:
+            yield name, f"cannot be used: {error.message}"
+    for metric in known(own):
         unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
         yield metric.path, metric.meaning + unit
 

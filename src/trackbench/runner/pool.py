@@ -13,6 +13,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 
 from trackbench.errors import TrackbenchError
+from trackbench.plugins import searched
 from trackbench.runner.block import Block, OnRecordedRun, Work, run_block
 from trackbench.types import Progress, no_progress
 
@@ -63,6 +64,8 @@ def run_blocks(
                 processes.append(process)
                 pipes.append(ours)
         for pipe in pipes:
+            # Classes of the scenario's own come with the rest, and are looked for in its folder.
+            pipe.send(work.folder)
             pipe.send((work, on_recorded_run is not None))
         yield from _share_out(pieces, pipes, progress, on_recorded_run)
     except (EOFError, OSError) as error:
@@ -133,7 +136,8 @@ def _serve(pipe: Connection) -> None:
     # What a tracker prints is no part of the result.
     sys.stdout = sys.stderr
     try:
-        work, observed = pipe.recv()
+        with searched(pipe.recv()):
+            work, observed = pipe.recv()
         while True:
             runs = pipe.recv()
             try:

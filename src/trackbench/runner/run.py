@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 
+from trackbench.metrics import BUILT_IN
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun, Work
@@ -60,6 +61,7 @@ def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
         settle=scenario.score.settle_s,
         divergence=scenario.score.divergence_m,
         recorded_run=scenario.recording.run,
+        metrics=(*BUILT_IN, *scenario.score.metrics),
     )
 
 

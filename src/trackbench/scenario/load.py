@@ -52,7 +52,7 @@ class LoadedScenario:
 def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> LoadedScenario:
     """Read, override and validate a scenario file.
 
-    What needs highway-env or a plug-in to be known is left to ``check``.
+    What needs highway-env or a tracker to be known is left to ``check``.
 
     Args:
         named: the YAML file, or the name of a scenario that comes with the package.
@@ -76,7 +76,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedS
         raise InputError(message, file=path, line=document.origin(()).line)
     document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:
-        config = Scenario.model_validate(document.value)
+        config = Scenario.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
         problems = explain(invalid.errors(include_url=False), Scenario)
         raise _in_file_order(document, problems) from None
