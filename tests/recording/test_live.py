@@ -16,6 +16,7 @@ import rerun as rr
 
 from trackbench.palette import tracker_colour
 from trackbench.recording import live, painter
+from trackbench.recording.contents import colours_of
 from trackbench.recording.live import Live, Scene
 from trackbench.recording.painter import Painter
 from trackbench.results import Result
@@ -140,7 +141,8 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         drawing.finish()
         return read_file(tmp_path / f"{name}.rrd")
 
-    about = Scene("tiny", tracker_colour(["raw", "ekf"]), ["radar", "lidar"], truth.truth)
+    colours = tracker_colour(["other", "raw", "ekf"])
+    about = Scene("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
     whole = draw("whole", [[about, result]])
@@ -153,6 +155,8 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     for entity, component in entities:
         expected = {time: value for time, value in whole(entity, component).items() if value}
         assert {time: value for time, value in going(entity, component).items() if value} == expected
+    for drawn in (going, whole):
+        assert drawn("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colours["ekf"][1:] + "FF", 16)]
     times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
     assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the trackers have come"
     for tracker in about.colours:

@@ -1,8 +1,8 @@
-"""A run shown while it goes on: what is observed goes to a process of its own, which talks to the viewer.
+"""A run shown while it goes on: its recorded run is sent to another process, which draws it in the viewer.
 
-Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it lives in
-another process, to which a thread of this one writes. The run only puts references into a queue that forgets the
-oldest: whatever becomes of the thread, the process or the viewer, the run does not wait for it.
+Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it is in another
+process, to which a thread of this one writes. The run only appends to a queue of limited length, which drops the oldest
+entries: the run never waits for the thread, the process or the viewer.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from trackbench.types import Scan, Truth
 WAITING = 10_000
 #: Pause between two deliveries, s.
 PERIOD = 0.05
-#: For how long the end of all runs may wait until everything is handed over, s.
+#: How long :meth:`Live.close` waits until everything is sent, s.
 PARTING = 2.0
 
 
@@ -54,12 +54,12 @@ class _Show:
 
 
 class Live:
-    """Takes what is observed of one run after another; never waits and never raises."""
+    """Sends the recorded run of one scenario after another; never waits and never raises."""
 
     def __init__(self, url: str) -> None:
         """``url``: of the viewer, ``rerun+http://HOST:PORT/proxy``."""
         self.lost = False
-        """Whether the way to the viewer ended before everything was handed over."""
+        """Whether the other process ended before everything was sent."""
         self._shows: deque[_Show] = deque()
         self._latest: _Show | None = None
         self._closing = threading.Event()
@@ -73,7 +73,7 @@ class Live:
         self._thread.start()
 
     def begin(self, loaded: LoadedScenario, truth: Truth, colours: Mapping[str, str] | None = None) -> None:
-        """A run starts; until the next one does, what is observed is of this one.
+        """A run starts; what follows belongs to it until the next one starts.
 
         Args:
             loaded: the scenario.
@@ -92,12 +92,12 @@ class Live:
             self._latest.observed.append(observed)
 
     def end(self, result: Result) -> None:
-        """The run is complete: its whole recording follows, and fills what was forgotten."""
+        """The run is complete: send its whole recording, which also has what the queue dropped."""
         if self._latest is not None:
             self._latest.result = result
 
     def close(self) -> None:
-        """Hand over what waits, within a short time; the other process goes on alone to pass it on."""
+        """Send what is left, within a short time; the other process ends by itself when it has drawn it."""
         self._closing.set()
         self._thread.join(PARTING)
         if self._thread.is_alive():

@@ -29,7 +29,7 @@ class Painter:
         self._run: _Run | None = None
 
     def take(self, batch: Iterable[Scene | list[Scan] | RecordedInstant | Result]) -> None:
-        """Draw what was observed, in the order in which it was."""
+        """Draw parts of runs, in their order."""
         for _, items in groupby(batch, key=type):
             alike = list(items)
             instants = [item for item in alike if isinstance(item, RecordedInstant)]
@@ -43,7 +43,7 @@ class Painter:
             self.finish()
             self._run = _Run(self._url, item)
         elif isinstance(item, Result) and self._run is not None:
-            send(self._run.recording, item)
+            self._run.complete(item)
         elif isinstance(item, list) and self._run is not None:
             self._run.sense(item)
 
@@ -72,6 +72,10 @@ class _Run:
         scene.send_roads(self._stream, roads_table(about.truth))
         views.send_scales(self._stream, windows)
         views.send_legends(self._stream, windows, about.colours)
+
+    def complete(self, result: Result) -> None:
+        """The whole recording."""
+        send(self.recording, result, self._about.colours)
 
     def sense(self, scans: list[Scan]) -> None:
         """The measurements, which are drawn as far as the trackers have come."""
