@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,12 +23,22 @@ SCHEMA = xmlschema.XMLSchema(Path(__file__).parent / "data" / "junit.xsd")
 WORSE = "trackers.ekf.acceleration_sigma_mps2=30"
 
 
-@pytest.fixture
-def two(cli: Cli, tiny: Path) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, tiny_text: str, trackbench: str) -> Path:
     """The folder with the runs base/tiny and new/tiny, of which the second has a worse EKF."""
-    assert cli("run", tiny, "--no-recording", "--runs", "12", "--out", "base").status == 0
-    assert cli("run", tiny, "--no-recording", "--runs", "12", "--out", "new", "--set", WORSE).status == 0
-    return tiny.parent
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "tiny.yaml").write_text(tiny_text, encoding="utf-8")
+    run = [trackbench, "run", "tiny.yaml", "--no-recording", "--runs", "12", "--quiet"]
+    for options in (["--out", "base"], ["--out", "new", "--set", WORSE]):
+        subprocess.run([*run, *options], cwd=folder, check=True)
+    return folder
+
+
+@pytest.fixture
+def two(made: Path, tmp_path: Path) -> Path:
+    """The same, as the test's own."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    return tmp_path
 
 
 def cases(file: Path) -> dict[str, str]:
