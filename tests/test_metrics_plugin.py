@@ -243,3 +243,11 @@ def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, 
     assert "read-only" in result["ekf"].square.reason
     assert result["ekf"].position_rmse.value > 0.01
     assert np.isfinite(result["ekf"].nees.value)
+
+
+@pytest.mark.docs_pages
+def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(Path(__file__).parents[1] / "docs" / "metrics.md", tmp_path) == 2
+    found = Result.load(tmp_path / "results" / "large_errors")
+    assert found.summary.passed
+    assert found["raw"].large_errors.value > 0.1
