@@ -22,6 +22,7 @@ from trackbench.cli.live import live_options, showing
 from trackbench.cli.progress import progress
 from trackbench.cli.volume import quiet_option, verbose_option
 from trackbench.errors import InputError, nearest
+from trackbench.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.check import check_plugins
@@ -336,7 +337,8 @@ def _compare(found: list[Result], out: Path, talk: Talk) -> None:
     from trackbench.compare import compare, results_in
     from trackbench.report.comparison import batch_files
 
-    for file, content in batch_files(compare([results_in(out, found)]), out):
+    compared = compare([results_in(out, found)])
+    for file, content in batch_files(compared, out, tracker_colours(compared.trackers)):
         file.parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(file, content)
     if not talk.as_json and not talk.quiet:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from trackbench.compare import Comparison
@@ -29,18 +29,20 @@ def require_ending(path: Path, key: str) -> None:
         raise InputError(f"{path.name} ends in none of {', '.join(ENDINGS)}", key=key)
 
 
-def batch_files(comparison: Comparison, folder: Path) -> Iterator[tuple[Path, bytes]]:
-    """A page, the same as Markdown with its figures, and the data.
+def batch_files(comparison: Comparison, folder: Path, colours: Mapping[str, str]) -> Iterator[tuple[Path, bytes]]:
+    """A page, the same as Markdown with its figures, and the data; ``colours`` are those of its trackers.
 
     The Markdown and the data have neither times nor links, so they are the same on every machine and can be kept.
     """
-    yield from comparison_files(comparison, folder / "comparison.html")
-    yield from comparison_files(comparison, folder / "comparison.json")
-    for name, content in files(document(comparison), "markdown", "comparison"):
+    yield from comparison_files(comparison, folder / "comparison.html", colours)
+    yield from comparison_files(comparison, folder / "comparison.json", colours)
+    for name, content in files(document(comparison, colours), "markdown", "comparison"):
         yield folder / name, content()
 
 
-def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path, bytes]]:
+def comparison_files(
+    comparison: Comparison, path: Path, colours: Mapping[str, str] | None = None
+) -> Iterator[tuple[Path, bytes]]:
     """The file of a comparison in the format of its ending, and what belongs to it.
 
     Tables and figures that are files of their own are named after it: ``x.csv`` where there is one, else
@@ -49,14 +51,15 @@ def comparison_files(comparison: Comparison, path: Path) -> Iterator[tuple[Path,
     if path.suffix == ".json":
         yield path, to_json(comparison.json()).encode()
     elif path.suffix == ".html":
-        yield path, to_html(document(comparison, reports=_reports(comparison, path.parent), times=True)).encode()
+        page = document(comparison, colours, reports=_reports(comparison, path.parent), times=True)
+        yield path, to_html(page).encode()
     elif path.suffix == ".md":
-        yield path, to_markdown(document(comparison)).encode()
+        yield path, to_markdown(document(comparison, colours)).encode()
     elif path.suffix == ".tex":
-        yield from _latex(document(comparison), path)
+        yield from _latex(document(comparison, colours), path)
     else:
         formats: dict[str, Format] = {".csv": "csv", ".svg": "svg", ".pdf": "pdf"}
-        parts = list(files(document(comparison), formats[path.suffix]))
+        parts = list(files(document(comparison, colours), formats[path.suffix]))
         for name, content in parts:
             own = "" if len(parts) == 1 else f"-{Path(name).stem}"
             yield path.with_name(f"{path.stem}{own}{path.suffix}"), content()
