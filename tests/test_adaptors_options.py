@@ -15,7 +15,7 @@ from tests.scenes import scan
 
 from trackbench.adaptors.published import filterpy
 from trackbench.errors import InputError, TrackbenchError
-from trackbench.plugins import create
+from trackbench.trackers.published import create
 from trackbench.types import Scan
 
 FIXED = {"filter": "tests.adapted:kf_fixed", "state": STATE, "initial": "own", "dt_s": 0.05}

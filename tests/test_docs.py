@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 import yaml
 
-from trackbench.plugins import create
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.trackers import answers
+from trackbench.trackers.published import create
 from trackbench.types import Scan
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -11,16 +11,16 @@ from trackbench.metrics import scorer
 from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target, percentiles
 from trackbench.metrics.scores import merge
 from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.block import Failure, run_block
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.scans import sense
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Estimate
 
 NO_BOUND = Bound(float("nan"), float("nan"))
 SENSORS = {
-    "radar": RadarConfig(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
-    "lidar": LidarConfig(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
+    "radar": Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
+    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
 }
 
 
@@ -310,7 +310,7 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     # Measurements without noise: the raw tracker's position is exact, and its velocity that of constant motion.
     time = np.arange(20) * 0.1
     of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
-    exact = {"lidar": LidarConfig(rate_hz=10, position_sigma_m=1e-6)}
+    exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
     scores = run_block(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
     errors = error_intervals(scores)
     assert errors["position_rmse"].value < 1e-5

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from tests.scenes import RADAR_NOISE, scan, tracker
+from tests.scenes import NOISE, RADAR_NOISE, scan, tracker
 
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Kinematics, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import MOTION_NOISE, MOTION_STATE, FilterConfig
+from trackbench.trackers.config import FilterConfig
 
 Q = [20.0, 20.0, 4.0, 4.0]
 P0 = [100.0, 100.0, 250.0, 250.0]
@@ -24,8 +24,8 @@ def problems(**keys) -> list[str]:
 @pytest.mark.parametrize("motion", SIZES)
 def test_stated_noise_is_the_same_for_every_step_and_moves_as_the_model_does(motion):
     variances = tuple(float(i) for i in range(1, SIZES[motion] + 1))
-    plain = MOTION_MODELS[motion](*(1.0 for _ in MOTION_NOISE[motion]))
-    stated = ConstantProcessNoise(plain, variances)
+    plain = MOTION_MODELS[motion](**NOISE[motion])
+    stated = ConstantProcessNoise(motion=plain, variances=variances)
     x = np.linspace(1.0, 2.0, SIZES[motion])
     for dt in (0.1, 1.0, 7.0):
         np.testing.assert_allclose(process_noise(stated, x, dt), np.diag(variances), rtol=1e-14)
@@ -33,7 +33,6 @@ def test_stated_noise_is_the_same_for_every_step_and_moves_as_the_model_does(mot
         np.testing.assert_array_equal(stated.jacobian(x, dt), plain.jacobian(x, dt))
     np.testing.assert_array_equal(process_noise(stated, x, 0.0), np.zeros((SIZES[motion],) * 2))
     assert (stated.components, stated.angular, stated.linear) == (plain.components, plain.angular, plain.linear)
-    assert MOTION_STATE[motion] == plain.components
 
 
 @pytest.mark.parametrize(

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from trackbench import linalg, plugins
+from trackbench import linalg
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
+from trackbench.trackers.published import create
 from trackbench.types import Array, Estimate, Scan
 
 NOISE = {
@@ -55,7 +56,7 @@ def check_tracker(use: str | Callable[..., Tracker], **options: Any) -> list[Che
         InputError: the tracker cannot be imported or started.
     """
     if isinstance(use, str):
-        make = plugins.create(use, options)
+        make = create(use, options)
     else:
         factory = use
 

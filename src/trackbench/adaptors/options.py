@@ -11,11 +11,11 @@ from pydantic_core import PydanticCustomError
 
 from trackbench import plugins
 from trackbench.adaptors import layout
-from trackbench.adaptors.reader import COMPONENTS, ELEVATION, POSITION
+from trackbench.adaptors.reader import ELEVATION, POSITION, components
 from trackbench.config import PROBLEM, Config, Positive, Problem, reject
 from trackbench.errors import InputError, TrackbenchError, nearest
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.config import ABOUT, InitialConfig
 from trackbench.types import Scan
 
 Found = TypeVar("Found")
@@ -23,12 +23,6 @@ Found = TypeVar("Found")
 OWN = "own"
 #: How a track may start from measurements.
 STARTS = ("first_reading", "two_readings")
-#: Which components of a state each key of the initial state is about.
-ABOUT = {
-    "acceleration_sigma_mps2": ("ax", "ay", "a"),
-    "yaw_sigma_rad": ("yaw",),
-    "yaw_rate_sigma_radps": ("yaw_rate",),
-}
 
 
 class Options(Config):
@@ -58,9 +52,10 @@ class SensorOptions(Options):
             yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
         if not isinstance(self.measurement, list):
             return
+        known = (*components(), ELEVATION)
         for index, name in enumerate(self.measurement):
-            if name not in (*COMPONENTS, ELEVATION):
-                hint = nearest(name, [*COMPONENTS, ELEVATION])
+            if name not in known:
+                hint = nearest(name, known)
                 yield Problem(("measurement", index), f"no sensor reads {name!r}: {hint}")
         if not self.measurement:
             yield Problem(("measurement",), f"empty; name components, or {POSITION}")
@@ -112,10 +107,10 @@ class AdaptorOptions(Options):
 def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
     """What cannot be taken of a sensor whose kind is known from its key."""
     for name, sensor in sensors.items():
-        if name in SENSOR_MODELS and isinstance(sensor.measurement, list):
+        if name in SENSOR_MODELS.names() and isinstance(sensor.measurement, list):
             read = (*SENSOR_MODELS[name].components, ELEVATION)
             for index, component in enumerate(sensor.measurement):
-                if component not in read and component in COMPONENTS:
+                if component not in read and component in components():
                     hint = nearest(component, read)
                     yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
 

@@ -54,7 +54,7 @@ def _motion_models() -> Iterable[Row]:
 
 
 def _sensors() -> Iterable[Row]:
-    from trackbench.sensing.presets import list_presets
+    from trackbench.models.sensors.presets import list_presets
 
     yield "radar", "range, azimuth, range rate"
     yield "speed_radar", "range, azimuth, speed of the target over ground in place of the range rate"

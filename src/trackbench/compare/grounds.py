@@ -13,7 +13,6 @@ import pyarrow.compute as pc
 from trackbench.compare.stored import StoredRun
 from trackbench.errors import InputError
 from trackbench.scenario.config import Scenario
-from trackbench.truth import varies
 from trackbench.words import counted
 
 #: What of the truth's table makes the motion of the targets.
@@ -75,7 +74,7 @@ def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any,
 def _same_motion_is_due(baseline: StoredRun, later: StoredRun) -> bool:
     """Whether the targets must have moved in the same way in the runs that are shown."""
     a, b = baseline.summary, later.summary
-    if varies(baseline.scenario.truth):
+    if baseline.scenario.truth.random:
         return (a.seed, a.scenario.name, a.recorded_run) == (b.seed, b.scenario.name, b.recorded_run)
     return True
 

@@ -14,8 +14,7 @@ from trackbench.doctor.following import Track
 from trackbench.doctor.session import Answer, Broken, Session, blind
 from trackbench.doctor.stations import Station, Stations
 from trackbench.doctor.vitals import Vitals
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.config import Sensor
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Mask, Scan
 

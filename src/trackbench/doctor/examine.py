@@ -30,7 +30,7 @@ from trackbench.doctor.following import Track, follow
 from trackbench.doctor.session import Broken
 from trackbench.doctor.stations import Stations, varied
 from trackbench.doctor.weighing import weigh
-from trackbench.sensing.config import Mount, Sensor
+from trackbench.models.sensors import Mount, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, no_progress

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
-from trackbench import plugins, truth
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.load import LoadedScenario
 from trackbench.trackers.config import PluginConfig
+from trackbench.trackers.published import create
 
 Step = Callable[[], None]
 
@@ -23,7 +23,7 @@ def check(loaded: LoadedScenario) -> None:
     """
     config, folder = loaded.config, loaded.path.resolve().parent
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-    _all(loaded, [partial(truth.validate, config.truth, folder=folder, sensors=kinds), *_starts(loaded)])
+    _all(loaded, [partial(config.truth.check, folder=folder, sensors=kinds), *_starts(loaded)])
 
 
 def check_plugins(loaded: LoadedScenario) -> None:
@@ -57,6 +57,6 @@ def _starts(loaded: LoadedScenario) -> list[Step]:
 
 def _start(name: str, tracker: PluginConfig, folder: Path) -> None:
     try:
-        plugins.create(tracker.use, tracker.options, folder)
+        create(tracker.use, tracker.options, folder)
     except InputError as error:
         raise InputError(error.message, key=error.key or f"trackers.{name}.use") from error

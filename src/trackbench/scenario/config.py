@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated
 
 from pydantic import Field
 
-from trackbench.config import Config, Name, NonNegative, Positive, Problem
+from trackbench.config import Config, Name, NonNegative, Plugin, Positive, Problem
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
-from trackbench.sensing.config import AnySensor
 from trackbench.trackers.config import AnyTracker
-from trackbench.truth.config import AnyTruth
+from trackbench.truth import TRUTH_SOURCES, TruthSource
 
 
 class MonteCarlo(Config):
@@ -78,8 +79,12 @@ class Scenario(Config):
 
     name: str = Field(pattern=r"^[a-z0-9_-]+$", max_length=64, description="Name of the result's folder.")
     description: str = Field("", description="What the scenario shows, in one line.")
-    truth: AnyTruth = Field(description="Where the true motion comes from.")
-    sensors: dict[Name, AnySensor] = Field(min_length=1, description="The sensors, by name.")
+    truth: Annotated[TruthSource, Plugin(TRUTH_SOURCES, "source")] = Field(
+        description="Where the true motion comes from."
+    )
+    sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
+        min_length=1, description="The sensors, by name."
+    )
     trackers: dict[Name, AnyTracker] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from trackbench.scenario.key_units import show, split_key
+from trackbench.config.key_units import show, split_key
+from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.metric_names import METRICS
 from trackbench.scenario.schema import Schema, json_schema
-from trackbench.sensing.presets import list_presets
 
 #: An example of each section; together they are a whole scenario.
 EXAMPLES = {
@@ -143,9 +143,9 @@ SECTIONS: dict[str, dict[str, str]] = {
         "MeasurementColumns": "Each of `readings`",
     },
     "sensors": {
-        "RadarConfig": "Radar",
-        "SpeedRadarConfig": "Speed radar",
-        "LidarConfig": "Lidar",
+        "Radar": "Radar",
+        "SpeedRadar": "Speed radar",
+        "Lidar": "Lidar",
         "Mount": "`mount`",
         "Dropout": "Each of `dropouts`",
     },

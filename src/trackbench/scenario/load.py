@@ -8,11 +8,12 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from trackbench.config import KeyPath
+from trackbench.config.explain import explain
 from trackbench.errors import InputError, InputErrors, nearest
 from trackbench.scenario.config import Scenario
-from trackbench.scenario.explain import explain
 from trackbench.scenario.overrides import apply_overrides
-from trackbench.scenario.source import Document, KeyPath, dotted, parse
+from trackbench.scenario.source import Document, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
 
 
@@ -67,7 +68,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedS
         raise InputError(message, file=path, line=document.origin(()).line)
     document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:
-        config = Scenario.model_validate(document.value)
+        config = Scenario.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
         problems = explain(invalid.errors(include_url=False), Scenario)
         raise _in_file_order(document, problems) from None

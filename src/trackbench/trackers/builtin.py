@@ -14,8 +14,7 @@ from trackbench.filters import (
     classic,
     scaled,
 )
-from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel
-from trackbench.trackers.config import MOTION_NOISE, FilterConfig
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
@@ -58,15 +57,8 @@ def ckf(**options: Any) -> FilterTracker:
     return build(FilterConfig(filter="ckf", **options))
 
 
-def _motion(config: FilterConfig) -> MotionModel:
-    model, keys = MOTION_MODELS[config.motion], MOTION_NOISE[config.motion]
-    if config.process_noise_diag is not None:
-        return ConstantProcessNoise(model(*(0.0 for _ in keys)), tuple(config.process_noise_diag))
-    return model(*(getattr(config, key) for key in keys))
-
-
 def _filter(config: FilterConfig) -> Filter:
-    motion = _motion(config)
+    motion = config.model
     match config.filter:
         case "kf":
             return KalmanFilter(motion)
