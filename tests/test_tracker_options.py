@@ -5,6 +5,7 @@ import pytest
 from pydantic import ValidationError
 from tests.scenes import NOISE, RADAR_NOISE, scan, tracker
 
+from trackbench.config.explain import explain
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Kinematics, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import FilterConfig
@@ -18,7 +19,7 @@ MEASUREMENT = np.array([[500.0], [0.4], [7.0]])
 def problems(**keys) -> list[str]:
     with pytest.raises(ValidationError) as caught:
         FilterConfig.model_validate(keys)
-    return [f"{'.'.join(map(str, error['loc']))}: {error['msg']}" for error in caught.value.errors()]
+    return [f"{'.'.join(map(str, path))}: {text}" for path, text in explain(caught.value.errors(), FilterConfig)]
 
 
 @pytest.mark.parametrize("motion", SIZES)
@@ -164,6 +165,6 @@ def test_refused(keys, expected):
 
 
 def test_negative_variances_are_refused():
-    assert "greater than or equal to 0" in problems(filter="ekf", motion="cv", process_noise_diag=[1, 1, 1, -1])[0]
+    assert "at least 0" in problems(filter="ekf", motion="cv", process_noise_diag=[1, 1, 1, -1])[0]
     [problem] = problems(filter="ekf", motion="cv", process_noise_diag=Q, initial={"covariance_diag": [1, 1, 1, 0]})
-    assert "greater than 0" in problem
+    assert "above 0" in problem

@@ -66,6 +66,7 @@ def find(root: type[Config], location: tuple[str | int, ...]) -> Place:
         plugged, named = named, None
         if isinstance(plugin, Plugin) and part == plugin.key:
             # What names the class: the choice is between the plug-ins.
+            model = None
             continue
         annotation = _bare(annotation)
         if isinstance(annotation, type) and issubclass(annotation, Config):

@@ -218,7 +218,7 @@ def _relocated(error: ErrorDetails, before: KeyPath) -> InitErrorDetails:
     context = error.get("ctx", {})
     if kind not in KNOWN:
         kind = PydanticCustomError(PROBLEM, "{message}", {"message": error["msg"]})
-    return InitErrorDetails(type=kind, loc=(*before, *error["loc"]), input=error["input"], ctx=context)  # type: ignore[typeddict-item]
+    return InitErrorDetails(type=kind, loc=(*before, *error["loc"]), input=error["input"], ctx=context)
 
 
 def _at(path: KeyPath, error: PydanticCustomError | PydanticKnownError, value: Any) -> ValidationError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -40,6 +40,16 @@ class Score(Config):
     settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
     bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
+
+
+class Sensing(Config):
+    """What the measurements say of the objects."""
+
+    identities: Literal["known", "hidden"] = Field(
+        "known",
+        description="known: each measurement says of which object it is. hidden: a scan has detections in an order "
+        "that means nothing; the trackers here follow one object each and cannot run on it yet.",
+    )
 
 
 class Expectation(Config):
@@ -85,6 +95,7 @@ class Scenario(Config):
     sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
         min_length=1, description="The sensors, by name."
     )
+    sensing: Sensing = Field(default_factory=Sensing, description="Whether they say which object they are of.")
     trackers: dict[Name, AnyTracker] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import create_model
 
 from trackbench.filters import (
     CUBATURE,
@@ -55,6 +57,12 @@ def ukf(**options: Any) -> FilterTracker:
 def ckf(**options: Any) -> FilterTracker:
     """A cubature Kalman filter."""
     return build(FilterConfig(filter="ckf", **options))
+
+
+for _factory in (kf, ekf, iekf, ukf, ckf):
+    _name = _factory.__name__
+    # Its options are the keys of a scenario's ``filter:`` entry, the filter itself given.
+    _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined,call-overload,valid-type]
 
 
 def _filter(config: FilterConfig) -> Filter:
