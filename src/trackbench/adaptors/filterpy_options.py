@@ -16,9 +16,7 @@ from trackbench.types import Scan
 class FilterPySensor(SensorOptions):
     """How the measurements of a sensor are given to the filter; functions are called as FilterPy calls them."""
 
-    hx: str | None = Field(
-        None, description="own, or the function that gives the expected measurement, as module:name."
-    )
+    hx: str | None = Field(None, description="own, or the function that gives the expected measurement.")
     HJacobian: str | None = Field(None, description="The function that gives its derivative, as module:name.")
     residual: str | None = Field(None, description="The function that subtracts two measurements, as module:name.")
     z_mean: str | None = Field(None, description="The function that averages sigma points, as module:name.")

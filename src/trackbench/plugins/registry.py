@@ -28,7 +28,7 @@ class Registry(Generic[T]):
     def __init__(self, group: str, what: str, lacks: Callable[[Any], str | None]) -> None:
         self.group = group
         self.what = what
-        self._lacks = lacks
+        self.lacks = lacks
         self._found: dict[str, T] = {}
 
     def names(self) -> list[str]:
@@ -47,7 +47,7 @@ class Registry(Generic[T]):
         """
         with searched(folder), explained(reference, folder):
             found = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
-        lacking = self._lacks(found)
+        lacking = self.lacks(found)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")
         self._found[reference] = cast(T, found)

@@ -93,7 +93,10 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
     """The options that each plug-in needs beside the word that names it."""
     key, plugin = beside(model)
     part["allOf"] = []
+    used: dict[str, list[str]] = {}
     for name, found in plugin.registry.loaded().items():
+        for option in found.model_fields:
+            used.setdefault(option, []).append(name)
         own = found.model_json_schema(by_alias=True)
         _untitle(own)
         part["properties"] = {**own["properties"], **part["properties"]}
@@ -103,6 +106,11 @@ def _beside(part: Schema, model: type[OptionsBeside]) -> None:
         rule = {"properties": {key: {"const": name}}, "required": [key], "not": {"anyOf": stated}}
         part["allOf"].append({"if": rule, "then": {"required": own.get("required", [])}})
     part["properties"] = dict(sorted(part["properties"].items(), key=lambda item: item[0] not in model.model_fields))
+    for option, names in used.items():
+        if option not in model.model_fields:
+            part["properties"][option]["description"] += (
+                f" Used, and required where it has no default, by {key} {' and '.join(names)}."
+            )
     part.pop("additionalProperties")
     part["unevaluatedProperties"] = False
     free = {"if": {"properties": {key: REFERENCE}, "required": [key]}, "then": {"additionalProperties": True}}

@@ -1,8 +1,4 @@
-"""A check-up for the author of a tracker: does it keep the contract that the bench relies on?
-
-from trackbench.testing import check_tracker
-check_tracker("mypkg.mymodule:MyTracker", alpha=0.5)
-"""
+"""The check-up of a tracker on short synthetic drives."""
 
 from __future__ import annotations
 
