@@ -40,7 +40,7 @@ class Singer(MotionModel):
         if dt == 0.0:
             return np.zeros((6, 2))
         tau = self.time_constant_s
-        kept, to_v, to_p = self._response(dt)
+        _, to_v, to_p = self._response(dt)
         fresh = np.sqrt(-np.expm1(-2 * dt / tau))
         drive = fresh / to_v
         return np.kron([[drive * tau * (dt**2 / 2 - to_p)], [drive * tau * (dt - to_v)], [fresh]], np.eye(2))

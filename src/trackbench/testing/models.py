@@ -1,4 +1,4 @@
-"""Check-ups of a motion model's and a sensor's equations: Jacobians against finite differences, batches against loops."""
+"""Check-ups of the equations of motion models and sensors: Jacobians by finite differences, batches against loops."""
 
 from __future__ import annotations
 
