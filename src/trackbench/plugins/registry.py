@@ -29,7 +29,8 @@ class Registry(Generic[T]):
         self.group = group
         self.what = what
         self.lacks = lacks
-        self._found: dict[str, T] = {}
+        self.found: dict[str, T] = {}
+        """What has been looked up, by reference."""
 
     def names(self) -> list[str]:
         """The published names, whether or not they can be imported."""
@@ -50,12 +51,12 @@ class Registry(Generic[T]):
         lacking = self.lacks(found)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")
-        self._found[reference] = cast(T, found)
-        return self._found[reference]
+        self.found[reference] = cast(T, found)
+        return self.found[reference]
 
     def __getitem__(self, reference: str) -> T:
         try:
-            return self._found[reference]
+            return self.found[reference]
         except KeyError:
             return self.get(reference)
 
@@ -69,7 +70,7 @@ class Registry(Generic[T]):
 
     def name_of(self, found: Any) -> str:
         """The name under which a scenario can ask for a plug-in that is at hand."""
-        known = next((name for name, other in self._found.items() if other is found), None)
+        known = next((name for name, other in self.found.items() if other is found), None)
         if known is not None:
             return known
         reference = f"{found.__module__}:{found.__qualname__}"

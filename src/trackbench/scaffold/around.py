@@ -40,21 +40,22 @@ def wrapped(reference: str) -> Wrapped:
         raise InputError(f'{reference!r} is no name in a module: write --around "module:Class"')
     with searched(None), explained(reference, None):
         found = attribute(reference, classes)
-    missing = [name for name in ("predict", "update") if not callable(getattr(found, name, None))]
+    methods = {name: getattr(found, name, None) for name in ("predict", "update")}
+    missing = [name for name, method in methods.items() if not callable(method)]
     if not isinstance(found, type) or missing:
         lacking = f"it has no {' and no '.join(missing)}" if isinstance(found, type) else "it is not a class"
         raise InputError(f"{reference!r} cannot be wrapped: {lacking}")
     arguments = {name: USUAL.get(name, "None") for name in _required(found)}
     decisions = [f"what {name} is" for name, value in arguments.items() if value == "None"]
-    predict = _call(found.predict, dict.fromkeys(TIME_STEP, "dt"), ["dt"], decisions)
-    update = _call(found.update, dict.fromkeys(NOISE, "R"), ["z", "R"], decisions)
+    predict = _call(methods["predict"], dict.fromkeys(TIME_STEP, "dt"), ["dt"], decisions)
+    update = _call(methods["update"], dict.fromkeys(NOISE, "R"), ["z", "R"], decisions)
     module, _, name = reference.partition(":")
     return Wrapped(module, name, arguments, predict, update, tuple(decisions))
 
 
 def _call(method: Any, known: dict[str, str], usual: list[str], decisions: list[str]) -> str:
     """The arguments of a call: those that are required, and optional ones of a known name."""
-    given = []
+    given: list[str] = []
     for parameter in _parameters(method):
         required = parameter.default is parameter.empty
         value = known.get(parameter.name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -86,16 +87,18 @@ def _motion_problems(model: MotionModel) -> Iterator[str]:
             if not np.allclose(model.transition(x, dt), batch[:, i]):
                 yield f"transition of a batch differs from that of its members (dt {dt:g} s)"
                 break
-        yield from _compared(
-            "jacobian", "transition", states, lambda x, dt=dt: model.jacobian(x, dt),
-            lambda x, dt=dt: model.transition(x, dt), model.angular,
-        )  # fmt: skip
+        jacobian, transition = partial(_at, model.jacobian, dt), partial(_at, model.transition, dt)
+        yield from _compared("jacobian", "transition", states, jacobian, transition, model.angular)
         gain = model.noise_gain(states[:, 0], dt)
         if gain.shape != (size, noises):
             yield f"noise_gain has the shape {gain.shape}, not {(size, noises)}"
     yield from _compared("cartesian_jacobian", "to_cartesian", states, model.cartesian_jacobian, model.to_cartesian)
     if pickle.loads(pickle.dumps(model)) != model or hash(model) != hash(model.model_copy()):
         yield "it does not survive pickling, or its copies have another hash"
+
+
+def _at(function: Callable[[Array, float], Array], dt: float, x: Array) -> Array:
+    return function(x, dt)
 
 
 def _sensor_problems(sensor: Sensor) -> Iterator[str]:

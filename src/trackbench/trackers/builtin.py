@@ -62,7 +62,7 @@ def ckf(**options: Any) -> FilterTracker:
 for _factory in (kf, ekf, iekf, ukf, ckf):
     _name = _factory.__name__
     # Its options are the keys of a scenario's ``filter:`` entry, the filter itself given.
-    _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined,call-overload,valid-type]
+    _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined]
 
 
 def _filter(config: FilterConfig) -> Filter:
