@@ -50,6 +50,10 @@ def test_the_page_on_recordings_runs_as_printed(tmp_path: Path, run_page: Callab
     assert run_page(DOCS / "reading-a-recording.md", tmp_path) >= 6
 
 
+def test_the_page_on_plug_ins_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "plug-ins.md", tmp_path) >= 6
+
+
 def test_the_page_shows_the_files(fenced: Fenced) -> None:
     shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
     assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("alpha_beta*.py")}

@@ -33,7 +33,7 @@ class Kf:
 """
 
 
-def tested(folder: Path, *files: str) -> subprocess.CompletedProcess[str]:
+def run_pytest(folder: Path, *files: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *files]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
@@ -44,7 +44,7 @@ def test_what_is_written_passes_its_own_tests(tmp_path: Path, cli: Cli) -> None:
         done = cli("new", kind, name)
         assert done.status == 0, done.err
         assert f"pytest test_{name}.py" in done.out
-    done = tested(tmp_path)
+    done = run_pytest(tmp_path)
     assert done.returncode == 0, done.stdout
     assert "4 passed" in done.stdout
 
@@ -80,7 +80,7 @@ def test_a_filter_is_wrapped(
     assert done.status == 0, done.err
     text = (tmp_path / f"around_{module}.py").read_text(encoding="utf-8")
     assert all(call in text for call in calls)
-    done = tested(tmp_path, f"test_around_{module}.py")
+    done = run_pytest(tmp_path, f"test_around_{module}.py")
     assert done.returncode == 0, done.stdout
 
 

@@ -84,8 +84,8 @@ def test_what_is_something_else_is_refused_without_being_called(registry: Regist
 
 
 def test_a_check_starts_no_tracker(tmp_path: Path, write_module: Write) -> None:
-    code = "class Loud:\n    def __init__(self, gain, **rest):\n        raise SystemExit\n    def step(self, state, scan):\n"
-    module = write_module(tmp_path, code + "        raise SystemExit\n")
+    code = "class Loud:\n    def __init__(self, gain, **rest):\n        raise SystemExit\n"
+    module = write_module(tmp_path, code + "    def step(self, state, scan):\n        raise SystemExit\n")
     check_options(f"{module}:Loud", {"gain": 1, "other": 2}, tmp_path)
     with pytest.raises(InputError, match="missing a required argument: 'gain'"):
         check_options(f"{module}:Loud", {}, tmp_path)

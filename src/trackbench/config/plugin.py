@@ -169,7 +169,8 @@ class OptionsBeside(Config):
         if given is None or found is None:
             # Whose options the others are is not known: the one mistake is said of the word.
             options = {} if isinstance(value, Config | dict) else plugin_options(plugin)
-            return {name: item for name, item in data.items() if name in own or name not in options}
+            unknown = given is not None and given.values is not value
+            return {name: item for name, item in data.items() if name in own or not (unknown or name in options)}
         refused = cls.replaced(data, found)
         if isinstance(value, dict):
             return {**data, key: Options(given.name, value, refused=refused)}
