@@ -15,10 +15,10 @@ from trackbench.adaptors.filterpy_options import FilterPyOptions, FilterPySensor
 from trackbench.adaptors.stonesoup_models import MEASURED
 from trackbench.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor
 from trackbench.errors import InputError
-from trackbench.plugins import create
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
+from trackbench.trackers.published import create
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "adaptors.md"

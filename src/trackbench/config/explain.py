@@ -7,12 +7,11 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from trackbench.config import PROBLEM, Config
+from trackbench.config.base import PROBLEM, Config, KeyPath
+from trackbench.config.key_units import convert, read_number, show, split_key, unit_of
+from trackbench.config.places import Place, find, keyed_fields, marked, members, models, words
+from trackbench.config.unknown_keys import advise, advise_beside
 from trackbench.errors import nearest
-from trackbench.scenario.key_units import convert, read_number, show, split_key, unit_of
-from trackbench.scenario.places import Place, find, keyed_fields, members, models, words
-from trackbench.scenario.source import KeyPath
-from trackbench.scenario.unknown_keys import advise
 
 _LIMITS = {
     "greater_than": ("gt", "above"),
@@ -29,7 +28,11 @@ def explain(errors: list[ErrorDetails], root: type[Config]) -> list[tuple[KeyPat
     for error in errors:
         place = find(root, error["loc"])
         if error["type"] == "extra_forbidden" and place.model is not None:
-            advice = advise(str(place.path[-1]), error["input"], place.model, root)
+            key, value = str(place.path[-1]), error["input"]
+            if place.beside is not None:
+                advice = advise_beside(key, value, place.beside, root)
+            else:
+                advice = advise(key, value, place.model, root)
             result.append((place.path, advice.message))
             if advice.key is not None:
                 advised.add((*place.path[:-1], advice.key))
@@ -52,6 +55,12 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
         case "union_tag_invalid":
             hint = nearest(context["tag"], members(place.annotation))
             return (*path, _discriminator(context)), f"{context['tag']!r} is not known; {hint}"
+        case "missing" if marked(place.annotation) is not None and place.model is None:
+            return path, f"missing; choose from: {', '.join(words(place.annotation))}"
+        case "missing" if place.beside is not None and place.model is not None:
+            plugged = place.beside
+            needed = [name for name, field in keyed_fields(place.model).items() if field.is_required()]
+            return path, f"missing: {plugged.key} {plugged.name} needs {' and '.join(needed)}"
         case "missing":
             return path, f"missing; {_meaning(place)}"
         case "literal_error":

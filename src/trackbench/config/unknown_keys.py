@@ -5,10 +5,11 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
-from trackbench.config import Config
+from trackbench.config.base import Config
+from trackbench.config.key_units import Unit, convert, show, split_key
+from trackbench.config.places import Beside, forms, keyed_fields, whole
+from trackbench.config.plugin import plugin_options
 from trackbench.errors import nearest
-from trackbench.scenario.key_units import Unit, convert, show, split_key
-from trackbench.scenario.places import distinction, keyed_fields, models
 
 
 class Advice(NamedTuple):
@@ -22,6 +23,23 @@ class Advice(NamedTuple):
 def advise(key: str, value: Any, model: type[Config], root: type[Config]) -> Advice:
     """Advice on the unknown ``key`` of ``model``, in a file whose whole is described by ``root``."""
     keys = list(keyed_fields(model))
+    if key in keys:
+        return Advice("unknown key here: it belongs into the mapping that names the plug-in", None)
+    return _advise(key, value, keys, model, root)
+
+
+def advise_beside(key: str, value: Any, plugged: Beside, root: type[Config]) -> Advice:
+    """Advice on a ``key`` that is neither an option of a plug-in nor of the class beside whose keys they stand."""
+    options = list(keyed_fields(plugged.plugin.registry[plugged.name]))
+    if key in plugin_options(plugged.plugin):
+        uses = " and ".join(options) or "no option"
+        return Advice(f"{plugged.key} {plugged.name} does not use this; it uses {uses}", None)
+    others = plugin_options(plugged.plugin)
+    own = [name for name in keyed_fields(plugged.model) if name not in others]
+    return _advise(key, value, [*options, *own], plugged.model, root)
+
+
+def _advise(key: str, value: Any, keys: list[str], model: type[Config], root: type[Config]) -> Advice:
     meant = _same_quantity(key, keys)
     if meant is not None:
         return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
@@ -67,11 +85,11 @@ def _homes(key: str, found_in: type[Config], model: type[Config], path: tuple[st
     """
     homes = []
     for name, field in keyed_fields(model).items():
-        forms = models(field.annotation)
+        found = forms(whole(field))
         section = ".".join((*path, name))
-        for form in forms:
+        for form, told in found:
             if key in keyed_fields(form):
-                told = distinction(form) if found_in in forms else None
+                told = told if found_in in [other for other, _ in found] else None
                 homes.append(section if told is None else f"{section} with {': '.join(told)}")
             homes += _homes(key, found_in, form, (*path, name))
     return list(dict.fromkeys(homes))

@@ -106,3 +106,10 @@ def read_number(text: str) -> tuple[float, str] | None:
 def show(value: float) -> str:
     """A number as it is written in a scenario file, to four digits where it was converted."""
     return f"{value:.4g}" if abs(value) < 1e4 and value != round(value) else f"{value:.10g}"
+
+
+def in_words(key: str, value: object) -> str:
+    """An option as it is read in a sentence: "acceleration sigma 3 m/s^2"."""
+    stem, unit = split_key(key)
+    shown = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    return " ".join([stem.replace("_", " "), shown, *([unit.words] if unit else [])])

@@ -17,7 +17,7 @@ class Preset:
 
     name: str
     kind: str
-    """"radar" or "lidar"."""
+    """The type of sensor whose keys it gives."""
     title: str
     """Maker and model."""
     source: str
@@ -33,7 +33,7 @@ class Preset:
 @cache
 def presets() -> Mapping[str, Preset]:
     """All presets by name, in the order of ``presets.yaml``."""
-    text = files("trackbench.sensing").joinpath("presets.yaml").read_text(encoding="utf-8")
+    text = files("trackbench.models.sensors").joinpath("presets.yaml").read_text(encoding="utf-8")
     return {name: _preset(name, entry) for name, entry in yaml.safe_load(text).items()}
 
 

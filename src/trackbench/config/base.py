@@ -16,6 +16,9 @@ Angle = Annotated[float, Field(ge=-360, le=360)]
 #: Sensors and trackers are named in dotted paths (``nis.front_radar.mean``), so a name has no dot.
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 
+#: Keys and list indices, from the root of a file.
+KeyPath = tuple[str | int, ...]
+
 #: The type of the pydantic error that carries a message of our own, word for word.
 PROBLEM = "problem"
 
@@ -23,7 +26,7 @@ PROBLEM = "problem"
 class Problem(NamedTuple):
     """A value that is well-formed but cannot be meant."""
 
-    at: tuple[str | int, ...]
+    at: KeyPath
     """Keys and list indices, from the model that reports it."""
     message: str
     """What is wrong and what would be right."""

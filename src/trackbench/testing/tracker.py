@@ -1,8 +1,4 @@
-"""A check-up for the author of a tracker: does it keep the contract that the bench relies on?
-
-from trackbench.testing import check_tracker
-check_tracker("mypkg.mymodule:MyTracker", alpha=0.5)
-"""
+"""The check-up of a tracker on short synthetic drives."""
 
 from __future__ import annotations
 
@@ -12,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from trackbench import linalg, plugins
+from trackbench import linalg
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
+from trackbench.trackers.published import create
 from trackbench.types import Array, Estimate, Scan
 
 NOISE = {
@@ -55,7 +52,7 @@ def check_tracker(use: str | Callable[..., Tracker], **options: Any) -> list[Che
         InputError: the tracker cannot be imported or started.
     """
     if isinstance(use, str):
-        make = plugins.create(use, options)
+        make = create(use, options)
     else:
         factory = use
 
