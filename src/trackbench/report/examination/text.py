@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from trackbench.doctor.examine import Examination
 from trackbench.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.report.examination_words import consequences, facts, mark, roots, verdict
+from trackbench.report.examination.sentences import consequences, facts, mark, roots, verdict
 from trackbench.words import counted
 
 WIDTH = 80
