@@ -146,6 +146,14 @@ def test_folders_of_several_scenarios(cli: Cli, versions: Path) -> None:
     }
 
 
+def test_a_comparison_that_was_kept_is_shown_again(cli: Cli, two: Path) -> None:
+    first = cli("compare", "base/tiny", "new/tiny", "--out", "kept.json")
+    assert cli("compare", "kept.json").out == first.out
+    done = cli("compare", "kept.json", "base/tiny")
+    assert (done.status, done.out) == (2, "")
+    assert done.err == "kept.json: a comparison that was kept is shown as it is: name it alone\n"
+
+
 def test_a_folder_of_several_scenarios(cli: Cli, versions: Path) -> None:
     done = cli("compare", "base")
     assert (done.status, done.err) == (0, "")

@@ -14,12 +14,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from trackbench.compare import Comparison, compare, results_in
+from trackbench.palette import tracker_colours
 from trackbench.report.comparison import batch_files, comparison_files, document
 from trackbench.report.document.html import to_html
 from trackbench.report.document.markdown import to_markdown
 from trackbench.results import Result
 
 RUNS = 20
+COLOURS = tracker_colours(["good", "fair", "poor", "mine"])
 REASON = "ValueError: matrix <3> is singular"
 
 
@@ -183,27 +185,36 @@ def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
     assert to_html(document(compared, times=True)) == text
 
 
+def made(comparison: Comparison, folder: Path) -> dict[str, str]:
+    """The files of a batch, by their paths."""
+    found = batch_files(comparison, folder, COLOURS)
+    return {path.relative_to(folder).as_posix(): content.decode() for path, content in found}
+
+
 def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp_path: Path) -> None:
-    made = {path.relative_to(tmp_path).as_posix(): content for path, content in batch_files(compared, tmp_path)}
-    assert set(made) == {
+    found = made(compared, tmp_path)
+    assert set(found) == {
         *(f"comparison.{ending}" for ending in ("html", "md", "json")),
         *(f"figures/{name}.svg" for name in ("ranks", "efficiency")),
     }
-    assert b"1.23" in made["comparison.html"]
-    assert not any(b"1.23" in content for name, content in made.items() if name != "comparison.html")
-    assert made == {p.relative_to(tmp_path).as_posix(): content for p, content in batch_files(compared, tmp_path)}
+    assert [name for name, content in found.items() if "1.23" in content] == ["comparison.html"]
+    assert found == made(compared, tmp_path)
+
+
+def test_a_tracker_keeps_the_colour_that_it_is_given(compared: Comparison) -> None:
+    page = to_html(document(compared, {**COLOURS, "good": "#123456"}))
+    assert page.count("#123456") > 2
+    assert tracker_colours(["good"])["good"] not in to_html(document(compared, dict.fromkeys(COLOURS, "#123456")))
 
 
 def test_the_page_links_to_the_reports(tmp_path: Path) -> None:
-    found = [scenario(name, {"good": 0.5, "poor": 0.9}) for name in ("one", "two")]
+    results = [scenario(name, {"good": 0.5, "poor": 0.9}) for name in ("one", "two")]
     (tmp_path / "one").mkdir()
     (tmp_path / "one" / "report.html").touch()
-    made = {
-        path.name: content.decode() for path, content in batch_files(compare([results_in(tmp_path, found)]), tmp_path)
-    }
-    assert '<a href="one/report.html">one</a>' in made["comparison.html"]
-    assert "two/report.html" not in made["comparison.html"]
-    assert "report.html" not in made["comparison.md"]
+    found = made(compare([results_in(tmp_path, results)]), tmp_path)
+    assert '<a href="one/report.html">one</a>' in found["comparison.html"]
+    assert "two/report.html" not in found["comparison.html"]
+    assert "report.html" not in found["comparison.md"]
 
 
 def test_one_tracker_that_is_much_worse_does_not_bleach_the_others() -> None:

@@ -26,7 +26,7 @@ def _counts(items: Sequence[PairDifference]) -> str:
     return ", ".join(f"{found.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in found)
 
 
-def blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
+def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str]) -> Iterator[Block]:
     """The results, the differences by metric, and the limits."""
     several = len(comparison.scenarios) > 1
     if several:
@@ -34,20 +34,22 @@ def blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block
     else:
         yield Items(tuple(_result(comparison, result) for result in comparison.scenarios[0].results))
     for metric, items in comparison.by_metric():
-        yield Section(f"{metric}, {items[0].unit}", tuple(_section(comparison, metric, items)))
+        yield Section(f"{metric}, {items[0].unit}", tuple(_section(comparison, colours, metric, items)))
     if comparison.gates:
         yield Section("Limits", (*_gates(comparison),))
     if several:
         yield Section("Scenarios", (_scenarios(comparison, reports),))
 
 
-def _section(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Iterator[Block]:
+def _section(
+    comparison: Comparison, colours: Mapping[str, str], metric: str, items: Sequence[PairDifference]
+) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
     table, explained = _differences(comparison, metric, items), Paragraph(_explanation(items))
-    figure = difference_figure(comparison, metric, items, _labels(comparison, items))
+    figure = difference_figure(metric, items, _labels(comparison, items), colours)
     figures = () if all(item.identical for item in items) else (figure,)
     if several:
         yield from (*figures, Section("Each difference", (table, explained), folded=True))

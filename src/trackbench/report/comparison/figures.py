@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -10,7 +10,6 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Rectangle
 
 from trackbench.compare import Comparison, PairDifference
-from trackbench.palette import tracker_colours
 from trackbench.report.document import Figure
 from trackbench.report.document.drawing import INK, MUTED
 from trackbench.report.numbers import fixed
@@ -25,10 +24,9 @@ _SATURATED, _LEAST = 2.0, 2.0
 _ON_LIGHT = "#1c2126"
 
 
-def rank_figure(comparison: Comparison) -> Figure:
+def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
     """Mean rank of each tracker with its interval."""
     ordered = comparison.ranking[::-1]
-    colours = tracker_colours(comparison.trackers)
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel="mean rank over the scenarios, 1 is best")
@@ -100,10 +98,9 @@ def efficiency_figure(comparison: Comparison) -> Figure:
 
 
 def difference_figure(
-    comparison: Comparison, metric: str, items: Sequence[PairDifference], labels: Sequence[str]
+    metric: str, items: Sequence[PairDifference], labels: Sequence[str], colours: Mapping[str, str]
 ) -> Figure:
     """Each difference in percent with its interval; one that is zero in every run, or against zero, is left out."""
-    colours = tracker_colours(comparison.trackers)
     drawn = [
         (label, item.percent, item.percent_ci95 or (item.percent,) * 2, colours[item.entrant.tracker])
         for label, item in zip(labels, items, strict=True)
