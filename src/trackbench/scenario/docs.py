@@ -173,7 +173,7 @@ def scenario_markdown() -> str:
         if section == "sensors":
             blocks.append(_presets())
         if section == "trackers":
-            blocks += [_motion_models(), _trackers()]
+            blocks += [_motion_models(), _trackers(), *_declared(parts, told)]
         if section == "expect":
             blocks.append(_metrics())
     return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
@@ -226,7 +226,7 @@ def _table(part: Schema) -> str:
             _type(field),
             unit.words if unit else "",
             default,
-            field["description"],
+            field.get("description", ""),
         )
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows)
@@ -291,6 +291,17 @@ def _trackers() -> str:
             options = ", ".join(f"`{key}`" for key in declared.model_fields)
         rows.append(f"| `{name}` | {options} |")
     return "\n".join(rows)
+
+
+def _declared(parts: Schema, told: set[str]) -> Iterator[str]:
+    """The options that published trackers declare."""
+    for rule in parts["PluginConfig"]["allOf"]:
+        options = rule["then"]["properties"]["options"]
+        yield f"### `options` of `{rule['if']['properties']['use']['const']}`"
+        yield options.get("description", "")
+        yield _table(options)
+        for key, value in options["properties"].items():
+            yield from _described(value, key, parts, told)
 
 
 def _presets() -> str:
