@@ -25,7 +25,7 @@ from trackbench.doctor.examine import Doctor, Examination
 from trackbench.doctor.subject import SENSORS
 
 PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"
-#: Each examination has one of so many seeds of noise and stations.
+#: Number of seeds of the noise and the probes.
 SEEDS = 5
 #: Examinations of correct trackers.
 HEALTHY = 200
@@ -41,7 +41,7 @@ class Task(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What came of it."""
+    """The outcome of a task."""
 
     task: Task
     found: tuple[str, ...]
@@ -80,7 +80,7 @@ def _right(number: int, found: Examination) -> bool:
     first = found.findings[0]
     if mutant.factor is None:
         return True
-    # Of a fault in all sensors, whichever is named first.
+    # A fault of all sensors may be found in any of them first.
     named = mutant.sensor is None or first.sensor == mutant.sensor
     return named and first.factor is not None and 1 / FACTOR <= first.factor / mutant.factor <= FACTOR
 
@@ -122,7 +122,7 @@ def page(seen: Sequence[Seen]) -> str:
         *table(seen),
         "",
         f"{hits} of {len(injected)} injected faults ({hits / len(injected):.1%}) have the right name first "
-        f"({SEEDS} seeds of noise and stations).",
+        f"({SEEDS} seeds of noise and probes).",
         "",
         f"{silent} of {len(correct)} examinations of {len({one.task.what for one in correct})} correct trackers found "
         "nothing: all built-in filters with every motion model, calm to lively tunings, several starts, one sensor or "

@@ -28,7 +28,7 @@ MENU = {
         "projects/udacity-ukf",
         "projects/udacity-simulator",
     ],
-    "Python": ["api"],
+    "Python": ["python", "api"],
 }
 
 # Markdown as GitHub reads it.

@@ -3,13 +3,14 @@
 import sys
 from pathlib import Path
 
+from trackbench.report.svg import standalone
+
 from trackbench.doctor.examine import Doctor
 from trackbench.doctor.subject import subject
 from trackbench.report.examination_figures import innovation_drawing
-from trackbench.report.svg import standalone
 
 DOCS = Path(__file__).parent
-ALTERNATIVE = "Azimuth innovation of the radar over time, as the tracker takes it and as it should be"
+ALTERNATIVE = "Azimuth innovation of the radar over time, applied by the tracker and expected"
 
 
 def main() -> None:

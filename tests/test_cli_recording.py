@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from trackbench import results
 from trackbench.recording import viewer
+from trackbench.results import Result
 
 Cli = Callable[..., Any]
 
@@ -62,7 +62,7 @@ def test_inspect_prints_json_and_nothing_else(cli: Cli, folder: Path) -> None:
     assert done.err == ""
     assert found["at"]["time_s"] == 1.0
     assert {name: len(moments) for name, moments in found["worst"].items()} == {"raw": 2, "ekf": 2}
-    assert found["fingerprint"] == results.Result.load(folder).json()["fingerprint"]
+    assert found["fingerprint"] == Result.load(folder).summary.fingerprint
 
 
 def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
@@ -84,6 +84,7 @@ def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
         (["snapshot", "results/tiny", "--at", "9", "a.png"], "--at: 9 s is not in the recording"),
         (["snapshot", "results/tiny", "--at", "1", "a.jpg"], "name it a.png, not a.jpg"),
         (["inspect", "results/tiny", "--open"], "--open needs a time"),
+        (["inspect", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
         (["inspect", "results/tiny", "--worst", "1", "--tracker", "efk"], "did you mean 'ekf'?"),
         (["run", "tiny.yaml", "--connect", "localhost"], "write rerun+http://HOST:PORT/proxy"),
         (["run", "tiny.yaml", "--host", "0.0.0.0"], "says where --serve listens"),

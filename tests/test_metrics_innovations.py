@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tests.conftest import Run
-from trackbench.metrics.scores import LAGS
 
 from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.sums import LAGS
 
 
 def by_hand(white, used):

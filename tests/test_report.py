@@ -1,4 +1,4 @@
-"""The HTML report of one run."""
+"""The report of one run as a page."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import pyarrow as pa
 import pytest
 from tests.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
 
-from trackbench.palette import ERROR_COLOURS
-from trackbench.report import html
-from trackbench.report.claims import confidence
-from trackbench.results import Result
+from trackbench.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
+from trackbench.report.document.html import to_html
+from trackbench.report.run import run_document
+from trackbench.report.run.calibration import calibration_clauses
+from trackbench.results import Breakdown, Result
 
 
 class Page(HTMLParser):
@@ -54,9 +55,13 @@ class Page(HTMLParser):
         return [attributes for name, attributes, _ in self.elements if name == tag]
 
 
+def render(result: Result) -> str:
+    return to_html(run_document(result))
+
+
 @pytest.fixture(scope="module")
 def text() -> str:
-    return html.render(make_result())
+    return render(make_result())
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +105,7 @@ def test_drawings_take_the_colours_of_the_page(text: str) -> None:
 
 
 def test_the_page_is_the_same_every_time(text: str) -> None:
-    assert html.render(make_result()) == text
+    assert render(make_result()) == text
 
 
 def test_ranked_values_are_those_of_the_result(page: Page) -> None:
@@ -108,7 +113,8 @@ def test_ranked_values_are_those_of_the_result(page: Page) -> None:
     assert list(rows) == list(RMSE)
     assert {name: float(row[3]) for name, row in rows.items()} == RMSE
     assert rows["ekf_tight"][6] == "96.00"
-    assert rows["ekf_tight"][10:12] == ["3", "7"]
+    assert rows["ekf_tight"][9:11] == ["3", "7"]
+    assert {row[8] for row in rows.values()} == {"99.0"}
     assert [row[2] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
     assert "0.374 to 0.390" in page.text
 
@@ -126,55 +132,78 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
     assert "no difference was shown between it and ekf_ctrv." in page.text
-    assert "0.412 m position RMSE, 18\N{NO-BREAK SPACE}% above the Cramér-Rao bound; pessimistic" in page.text
+    assert "0.412 m position RMSE, 18\N{NO-BREAK SPACE}% above the Cramér-Rao bound; pessimistic overall" in page.text
+    assert "NEES n/a: the tracker gives no covariance" in page.text
     assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
     assert "1 of 2 expectations failed" in page.text
     assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
     assert "v3 jumps by 1.4 m at 15.00 s" in page.text
 
 
-def test_what_is_said_of_confidence_is_what_was_shown() -> None:
-    def said(**changes: float) -> list[str]:
+def test_what_is_said_of_calibration_is_what_was_shown() -> None:
+    def said(interval: tuple[float, float] | None = (0.99, 1.01), **changes: float) -> list[str]:
         found = breakdown(0.4)
         for place, mean in changes.items():
             name, _, part = place.partition("__")
-            found["manoeuvre"][name][f"nees_{part}"] |= {"mean": mean, "ci95": [0.99 * mean, 1.01 * mean]}
-        return confidence(found)
+            ci95 = None if interval is None else [interval[0] * mean, interval[1] * mean]
+            found["manoeuvre"][name][f"nees_{part}"] |= {"mean": mean, "ci95": ci95}
+        return calibration_clauses(Breakdown.model_validate(found))
 
     # The sensor gap is too rare to be worth a word, whatever the errors in it.
-    assert said() == ["too confident about velocity in turns (errors 1.6 times the claim)"]
-    # 1.25 times the claim is a NEES of 3.125 with 2 degrees of freedom.
+    assert said() == ["optimistic about velocity in turns (errors 1.6 times as large as stated)"]
+    # 1.25 times as large as stated is a NEES of 3.125 with 2 degrees of freedom.
     assert said(turning__velocity=3.1) == []
-    assert said(turning__velocity=3.2) == ["too confident about velocity in turns (errors 1.3 times the claim)"]
+    assert said(turning__velocity=3.2) == ["optimistic about velocity in turns (errors 1.3 times as large as stated)"]
     assert said(turning__velocity=8, straight__velocity=18, straight__position=0.5) == [
-        "too confident about velocity on straights and in turns (errors up to 3.0 times the claim)",
-        "too cautious about position on straights (errors 0.5 times the claim)",
+        "optimistic about velocity on straights and in turns (errors up to 3.0 times as large as stated)",
+        "pessimistic about position on straights (errors 0.5 times as large as stated)",
     ]
     assert said(turning__velocity=8, turning__position=18) == [
-        "too confident about position and velocity in turns (errors up to 3.0 times the claim)"
+        "optimistic about position and velocity in turns (errors up to 3.0 times as large as stated)"
     ]
-    wide = breakdown(0.4)
-    wide["manoeuvre"]["turning"]["nees_velocity"]["ci95"] = [2.9, 7.0]
-    assert confidence(wide) == []
-    wide["manoeuvre"]["turning"]["nees_velocity"]["ci95"] = None
-    assert confidence(wide) == []
+    assert said((0.5, 2.0), turning__velocity=5.0) == []
+    assert said(None, turning__velocity=5.0) == []
 
 
-def test_confidence_throughout() -> None:
+def test_calibration_throughout() -> None:
     found = breakdown(0.4)
     del found["manoeuvre"]["sensor gap"]
     for entry in found["manoeuvre"].values():
         entry["nees_velocity"] |= {"mean": 8.0, "ci95": [7.9, 8.1]}
-    assert confidence(found) == ["too confident about velocity throughout (errors up to 2.0 times the claim)"]
+    size = "(errors up to 2.0 times as large as stated)"
+    assert calibration_clauses(Breakdown.model_validate(found)) == [f"optimistic about velocity throughout {size}"]
     del found["manoeuvre"]["turning"]
-    assert confidence(found) == ["too confident about velocity (errors 2.0 times the claim)"]
+    alone = "optimistic about velocity (errors 2.0 times as large as stated)"
+    assert calibration_clauses(Breakdown.model_validate(found)) == [alone]
 
 
-def test_claims_by_manoeuvre_are_in_the_tables(page: Page) -> None:
+def test_calibration_by_manoeuvre_is_in_the_tables(page: Page) -> None:
     rows = [row for row in page.rows if row and row[0] == "ekf_cv" and len(row) == 4]
     assert ["ekf_cv", "1.0", "1.6", "1.0"] in rows
     assert ["ekf_cv", "1.0", "1.0", "5.0"] in rows
-    assert "too confident" in page.text
+    without = [row for row in page.rows if row and row[0] == "alpha_beta" and len(row) == 4]
+    assert ["alpha_beta", "n/a1", "n/a1", "n/a1"] in without
+
+
+def test_a_metric_of_a_plug_in_has_its_column() -> None:
+    summary = make_summary()
+    for i, entry in enumerate(summary["trackers"][:-1]):
+        entry["metrics"]["jerk"] = {"rms": {"value": 0.5 + i, "unit": "m/s^3", "ci95": [0.4 + i, 0.6 + i]}}
+    page = Page(render(Result.from_json(summary, make_tables())))
+    headings = [cell["data-label"] for cell in page.all("td")]
+    assert headings.count("jerk.rms, m/s^3") == len(RMSE)
+    assert ["ukf_ctrv", "5.500"] in page.rows
+    assert "5.400 to 5.600" in page.text
+
+
+def test_trackers_keep_the_colours_of_their_batch() -> None:
+    names = ["other", *(tracker["name"] for tracker in make_summary()["trackers"])]
+    colours = tracker_colours(names)
+    alone, batch = (to_html(run_document(make_result(), given)) for given in (None, colours))
+    first = make_summary()["trackers"][0]["name"]
+    for text, expected in ((alone, TRACKER_COLOURS[0]), (batch, TRACKER_COLOURS[1])):
+        assert f'style="--mark: {expected}"></span>{first}</label>' in text
+    assert colours["other"] not in batch.partition("<main>")[2].partition("<figure")[0]
 
 
 def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:
@@ -196,7 +225,7 @@ def test_text_is_escaped() -> None:
     summary["truth"]["objects"][0] = attack
     tables = make_tables()
     tables["truth"] = tables["truth"].set_column(0, "object", pa.array([attack] * tables["truth"].num_rows))
-    page = Page(html.render(Result.from_json(summary, tables)))
+    page = Page(render(Result.from_json(summary, tables)))
     assert not page.all("script")
     assert page.text.count(attack) >= 4
 
@@ -206,7 +235,7 @@ def test_every_tracker_failed() -> None:
     summary |= {"trackers": [failed_tracker()], "ranking": ["mine"], "differences": []}
     empty = pa.table({})
     page = Page(
-        html.render(
+        render(
             Result.from_json(
                 summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty, "autocorrelation": empty}
             )
@@ -225,7 +254,7 @@ def test_one_run_gives_no_intervals() -> None:
                 value["ci95"] = None
     for entry in summary["differences"]:
         entry |= {"ci95": None, "p_value": 1.0, "verdict": "no difference shown"}
-    page = Page(html.render(Result.from_json(summary, make_tables())))
+    page = Page(render(Result.from_json(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text
 
@@ -235,8 +264,8 @@ def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
     nis = tables["nis"]
     alone = pa.array(np.ones(nis.num_rows))
     tables["nis"] = nis.set_column(nis.column_names.index("count"), "count", alone)
-    page = Page(html.render(Result.from_json(make_summary(), tables)))
+    page = Page(render(Result.from_json(make_summary(), tables)))
     assert "95 % are below the dashed line, at 7.815 (3 degrees of freedom)" in page.text
     assert "at 5.991 (2 degrees of freedom)" in page.text
-    whole = Page(html.render(Result.from_json(make_summary(), make_tables())))
+    whole = Page(render(Result.from_json(make_summary(), make_tables())))
     assert "below the dashed line" not in whole.text

@@ -6,7 +6,10 @@ import pytest
 from tests.browser import Seen, look
 from tests.example_result import make_result
 
-from trackbench.report import comparison, html
+from trackbench.compare import compare, results_in
+from trackbench.report.comparison import document
+from trackbench.report.document.html import to_html
+from trackbench.report.run import run_document
 from trackbench.results import Result
 
 pytestmark = pytest.mark.browser
@@ -19,11 +22,16 @@ BROKEN = """<!doctype html>
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory, tiny_result: Result) -> Seen:
-    pages = {
-        "example": html.render(make_result()),
-        "tiny": html.render(tiny_result),
-        "comparison": comparison.compare([make_result(), tiny_result]).html(),
+    scenario = tiny_result.summary.scenario.model_copy(update={"name": "a_second_scenario"})
+    several = compare(
+        [results_in(tmp_path_factory.mktemp("results"), [tiny_result.updated(scenario=scenario), tiny_result])]
+    )
+    documents = {
+        "example": run_document(make_result()),
+        "tiny": run_document(tiny_result),
+        "comparison": document(several, times=True),
     }
+    pages = {name: to_html(found) for name, found in documents.items()}
     return look(tmp_path_factory.mktemp("browser"), pages, (PHONE, DESKTOP))
 
 

@@ -9,10 +9,11 @@ import pytest
 from rich.console import Console
 from tests.example_result import RMSE, make_result
 
-from trackbench.report import markdown
 from trackbench.report.console import print_summary
-from trackbench.report.significance import Differences, letters
-from trackbench.results import Result
+from trackbench.report.document.markdown import to_markdown
+from trackbench.report.run import run_document
+from trackbench.report.run.pairs import Pairs, groups
+from trackbench.results import Difference, Result
 
 
 @pytest.fixture(scope="module")
@@ -21,8 +22,8 @@ def result() -> Result:
 
 
 def test_markdown_table(result: Result) -> None:
-    lines = markdown.render(result).splitlines()
-    start = lines.index("## Ranking") + 2
+    lines = to_markdown(run_document(result)).splitlines()
+    start = lines.index("## Ranking") + 4
     assert lines[start].count("|") == lines[start + 2].count("|")
     assert lines[start + 2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
     assert "1. n/a: the tracker gives no covariance" in lines
@@ -30,23 +31,23 @@ def test_markdown_table(result: Result) -> None:
 
 
 def test_markdown_holds_the_whole_report(result: Result) -> None:
-    text = markdown.render(result)
+    text = to_markdown(run_document(result))
     headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
     assert headings == [
         "Verdict",
         "Ranking",
-        "Which differences are real",
-        "By manoeuvre",
-        "By range",
-        "Innovations",
+        "Differences between trackers",
+        "Accuracy",
+        "By manoeuvre and range",
+        "Consistency",
         "Expectations",
         "Truth and sensors",
-        "Reproduce",
+        "How to reproduce it",
     ]
-    assert "too confident about velocity in turns (errors 1.6 times the claim)" in text
+    assert "optimistic about velocity in turns (errors 1.6 times as large as stated)" in text
     assert "1 of 2 expectations failed." in text
-    assert "```yaml\n" + result.json()["scenario"]["text"].rstrip() + "\n```" in text
-    assert result.json()["command"] in text
+    assert "```yaml\n" + result.summary.scenario.text.rstrip() + "\n```" in text
+    assert result.summary.command in text
     assert "None" not in text
 
 
@@ -79,20 +80,23 @@ def test_terminal_colours_only_where_wanted(result: Result, monkeypatch: pytest.
 
 def test_letters_say_exactly_who_differs() -> None:
     names = ["a", "b", "c", "d"]
-    real = {("a", "c"), ("a", "d"), ("b", "d")}
+    differ = {("a", "c"), ("a", "d"), ("b", "d")}
     entries = [
-        {
-            "a": x,
-            "b": y,
-            "value": -1.0,
-            "ci95": [-2, 0],
-            "verdict": "a better" if (x, y) in real else "no difference shown",
-        }
+        Difference(
+            a=x,
+            b=y,
+            metric="position_rmse",
+            unit="m",
+            value=-1.0,
+            ci95=(-2.0, 0.0),
+            p_value=0.01,
+            verdict="a better" if (x, y) in differ else "no difference shown",
+        )
         for i, x in enumerate(names)
         for y in names[i + 1 :]
     ]
-    found = letters(names, Differences(entries))
+    found = groups(names, Pairs(entries))
     for i, x in enumerate(names):
         for y in names[i + 1 :]:
-            assert bool(set(found[x]) & set(found[y])) == ((x, y) not in real)
+            assert bool(set(found[x]) & set(found[y])) == ((x, y) not in differ)
     assert found == {"a": "a", "b": "ab", "c": "bc", "d": "c"}

@@ -21,8 +21,7 @@ from tests.udacity import RECORDING, recorded_lines, synthetic_lines, telemetry,
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from trackbench.cli.run import prepare
-from trackbench.runner.run import run
+import trackbench as tb
 
 COMMAND = [sys.executable, "-c", "from trackbench.cli import main; main()", "serve", "udacity"]
 ROOT = Path(__file__).parents[1]
@@ -112,9 +111,8 @@ def rmse_of_a_run(folder: Path, name: str, lines: Sequence[str]) -> list[float]:
     """What a run of the scenario finds on the same lines."""
     file = write_scenario(folder)
     (folder / "lines.txt").write_text("\n".join(lines))
-    prepared = prepare(file, [], [name])
-    (tracker,) = run(prepared.loaded, prepared.truth).json()["trackers"]
-    return [tracker["metrics"]["rmse"][component]["value"] for component in ("px", "py", "vx", "vy")]
+    tracker = tb.run(tb.load(file, trackers=[name]))[name]
+    return [tracker.metrics[f"rmse.{component}"].value for component in ("px", "py", "vx", "vy")]
 
 
 @pytest.mark.parametrize("name", RUBRIC)
@@ -295,7 +293,7 @@ def test_a_port_in_use(server, scenario):
 
 def test_what_cannot_be_served_is_said_in_one_line(scenario):
     assert fails("--tracker", f"{scenario}#eff").endswith("no tracker 'eff' in this scenario; did you mean 'ekf'?\n")
-    assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO.yaml#NAME, not '{scenario}'\n"
+    assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO#NAME, not '{scenario}'\n"
     assert "there is no such file; did you mean 'cyclist.yaml'?" in fails(
         "--tracker", f"{scenario.parent}/cyclis.yaml#ekf"
     )

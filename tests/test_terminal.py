@@ -93,7 +93,7 @@ def test_verbose_says_what_is_done_and_leaves_stdout_alone(
     monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "cache"))
     first = cli("run", "tiny.yaml", "--no-recording", "--verbose", "--json")
     second = cli("run", "tiny.yaml", "--no-recording", "--verbose", "--json", "--quiet")
-    assert json.loads(first.out)["fingerprint"] == json.loads(second.out)["fingerprint"]
+    assert json.loads(first.out)["fingerprints"] == json.loads(second.out)["fingerprints"]
     said = [re.sub(r"^ *\d+\.\d\d s  ", "", line) for line in first.err.splitlines() if " s  " in line]
     expected = [
         r"truth simulated in \d+\.\d s: highway-v0",
@@ -167,10 +167,10 @@ def test_no_progress_where_there_is_no_terminal(tiny: Path, tmp_path: Path, trac
 
 def result_of(names: list[str], like: Result, position: float = 0.1) -> Result:
     """A result of trackers with these names, between any two of which no difference was shown."""
-    pattern = next(tracker for tracker in like.json()["trackers"] if tracker["name"] == "ekf")
-    error = {**pattern["metrics"]["position_rmse"], "value": position}
-    trackers = [{**pattern, "name": name, "metrics": {**pattern["metrics"], "position_rmse": error}} for name in names]
-    return Result.from_json({**like.json(), "trackers": trackers, "ranking": names, "differences": []}, like.tables)
+    pattern = like["ekf"]
+    metrics = {**pattern.metrics, "position_rmse": pattern.position_rmse.model_copy(update={"value": position})}
+    trackers = [pattern.model_copy(update={"name": name, "metrics": metrics}) for name in names]
+    return like.updated(trackers=trackers, ranking=names, differences=[])
 
 
 @pytest.mark.parametrize("longest", [8, 20, 64])
@@ -189,17 +189,17 @@ def test_the_table_fits_whatever_the_names(tiny_result: Result, longest: int, po
 
 def test_letters_that_say_nothing_at_a_glance_are_left_out(tiny_result: Result) -> None:
     names = [f"t{i}" for i in range(26)]
-    result = result_of(names, tiny_result)
-    pattern = tiny_result.json()["differences"][0]
+    pattern = tiny_result.summary.differences[0]
     # Each differs from its partner alone, which takes a letter for every choice of partners: more than fit.
-    result.json()["differences"] = [
-        {**pattern, "a": names[i], "b": names[i + 1], "verdict": "a better"} for i in range(0, 8, 2)
+    pairs = [
+        pattern.model_copy(update={"a": names[i], "b": names[i + 1], "verdict": "a better"}) for i in range(0, 8, 2)
     ]
+    result = result_of(names, tiny_result).updated(differences=pairs)
     console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
     with console.file:
         print_summary(result, console)
         text = console.export_text()
-    assert "alike: too many groups for this table; report.html has them" in text
+    assert "group: too many groups for this table; report.html has them" in text
     assert "abcdefgh" not in text
     assert max(map(len, text.splitlines())) <= 80
 
@@ -230,13 +230,16 @@ def test_completion_offers_scenarios_and_their_trackers(tiny: Path, tmp_path: Pa
         shutil.copy(tiny, tmp_path / "scenarios" / f"{name}.yaml")
     both = ["plain,scenarios/deep/two.yaml", "plain,scenarios/one.yaml"]
     assert offered(trackbench, tmp_path, "trackbench", "run", "scen") == both
-    assert offered(trackbench, tmp_path, "trackbench", "check", "ti") == ["file,ti"]
+    assert offered(trackbench, tmp_path, "trackbench", "run", "high") == ["plain,highway", "plain,highway_dense"]
+    assert offered(trackbench, tmp_path, "trackbench", "check", "ti") == ["plain,tiny.yaml"]
+    assert offered(trackbench, tmp_path, "trackbench", "check", "de") == ["file,de"]
     run = ["trackbench", "run", "tiny.yaml", "--trackers"]
     assert offered(trackbench, tmp_path, *run, "") == ["plain,raw", "plain,ekf"]
     assert offered(trackbench, tmp_path, *run, "raw,e") == ["plain,raw,ekf"]
     assert offered(trackbench, tmp_path, "trackbench", "run", "none.yaml", "--trackers", "") == []
     serve = ["trackbench", "serve", "udacity", "--tracker"]
     assert offered(trackbench, tmp_path, *serve, "tiny.yaml#e") == ["plain,tiny.yaml#ekf"]
+    assert offered(trackbench, tmp_path, *serve, "scripted/figure_eight#u") == ["plain,scripted/figure_eight#ukf"]
     assert offered(trackbench, tmp_path, "trackbench", "list", "mo") == ["plain,motion-models"]
 
 

@@ -8,7 +8,7 @@ import pytest
 from tests.scenes import work
 
 from trackbench.errors import InputError
-from trackbench.report.audit_words import audit_sentences
+from trackbench.report.run.audit import audit_sentences
 from trackbench.runner.block import run_block
 from trackbench.sensing.config import LidarConfig
 from trackbench.trackers.config import FilterConfig

@@ -28,14 +28,13 @@ BOUND_COLOUR = "#8A9099"
 
 
 def tracker_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each tracker, in the order given; repeats after nine.
+    """A colour for each tracker, in the order in which they first appear; repeats after nine.
 
-    Those of a batch of scenarios get theirs together, in the order in which they first appear, so that a tracker looks
-    the same in all its reports and recordings.
+    Those of a batch of scenarios get theirs together, so that a tracker looks the same in all reports and recordings.
     """
-    return {name: TRACKER_COLOURS[i % len(TRACKER_COLOURS)] for i, name in enumerate(names)}
+    return {name: TRACKER_COLOURS[i % len(TRACKER_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
 def sensor_colours(names: Iterable[str]) -> dict[str, str]:
     """A colour for each sensor, in the order given; repeats after four."""
-    return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(names)}
+    return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}

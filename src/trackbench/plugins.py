@@ -38,8 +38,8 @@ def resolve(use: str, folder: Path | None = None) -> Factory:
     Raises:
         InputError: there is no such name, or it cannot be imported; says why.
     """
-    with _searched(folder), _explained(use, folder):
-        found = _attribute(use, _classes) if ":" in use else _published(use)
+    with searched(folder), explained(use, folder):
+        found = attribute(use, classes) if ":" in use else _published(use)
     if not callable(found):
         raise InputError(f"{use!r} is not a class")
     return found
@@ -55,7 +55,7 @@ def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Cal
 
     def make() -> Tracker:
         # A tracker may load what its options name while it starts.
-        with _searched(folder):
+        with searched(folder):
             return factory(**options)
 
     try:
@@ -80,11 +80,12 @@ def named(reference: str) -> Any:
     """
     if ":" not in reference:
         raise InputError(f'{reference!r} is no name in a module: write "module:name"')
-    with _explained(reference, None):
-        return _attribute(reference, _public)
+    with explained(reference, None):
+        return attribute(reference, _public)
 
 
-def _attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
+def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
+    """Import a module and take an attribute of it; ``choices`` gives the names that a message may suggest."""
     module, _, attribute = reference.partition(":")
     _require_unambiguous(module)
     found: Any = importlib.import_module(module)
@@ -96,7 +97,7 @@ def _attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
 
 
 @contextmanager
-def _explained(use: str, folder: Path | None) -> Iterator[None]:
+def explained(use: str, folder: Path | None) -> Iterator[None]:
     """What goes wrong while ``use`` is imported, as an ``InputError``."""
     try:
         yield
@@ -133,7 +134,8 @@ def _one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def _classes(module: Any) -> list[str]:
+def classes(module: Any) -> list[str]:
+    """The names of the classes of a module."""
     return [name for name, value in vars(module).items() if isinstance(value, type) and not name.startswith("_")]
 
 
@@ -143,7 +145,7 @@ def _public(module: Any) -> list[str]:
 
 
 @contextmanager
-def _searched(folder: Path | None) -> Iterator[None]:
+def searched(folder: Path | None) -> Iterator[None]:
     """With the scenario's folder and the working directory on the module path."""
     before = list(sys.path)
     sys.path[:0] = [str(place) for place in (folder, Path.cwd()) if place is not None]

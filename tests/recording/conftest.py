@@ -12,13 +12,15 @@ from rerun.chunk import RrdReader
 from scipy import stats
 
 from trackbench import recording
-from trackbench.results import Result
+from trackbench.results import ExpectationResult, Health, MetricValue, Result, Summary, Tables, TrackerResult
+from trackbench.results.summary import BoundSummary, ScenarioSummary, ScoreSummary, SensorSummary, TruthSummary
 
 STEPS, DT, RUNS = 401, 0.05, 100
 TARGETS = ("v1", "v2", "v3", "v4", "v5")
 TRACKERS = {"raw": 0.9, "kf_cv": 0.5, "ekf_cv": 0.42, "ukf_ctrv": 0.38, "tuned_badly": 0.55}
 CLAIMED = 0.4
 SENSORS = {"front_radar": (1, 3), "roof_lidar": (2, 2)}
+KINDS = {"front_radar": "radar", "roof_lidar": "lidar"}
 TIME = np.arange(STEPS) * DT
 
 
@@ -88,7 +90,7 @@ def synthetic_result() -> Result:
         "nis": nis,
         "roads": [dict(zip(("line", "x_m", "y_m"), map(np.array, zip(*lanes, strict=True)), strict=True))],
     }
-    return Result.from_json(_summary(), {name: _table(parts) for name, parts in tables.items()})
+    return Result(_summary(), Tables({name: _table(parts) for name, parts in tables.items()}))
 
 
 def _truth() -> dict[str, dict[str, Any]]:
@@ -142,7 +144,7 @@ def _measurements(rng: np.random.Generator, truth: dict[str, dict[str, Any]], na
     number = len(rows["time_s"])
     valid = rows["alive"] & (rng.random(number) < 0.9)
     x, y = (np.where(valid, rows[axis] + 0.4 * rng.standard_normal(number), np.nan) for axis in ("px_m", "py_m"))
-    kind = [_summary()["sensors"][sensor]["kind"]] * number
+    kind = [KINDS[sensor]] * number
     names = {"sensor": [sensor] * number, "kind": kind, "object": [name] * number}
     return {**names, "time_s": rows["time_s"], "valid": valid, "x_m": x, "y_m": y}
 
@@ -151,39 +153,76 @@ def _table(parts: list[dict[str, Any]]) -> pa.Table:
     return pa.table({key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]})
 
 
-def _summary() -> dict[str, Any]:
-    trackers = []
-    for name, sigma in TRACKERS.items():
-        bad = name == "tuned_badly"
-        nees = {"mean": 12.1 if bad else 4.02, "verdict": "optimistic" if bad else "consistent"}
-        metrics = {
-            "position_rmse": {"value": sigma, "unit": "m", "ci95": [sigma - 0.01, sigma + 0.01]},
-            "nees": {"mean": None, "reason": "no covariance"} if name == "raw" else nees,
-            "position_efficiency": {"value": sigma / 0.3, "unit": "1"},
-        }
-        trackers.append({"name": name, "describe": f"{name}, both sensors", "failed": None, "metrics": metrics})
-    sensors = {
-        "front_radar": {"kind": "radar", "dof": 3, "rate_hz": 20, "detection_rate": 0.9, "preset": None},
-        "roof_lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10, "detection_rate": 0.9, "preset": None},
-    }
-    return {
-        "scenario": {"name": "synthetic_highway", "description": "Six cars on three lanes; one changes lane."},
-        "seed": 7,
-        "runs": RUNS,
-        "versions": {"trackbench": "0.1.0", "numpy": "2.4.0"},
-        "command": "trackbench run synthetic.yaml",
-        "fingerprint": "0123456789abcdef" * 4,
-        "truth": {"source": "highway-env", "env": "highway-v0", "objects": list(TARGETS), "duration_s": 20.0},
-        "sensors": sensors,
-        "recorded_run": 0,
-        "trackers": trackers,
-        "ranking": sorted(TRACKERS, key=TRACKERS.__getitem__),
-        "expectations": [
-            {"text": "ukf_ctrv position_rmse below 0.45", "value": 0.38, "passed": True},
-            {"text": "tuned_badly nees.verdict is consistent", "value": "optimistic", "passed": False},
+def _summary() -> Summary:
+    return Summary(
+        scenario=ScenarioSummary(
+            name="synthetic_highway",
+            description="Six cars on three lanes; one changes lane.",
+            file="synthetic.yaml",
+            text="",
+            overrides=[],
+        ),
+        seed=7,
+        runs=RUNS,
+        versions={"trackbench": "0.1.0", "numpy": "2.4.0"},
+        command="trackbench run synthetic.yaml",
+        fingerprints=[f"{run:016x}" for run in range(RUNS)],
+        truth=TruthSummary(
+            source="highway-env",
+            env="highway-v0",
+            objects=list(TARGETS),
+            steps=STEPS,
+            dt=DT,
+            duration_s=20.0,
+            audit={},
+            cached=False,
+        ),
+        sensors={
+            "front_radar": SensorSummary(kind="radar", dof=3, rate_hz=20, detection_rate=0.9, preset=None),
+            "roof_lidar": SensorSummary(kind="lidar", dof=2, rate_hz=10, detection_rate=0.9, preset=None),
+        },
+        bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
+        score=ScoreSummary(settle_s=0.0, divergence_m=10.0),
+        recorded_run=0,
+        trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
+        ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),
+        differences=[],
+        expectations=[
+            _expectation("ukf_ctrv", "position_rmse", "below", 0.45, 0.38, True),
+            _expectation("tuned_badly", "nees.verdict", "is", "consistent", "optimistic", False),
         ],
-        "passed": False,
+        passed=False,
+        artifacts={},
+    )
+
+
+def _tracker(name: str, sigma: float) -> TrackerResult:
+    if name == "raw":
+        nees = MetricValue(value=None, unit="1", dof=4, reason="no covariance")
+    elif name == "tuned_badly":
+        nees = MetricValue(value=12.1, unit="1", dof=4, verdict="optimistic")
+    else:
+        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="consistent")
+    metrics = {
+        "position_rmse": MetricValue(value=sigma, unit="m", ci95=(sigma - 0.01, sigma + 0.01)),
+        "nees": nees,
+        "position_efficiency": MetricValue(value=sigma / 0.3, unit="1"),
     }
+    return TrackerResult(name=name, describe=f"{name}, both sensors", failed=None, metrics=metrics, health=Health())
+
+
+def _expectation(
+    tracker: str, metric: str, operator: str, limit: float | str, value: float | str, passed: bool
+) -> ExpectationResult:
+    return ExpectationResult(
+        tracker=tracker,
+        metric=metric,
+        operator=operator,
+        limit=limit,
+        value=value,
+        passed=passed,
+        text=f"{tracker} {metric} {operator} {limit}",
+    )
 
 
 @pytest.fixture(scope="session")

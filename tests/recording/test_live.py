@@ -14,15 +14,18 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from trackbench.palette import tracker_colour
 from trackbench.recording import live, painter
+from trackbench.recording.contents import colours_of
 from trackbench.recording.live import Live, Scene
 from trackbench.recording.painter import Painter
 from trackbench.results import Result
-from trackbench.runner.block import Observation
+from trackbench.runner.block import RecordedInstant
 from trackbench.runner.run import run
 from trackbench.scenario import LoadedScenario, load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
+from trackbench.types import Gaussian
 
 
 @pytest.fixture
@@ -54,15 +57,15 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
     viewer = Live(url or deaf)
     try:
         viewer.begin(loaded, truth.truth)
-        observation = Observation("ekf", 0, np.zeros((4, 500)), np.zeros((4, 4, 500)))
+        instant = RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 500)), np.zeros((4, 4, 500)))})
         # Six hundred megabytes, which no pipe and no connection takes.
         longest = 0.0
         for _ in range(10_000):
             start = time.perf_counter()
-            viewer.observe(observation)
+            viewer.observe(instant)
             longest = max(longest, time.perf_counter() - start)
         assert longest < 0.5
-        result = run(loaded, truth, observer=viewer.observe)
+        result = run(loaded, truth, on_recorded_run=viewer.observe)
         viewer.end(result)
         start = time.perf_counter()
         viewer.close()
@@ -80,10 +83,10 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
     try:
         viewer.begin(scene[0], scene[1].truth)
         for instant in range(10):
-            viewer.observe(Observation("ekf", instant, np.zeros((4, 2)), np.zeros((4, 4, 2))))
+            viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
         about, *kept = viewer._batch()
         assert isinstance(about, Scene)
-        assert [item.instant for item in kept] == [7, 8, 9]
+        assert [item.number for item in kept] == [7, 8, 9]
     finally:
         stop(viewer)
         # Which otherwise the thread does.
@@ -95,11 +98,11 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario
     viewer = Live(ABSENT)
     stop(viewer)
     viewer.begin(loaded, truth.truth)
-    result = run(loaded, truth, observer=viewer.observe)
+    result = run(loaded, truth, on_recorded_run=viewer.observe)
     viewer.end(result)
     viewer.close()
     assert viewer.lost
-    assert result.json()["trackers"][0]["failed"] is None
+    assert result.summary.trackers[0].failed is None
 
 
 def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
@@ -129,7 +132,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    result = run(loaded, truth, observer=seen.append)
+    result = run(loaded, truth, on_recorded_run=seen.append)
 
     def draw(name: str, batches: list[list[Any]]) -> Any:
         drawing = Painter(name)
@@ -138,7 +141,8 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         drawing.finish()
         return read_file(tmp_path / f"{name}.rrd")
 
-    about = Scene("tiny", ["raw", "ekf"], ["radar", "lidar"], 0.2, truth.truth)
+    colours = tracker_colour(["other", "raw", "ekf"])
+    about = Scene("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
     whole = draw("whole", [[about, result]])
@@ -151,9 +155,32 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     for entity, component in entities:
         expected = {time: value for time, value in whole(entity, component).items() if value}
         assert {time: value for time, value in going(entity, component).items() if value} == expected
+    for drawn in (going, whole):
+        assert drawn("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colours["ekf"][1:] + "FF", 16)]
     times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
-    assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the first tracker has come"
+    assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the trackers have come"
+    for tracker in about.colours:
+        dots = half(f"/world/estimates/{tracker}/v1", "Points2D:positions")
+        assert max(time for time in dots if time is not None) == pytest.approx(0.4)
+        assert len(dots[0.4]) == 1, "at the latest time, which the viewer shows, every tracker is there"
     assert "/data/result" not in half.entities()
+
+
+def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
+    scene: tuple[LoadedScenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+) -> None:
+    monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
+    seen: list[Any] = []
+    run(*scene, on_recorded_run=seen.append)
+    for item in seen[4:]:
+        del item.estimates["ekf"]
+    drawing = Painter("failing")
+    drawing.take([Scene("tiny", tracker_colour(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing.finish()
+    read = read_file(tmp_path / "failing.rrd")
+    raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
+    assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 0, 0]
+    assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 1, 1]
 
 
 def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., Result], tiny: Path) -> None:
@@ -169,5 +196,5 @@ def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., 
 
 def test_painter_leaves_out_what_has_no_beginning(tmp_path: Path) -> None:
     drawing = painter.Painter(ABSENT)
-    drawing.take([Observation("ekf", 0, np.zeros((4, 2)), np.zeros((4, 4, 2)))])
+    drawing.take([RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))})])
     drawing.finish()

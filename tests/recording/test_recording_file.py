@@ -20,7 +20,7 @@ from scipy import stats
 from trackbench import recording
 from trackbench.errors import InputError, TrackbenchError
 from trackbench.palette import TRACKER_COLOURS, tracker_colour
-from trackbench.results import Result
+from trackbench.results import Failure, Result, Tables
 
 
 def test_rerun_verifies_the_file(file: Path) -> None:
@@ -48,12 +48,12 @@ def test_the_layout_is_in_the_file(file: Path, result: Result) -> None:
         if "ViewBlueprint:display_name" in (batch := chunk.to_record_batch()).schema.names
         for row in batch.column("ViewBlueprint:display_name").to_pylist()
     }
-    assert {"Seen from above", *result.json()["truth"]["objects"]} <= views
+    assert {"Seen from above", *result.summary.truth.objects} <= views
     assert {"Ranking", "About this run", "Position RMSE, 100 runs, m", "NEES and 95 % bounds, run 0"} <= views
 
 
 def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result: Result) -> None:
-    steps = [row for row in result.tables["steps"].to_pylist() if row["tracker"] == "ekf_cv"]
+    steps = [row for row in result.tables.steps.to_pylist() if row["tracker"] == "ekf_cv"]
     rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
     assert [rmse[round(row["time_s"], 9)] for row in steps] == [[row["position_rmse_m"]] for row in steps]
     bounds = {entity for entity in read.entities() if "/bounds/" in entity and entity.startswith("/series/all_runs/")}
@@ -62,15 +62,15 @@ def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result:
         "velocity_rmse/bounds/velocity_bound_mps_1",
         "nees/bounds/nees_low_1",
         "nees/bounds/nees_high_1",
-        *(f"nis/{sensor}/bounds/nis_{side}_1" for sensor in result.json()["sensors"] for side in ("low", "high")),
+        *(f"nis/{sensor}/bounds/nis_{side}_1" for sensor in result.summary.sensors for side in ("low", "high")),
     }
 
 
 def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: Result, tmp_path: Path, read_file: Any) -> None:
-    nis = result.tables["nis"]
+    nis = result.tables.nis
     own = pc.multiply(nis["nis_high"], pc.if_else(pc.equal(nis["tracker"], "kf_cv"), 0.7, 1.0))
     changed = nis.set_column(nis.column_names.index("nis_high"), "nis_high", own)
-    recording.write(Result.from_json(result.json(), {**result.tables, "nis": changed}), tmp_path / "run.rrd")
+    recording.write(Result(result.summary, Tables({**result.tables, "nis": changed})), tmp_path / "run.rrd")
     read = read_file(tmp_path / "run.rrd")
     place = "/series/all_runs/nis/front_radar/bounds"
     names = [read(f"{place}/nis_high_{i}", "SeriesLines:names")[None][0] for i in (1, 2)]
@@ -85,7 +85,7 @@ def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_
 ) -> None:
     rows = [
         row
-        for row in result.tables["estimates"].to_pylist()
+        for row in result.tables.estimates.to_pylist()
         if row["tracker"] == "ukf_ctrv" and round(row["time_s"], 9) == 8.0
     ]
     error = np.sqrt(np.mean([row["position_error_m"] ** 2 for row in rows]))
@@ -99,11 +99,11 @@ def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_
 def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
     result: Result, tmp_path: Path, read_file: Any
 ) -> None:
-    nis, shown = result.tables["nis"], result.tables["recorded_nis"]
+    nis, shown = result.tables.nis, result.tables.recorded_nis
     nis = nis.set_column(nis.column_names.index("count"), "count", pc.if_else(pc.greater(nis["count"], 0), 1.0, 0.0))
     shown = shown.filter(pc.equal(shown["object"], "v1"))
     recording.write(
-        Result.from_json(result.json(), {**result.tables, "nis": nis, "recorded_nis": shown}), tmp_path / "run.rrd"
+        Result(result.summary, Tables({**result.tables, "nis": nis, "recorded_nis": shown})), tmp_path / "run.rrd"
     )
     read = read_file(tmp_path / "run.rrd")
     for run in ("all_runs", "recorded_run"):
@@ -115,13 +115,14 @@ def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
 
 
 def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path, read_file: Any) -> None:
-    steps = result.tables["steps"]
+    steps = result.tables.steps
     column = steps.column_names.index("nees_mean")
     values = steps["nees_mean"].to_numpy().copy()
     values[10] = np.nan
     recording.write(
-        Result.from_json(
-            result.json(), {**result.tables, "steps": steps.set_column(column, "nees_mean", pa.array(values))}
+        Result(
+            result.summary,
+            Tables({**result.tables, "steps": steps.set_column(column, "nees_mean", pa.array(values))}),
         ),
         tmp_path / "run.rrd",
     )
@@ -130,12 +131,22 @@ def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path
 
 
 def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
-    for name, colour in tracker_colour(tracker["name"] for tracker in result.json()["trackers"]).items():
+    for name, colour in tracker_colour(tracker.name for tracker in result.summary.trackers).items():
         expected = [int(colour[1:] + "FF", 16)]
         assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
         assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected
         assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
     assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
+
+
+def test_the_colours_of_several_runs_are_taken(result: Result, tmp_path: Path, read_file: Any) -> None:
+    colours = {name: TRACKER_COLOURS[i + 2] for i, name in enumerate(tracker.name for tracker in result.scored)}
+    recording.write(result, tmp_path / "run.rrd", colours)
+    read = read_file(tmp_path / "run.rrd")
+    for name, colour in colours.items():
+        expected = [int(colour[1:] + "FF", 16)]
+        assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
+        assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
 
 
 def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
@@ -151,13 +162,18 @@ def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
 
 
 def test_a_failed_tracker_is_named_with_its_cause(result: Result, tmp_path: Path, read_file: Any) -> None:
-    failed = {"cause": "returned NaN", "step": 12, "time_s": 0.6, "sensor": "roof_lidar", "run": 3, "object": "v1"}
-    trackers = [entry | {"failed": failed if entry["name"] == "raw" else None} for entry in result.json()["trackers"]]
+    failed = Failure(cause="returned NaN", step=12, time_s=0.6, sensor="roof_lidar", run=3, object="v1")
+    trackers = [
+        tracker.model_copy(update={"failed": failed if tracker.name == "raw" else None})
+        for tracker in result.summary.trackers
+    ]
     others = {
         name: table.filter(pc.not_equal(table["tracker"], "raw")) if "tracker" in table.column_names else table
         for name, table in result.tables.items()
     }
-    recording.write(Result.from_json(result.json() | {"trackers": trackers}, others), tmp_path / "run.rrd")
+    recording.write(
+        Result(result.summary.model_copy(update={"trackers": trackers}), Tables(others)), tmp_path / "run.rrd"
+    )
     read = read_file(tmp_path / "run.rrd")
     assert "**raw** at 0.600 s (step 12, run 3): returned NaN" in read("/ranking", "TextDocument:text")[None][0]
     assert "/world/estimates/ekf_cv/v1" in read.entities()
@@ -167,7 +183,7 @@ def test_a_failed_tracker_is_named_with_its_cause(result: Result, tmp_path: Path
 @pytest.mark.parametrize("name", ["roads", "measurements", "estimates", "recorded_nis", "nis"])
 def test_an_empty_table_leaves_the_rest(name: str, result: Result, tmp_path: Path, read_file: Any) -> None:
     recording.write(
-        Result.from_json(result.json(), {**result.tables, name: result.tables[name].slice(0, 0)}), tmp_path / "a.rrd"
+        Result(result.summary, Tables({**result.tables, name: result.tables[name].slice(0, 0)})), tmp_path / "a.rrd"
     )
     assert "/world/vehicles/v1" in read_file(tmp_path / "a.rrd").entities()
 
@@ -176,22 +192,22 @@ def test_a_run_in_which_every_tracker_failed_still_shows_the_scene(
     result: Result, tmp_path: Path, read_file: Any
 ) -> None:
     nothing = dict.fromkeys(("steps", "nis", "estimates", "recorded_nis"), pa.table({}))
-    recording.write(Result.from_json(result.json(), {**result.tables, **nothing}), tmp_path / "run.rrd")
+    recording.write(Result(result.summary, Tables({**result.tables, **nothing})), tmp_path / "run.rrd")
     entities = read_file(tmp_path / "run.rrd").entities()
     assert {"/world/vehicles/v1", "/world/measurements/front_radar"} <= entities
     assert not any(entity.startswith("/series") for entity in entities)
 
 
 def test_names_need_not_be_plain(result: Result, tmp_path: Path, read_file: Any) -> None:
-    measurements = result.tables["measurements"]
+    measurements = result.tables.measurements
     odd = pa.array([name.as_py().replace("front_radar", "front/radar é") for name in measurements["sensor"]])
     tables = {
         **result.tables,
         "measurements": measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd),
     }
-    sensors = result.json()["sensors"]
-    summary = result.json() | {"sensors": sensors | {"front/radar é": sensors["front_radar"]}}
-    recording.write(Result.from_json(summary, tables), tmp_path / "run.rrd")
+    sensors = result.summary.sensors
+    summary = result.summary.model_copy(update={"sensors": sensors | {"front/radar é": sensors["front_radar"]}})
+    recording.write(Result(summary, Tables(tables)), tmp_path / "run.rrd")
     entities = read_file(tmp_path / "run.rrd").entities()
     assert any(entity.startswith("/world/measurements/front\\/radar") for entity in entities)
 

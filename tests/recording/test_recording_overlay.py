@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from trackbench import recording, results
+from trackbench import recording
 from trackbench.errors import InputError
 from trackbench.recording.overlay import labels, laid_over, same_traffic
 from trackbench.recording.play import playable
 from trackbench.recording.reader import read
+from trackbench.recording.writer import write_overlay
 from trackbench.results import Result
 
 
@@ -29,7 +30,7 @@ def test_runs_are_called_by_what_tells_their_paths_apart() -> None:
 
 
 def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
-    recording.write(laid_over(pair), tmp_path / "both.rrd")
+    write_overlay(laid_over(pair), tmp_path / "both.rrd")
     read_back = read_file(tmp_path / "both.rrd")
     drawn = {entity for entity in read_back.entities() if entity.startswith("/series/all_runs/nees/")}
     names = {f"{name}\\ \\({label}\\)" for name in ("raw", "ekf") for label in pair}
@@ -37,6 +38,10 @@ def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path
     (ranking,) = read_back("/ranking", "TextDocument:text")[None]
     assert "All 4 and 6 runs" in ranking
     assert "ekf (old)" in ranking
+    (about,) = read_back("/about", "TextDocument:text")[None]
+    assert "**old**: run 0 of 4, seed 7" in about
+    assert "**new**: run 0 of 6, seed 7" in about
+    assert "over different measurements" in about
     # The recorded run has the same measurements in both, so they are drawn once.
     assert {e for e in read_back.entities() if e.startswith("/world/measurements/")} == {
         "/world/measurements/radar",
@@ -44,9 +49,24 @@ def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path
     }
 
 
+def test_runs_on_the_same_measurements_say_nothing_of_others(run_tiny: Callable[..., Result]) -> None:
+    both = laid_over({"old": run_tiny("trackers.ekf.acceleration_sigma_mps2=9"), "new": run_tiny()})
+    assert "All 4 runs" in both.ranking
+    assert "different measurements" not in both.about
+
+
+def test_a_tracker_that_failed_is_ranked_last_and_named(run_tiny: Callable[..., Result], tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text("class Broken:\n    batched = True\n", encoding="utf-8")
+    failing = run_tiny("trackers.broken.use=broken:Broken", folder=tmp_path)
+    both = laid_over({"old": failing, "new": run_tiny()})
+    rows = [line for line in both.ranking.splitlines() if line.startswith("| ")]
+    assert rows[-1] == "| 5 | broken (old) | failed | | | | |"
+    assert "**broken (old)** at" in both.ranking
+
+
 def test_other_measurements_are_drawn_beside(pair: dict[str, Result], run_tiny: Callable[..., Result]) -> None:
     both = laid_over({"old": pair["old"], "new": run_tiny("monte_carlo.seed=8")})
-    assert set(both.json()["sensors"]) == {f"{s} ({label})" for s in ("radar", "lidar") for label in ("old", "new")}
+    assert set(both.sensors) == {f"{s} ({label})" for s in ("radar", "lidar") for label in ("old", "new")}
 
 
 def test_other_traffic_is_not_laid_over(pair: dict[str, Result], run_tiny: Callable[..., Result]) -> None:
@@ -54,18 +74,23 @@ def test_other_traffic_is_not_laid_over(pair: dict[str, Result], run_tiny: Calla
     assert not same_traffic([pair["old"], run_tiny("truth.seed=5")])
 
 
-def test_what_the_viewer_gets(pair: dict[str, Result], run_tiny: Callable[..., Result], tmp_path: Path) -> None:
+def test_what_the_viewer_gets(
+    pair: dict[str, Result], run_tiny: Callable[..., Result], tmp_path: Path, read_file: Any
+) -> None:
     everything = {**pair, "other": run_tiny("truth.seed=5")}
     for name, result in everything.items():
         writers = {} if name == "new" else {"recording.rrd": lambda path, result=result: recording.write(result, path)}
-        results.save(result, tmp_path / name, writers)
+        result.save(tmp_path / name, writers)
     old, new, other = (tmp_path / name for name in everything)
     with playable([old]) as ready:
         assert (ready.files, ready.notes) == ([old / "recording.rrd"], [])
     with playable([old, new]) as ready:
         (file,) = ready.files
         assert "tables" in ready.notes[0]
-        assert {entry["name"] for entry in read(file).result.json()["trackers"]} >= {"ekf (old)", "ekf (new)"}
+        drawn = read_file(file).entities()
+        assert {f"/world/estimates/ekf\\ \\({label}\\)/v1" for label in ("old", "new")} <= drawn
+        with pytest.raises(InputError, match="several that are laid over each other"):
+            read(file)
     assert not file.exists()
     with playable([old, other]) as ready:
         assert ready.files == [old / "recording.rrd", other / "recording.rrd"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -12,14 +13,14 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 
-from trackbench import recording, results
+from trackbench import recording
 from trackbench.errors import InputError
 from trackbench.recording.data import KEYS
 from trackbench.recording.inspection import inspect
 from trackbench.recording.moments import worst
 from trackbench.recording.reader import read
-from trackbench.recording.shown import recorded_run
-from trackbench.results import Result
+from trackbench.recording.recorded_run import recorded_run
+from trackbench.results import Result, Tables, to_json
 
 #: Parts of a tracker's metrics that are computed afresh.
 AFRESH = ("position_rmse", "velocity_rmse", "course_rmse", "rmse", "nees", "nis", "coverage")
@@ -32,7 +33,7 @@ def save(run_tiny: Callable[..., Result], tmp_path_factory: pytest.TempPathFacto
     def call(*overrides: str) -> Path:
         result = run_tiny(*overrides)
         folder = tmp_path_factory.mktemp("saved") / "run"
-        results.save(result, folder, {"recording.rrd": lambda path: recording.write(result, path)})
+        result.save(folder, {"recording.rrd": lambda path: recording.write(result, path)})
         return folder
 
     return call
@@ -51,7 +52,7 @@ def plain(table: pa.Table, keys: tuple[str, ...]) -> list[tuple[Any, ...]]:
 
 
 def test_every_number_comes_back(folder: Path) -> None:
-    recorded, saved = read(folder / "recording.rrd"), results.Result.load(folder)
+    recorded, saved = read(folder / "recording.rrd"), Result.load(folder)
     assert recorded.rerun == rr.__version__
     assert recorded.result.json() == saved.json()
     for name, keys in KEYS.items():
@@ -61,60 +62,58 @@ def test_every_number_comes_back(folder: Path) -> None:
 
 def test_the_scores_are_those_of_the_recorded_run(folder: Path) -> None:
     found = inspect(folder / "recording.rrd")
-    runs = {row["tracker"]: row for row in results.Result.load(folder).tables["runs"].to_pylist() if row["run"] == 2}
-    for tracker in found["trackers"]:
-        metrics, row = tracker["metrics"], runs[tracker["name"]]
-        assert metrics["position_rmse"]["value"] == pytest.approx(row["position_rmse_m"], rel=1e-12)
-        assert metrics["velocity_rmse"]["value"] == pytest.approx(row["velocity_rmse_mps"], rel=1e-12)
-        assert metrics["course_rmse"]["value"] == pytest.approx(row["course_rmse_deg"], rel=1e-12)
-        assert metrics["nees"]["mean"] == pytest.approx(row["nees_mean"], rel=1e-12)
-        assert tracker["health"]["diverged_runs"] == row["diverged"]
-    assert 0 <= found["checked"]["largest_relative_difference"] < 1e-12
+    runs = {row["tracker"]: row for row in Result.load(folder).tables.runs.to_pylist() if row["run"] == 2}
+    assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]
+    for tracker in found.scored:
+        row = runs[tracker.name]
+        assert tracker.position_rmse.value == pytest.approx(row["position_rmse_m"], rel=1e-12)
+        assert tracker.velocity_rmse.value == pytest.approx(row["velocity_rmse_mps"], rel=1e-12)
+        assert tracker.course_rmse.value == pytest.approx(row["course_rmse_deg"], rel=1e-12)
+        assert tracker.nees.mean == pytest.approx(row["nees_mean"], rel=1e-12)
+        assert tracker.health.diverged_runs == row["diverged"]
+    assert found.checked is not None
+    assert 0 <= found.checked.largest_relative_difference < 1e-12
 
 
 def test_of_a_single_run_they_are_those_of_the_result(save: Callable[..., Path]) -> None:
     folder = save("monte_carlo.runs=1")
-    expected = {entry["name"]: entry["metrics"] for entry in results.Result.load(folder).json()["trackers"]}
-    for tracker in inspect(folder)["trackers"]:
-        found = tracker["metrics"]
-        for name in AFRESH:
-            values, stated = flat(found[name]), flat(expected[tracker["name"]][name])
-            assert values.keys() == stated.keys()
-            for path, value in values.items():
-                assert value == (pytest.approx(stated[path], rel=1e-12) if isinstance(value, float) else stated[path])
-
-
-def flat(node: Any) -> dict[str, Any]:
-    """A metric's values by path."""
-    if not isinstance(node, dict | list):
-        return {"": node}
-    items = node.items() if isinstance(node, dict) else enumerate(node)
-    return {f"{key}.{rest}": value for key, child in items for rest, value in flat(child).items()}
+    result = Result.load(folder)
+    for tracker in inspect(folder).scored:
+        stated = {path: value for path, value in result[tracker.name].metrics.items() if path.split(".")[0] in AFRESH}
+        assert tracker.metrics.keys() == stated.keys()
+        for path, metric in tracker.metrics.items():
+            for name, value in metric.model_dump().items():
+                expected = getattr(stated[path], name)
+                assert value == (pytest.approx(expected, rel=1e-12) if isinstance(value, float) else expected), path
 
 
 def test_a_changed_recording_has_other_scores_and_says_so(folder: Path, tmp_path: Path) -> None:
     copy = tmp_path / "run"
     shutil.copytree(folder, copy)
-    saved = results.Result.load(copy)
+    saved = Result.load(copy)
     x = saved.tables["estimates"].column("px_m").to_numpy() + 1.0
     estimates = saved.tables["estimates"].set_column(3, "px_m", pa.array(x, from_pandas=True))
-    recording.write(Result.from_json(saved.json(), {**saved.tables, "estimates": estimates}), copy / "recording.rrd")
-    assert inspect(copy)["checked"]["largest_relative_difference"] > 0.01
+    changed = Result(saved.summary, Tables({**saved.tables, "estimates": estimates}))
+    recording.write(changed, copy / "recording.rrd")
+    checked = inspect(copy).checked
+    assert checked is not None
+    assert checked.largest_relative_difference > 0.01
 
 
 def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
-    scene = inspect(folder / "recording.rrd", at=1.07)["at"]
-    assert scene["time_s"] == pytest.approx(1.0)
-    tables = results.Result.load(folder).tables
+    scene = inspect(folder / "recording.rrd", at=1.07).at
+    assert scene is not None
+    assert scene.time_s == pytest.approx(1.0)
+    tables = Result.load(folder).tables
     truth = {row["object"]: row for row in tables["truth"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9}
-    assert {vehicle["name"]: vehicle["px_m"] for vehicle in scene["vehicles"]} == {
+    assert {vehicle.name: vehicle.px_m for vehicle in scene.vehicles} == {
         name: row["px_m"] for name, row in truth.items() if row["alive"]
     }
     estimates = [row for row in tables["estimates"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9]
-    assert {(e["tracker"], e["object"], e["nees"]) for e in scene["estimates"]} == {
+    assert {(e.tracker, e.object, e.nees) for e in scene.estimates} == {
         (row["tracker"], row["object"], row["nees"]) for row in estimates if row["px_m"] is not None
     }
-    assert all(0.8 - 1e-9 <= measurement["time_s"] <= 1.0 + 1e-9 for measurement in scene["measurements"])
+    assert all(0.8 - 1e-9 <= measurement.time_s <= 1.0 + 1e-9 for measurement in scene.measurements)
 
 
 @pytest.mark.parametrize("time", [-0.1, 2.2])
@@ -124,15 +123,15 @@ def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None
 
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
-    shown = recorded_run(read(folder).result)
-    for tracker, moments in worst(shown, 3).items():
-        error = np.where(shown.scored, shown.tracks[tracker].position_error, np.nan)
-        assert moments[0]["position_error_m"] == np.nanmax(error)
-        assert all(moment["time_s"] >= 0.5 for moment in moments), "before that, nothing is scored"
-        sizes = [moment["position_error_m"] for moment in moments]
+    recorded = recorded_run(read(folder).result)
+    for tracker, moments in worst(recorded, 3).items():
+        error = np.where(recorded.scored, recorded.tracks[tracker].position_error, np.nan)
+        assert moments[0].position_error_m == np.nanmax(error)
+        assert all(moment.time_s >= 0.5 for moment in moments), "before that, nothing is scored"
+        sizes = [moment.position_error_m for moment in moments]
         assert sizes == sorted(sizes, reverse=True)
         for i, a in enumerate(moments):
-            assert all(b["object"] != a["object"] or abs(b["time_s"] - a["time_s"]) > 1.0 for b in moments[:i])
+            assert all(b.object != a.object or abs(b.time_s - a.time_s) > 1.0 for b in moments[:i])
 
 
 @pytest.mark.parametrize("lost", [10, 30, 5000, 100_000])
@@ -186,8 +185,7 @@ def test_a_recording_of_a_version_that_cannot_be_read_is_served_by_the_tables_be
     recorded = read(copy / "recording.rrd")
     assert recorded.rerun is None
     assert "cannot read" in (recorded.note or "")
-    expected = inspect(folder)
-    assert [entry["metrics"] for entry in inspect(copy)["trackers"]] == [e["metrics"] for e in expected["trackers"]]
+    assert inspect(copy).scored == inspect(folder).scored
 
 
 def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_path: Path) -> None:
@@ -195,5 +193,37 @@ def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_
     shutil.copytree(folder, copy)
     (copy / "recording.rrd").unlink()
     found = inspect(copy, at=1.0, count=1)
-    assert found["note"] == "there is no recording in this folder"
-    assert found["at"] == inspect(folder, at=1.0)["at"]
+    assert found.recorded.note == "there is no recording in this folder"
+    assert found.at == inspect(folder, at=1.0).at
+
+
+def test_what_is_found_is_also_json_without_a_value_that_is_no_number(folder: Path) -> None:
+    found = json.loads(to_json(inspect(folder, at=1.0, count=2).json()))
+    assert [tracker["name"] for tracker in found["trackers"]] == ["raw", "ekf"]
+    for tracker in found["trackers"]:
+        assert set(tracker) == {"name", "describe", "failed", "metrics", "health"}
+        assert set(tracker["metrics"]) <= set(AFRESH)
+        assert set(tracker["health"]) == {"diverged_runs"}
+    assert set(found["at"]) == {"time_s", "vehicles", "measurements", "estimates"}
+    assert {"px_m", "speed_mps", "course_rad"} <= set(found["at"]["vehicles"][0])
+    assert {"tracker", "object", "time_s", "position_error_m", "nees"} <= set(found["worst"]["ekf"][0])
+    assert set(found["checked"]) == {"file", "largest_relative_difference"}
+    assert not {"at", "worst"} & set(inspect(folder).json())
+
+
+def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[..., Result], tmp_path: Path) -> None:
+    (tmp_path / "stepless.py").write_text("class Stepless:\n    batched = True\n", encoding="utf-8")
+    result = run_tiny("trackers.broken.use=stepless:Stepless", folder=tmp_path)
+    result.save(tmp_path / "run", {"recording.rrd": lambda path: recording.write(result, path)})
+    found = inspect(tmp_path / "run", count=1)
+    assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]
+    assert set(found.worst or {}) == {"raw", "ekf"}
+    *_, broken = found.json()["trackers"]
+    assert set(broken) == {"name", "describe", "failed"}
+    assert "step" in broken["failed"]["cause"]
+
+
+def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
+    recorded = recorded_run(read(folder).result)
+    recorded.tracks["ekf"].nees[:] = np.nan
+    assert {moment.nees for moment in worst(recorded, 3)["ekf"]} == {None}

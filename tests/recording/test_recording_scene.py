@@ -10,8 +10,8 @@ import pyarrow.compute as pc
 import pytest
 
 from trackbench import recording
-from trackbench.recording.scene import ellipse
-from trackbench.results import Result
+from trackbench.recording.shapes import ellipse
+from trackbench.results import Result, Tables
 
 
 def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
@@ -20,8 +20,8 @@ def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
 
 
 def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, result: Result) -> None:
-    truth = result.tables["truth"].to_pylist()
-    for name in ("ego", *result.json()["truth"]["objects"]):
+    truth = result.tables.truth.to_pylist()
+    for name in ("ego", *result.summary.truth.objects):
         rows = [row for row in truth if row["object"] == name]
         boxes = read(f"/world/vehicles/{name}", "Boxes2D:half_sizes")
         assert len(boxes) == 401
@@ -34,7 +34,7 @@ def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, re
 
 
 def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: Result) -> None:
-    truth = result.tables["truth"].to_pylist()
+    truth = result.tables.truth.to_pylist()
     v1 = next(row for row in truth if row["object"] == "v1" and round(row["time_s"], 9) == 8.0)
     (origin,) = read("/world/frames/ego", "Transform3D:translation")[8.0]
     (flat,) = read("/world/frames/ego", "Transform3D:mat3x3")[8.0]
@@ -45,8 +45,8 @@ def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: Resu
 
 
 def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(read: Any, result: Result) -> None:
-    for sensor in result.json()["sensors"]:
-        rows = [row for row in result.tables["measurements"].to_pylist() if row["sensor"] == sensor]
+    for sensor in result.summary.sensors:
+        rows = [row for row in result.tables.measurements.to_pylist() if row["sensor"] == sensor]
         drawn = {t: points for t, points in read(f"/world/measurements/{sensor}", "Points2D:positions").items() if t}
         assert sum(map(len, drawn.values())) == sum(row["valid"] for row in rows if row["time_s"])
         at_8 = [[row["x_m"], row["y_m"]] for row in rows if row["valid"] and round(row["time_s"], 9) == 8.0]
@@ -66,7 +66,7 @@ def test_an_ellipse_encloses_95_percent() -> None:
 def test_a_known_covariance_is_drawn_with_its_axes_and_rotation(read: Any, result: Result) -> None:
     row = next(
         row
-        for row in result.tables["estimates"].to_pylist()
+        for row in result.tables.estimates.to_pylist()
         if (row["tracker"], row["object"], round(row["time_s"], 9)) == ("ekf_cv", "v1", 8.0)
     )
     variances, axes = np.linalg.eigh([[row["p_00"], row["p_01"]], [row["p_01"], row["p_11"]]])
@@ -87,8 +87,8 @@ def test_an_estimate_disappears_with_its_vehicle(read: Any) -> None:
 
 
 def test_an_estimate_that_is_not_renewed_disappears(result: Result, tmp_path: Path, read_file: Any) -> None:
-    estimates = result.tables["estimates"]
+    estimates = result.tables.estimates
     stopped = estimates.filter(pc.less(estimates["time_s"], 3.01))
-    recording.write(Result.from_json(result.json(), {**result.tables, "estimates": stopped}), tmp_path / "run.rrd")
+    recording.write(Result(result.summary, Tables({**result.tables, "estimates": stopped})), tmp_path / "run.rrd")
     drawn = read_file(tmp_path / "run.rrd")("/world/estimates/ekf_cv/v1", "Points2D:positions")
     assert (len(drawn[3.0]), len(drawn[3.1])) == (1, 0), "held for a period of the slowest sensor, 0.1 s"

@@ -57,7 +57,8 @@ def compare_command(
     Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
     """
     from trackbench.compare import Limit, compare, find, load
-    from trackbench.report.comparison import comparison_files, document, require_ending
+    from trackbench.report.comparison import ENDINGS, comparison_files, document
+    from trackbench.report.document.save import require_ending
     from trackbench.report.document.terminal import print_document
     from trackbench.report.junit import suites_of_comparison, to_xml
 
@@ -65,7 +66,7 @@ def compare_command(
     if junit is not None and not parsed:
         raise InputError("says which regressions there are: give --fail-on-regression too", key="--junit")
     if out is not None:
-        require_ending(out, "--out")
+        require_ending(out, ENDINGS, "--out")
     for path, key in ((junit, "--junit"), (out, "--out")):
         if path is not None:
             results.require_file(path, key)
@@ -77,7 +78,6 @@ def compare_command(
     else:
         found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
     for file, content in comparison_files(found, out) if out is not None else ():
-        file.parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(file, content)
     if junit is not None:
         results.write_text(junit, to_xml(suites_of_comparison(found)))

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 
 from trackbench.cli.view import open_viewer
+from trackbench.errors import InputError, nearest
+from trackbench.results import to_json
+
+if TYPE_CHECKING:
+    from trackbench.recording.inspection import Inspection
 
 
 @click.command("inspect")
@@ -34,27 +39,34 @@ def inspect_command(
     """
     if opened and at is None and worst is None:
         raise click.UsageError("--open needs a time: give --at or --worst")
-    from trackbench.errors import InputError, nearest
+    if tracker is not None and worst is None:
+        raise click.UsageError("--tracker names whose worst moments are listed: give --worst with it")
+    from trackbench.cli.inspection import print_inspection
     from trackbench.recording.inspection import inspect
-    from trackbench.report.inspection import print_inspection
 
     found = inspect(run, at, worst)
-    if found["note"]:
-        click.echo(f"{found['note']}: read from its tables", err=True)
-    if tracker is not None and worst is not None:
-        if tracker not in found["worst"]:
-            message = f"no estimates of {tracker!r} in this recording; {nearest(tracker, found['worst'])}"
+    if found.recorded.note:
+        click.echo(f"{found.recorded.note}: read from its tables", err=True)
+    if found.worst is not None and tracker is not None:
+        if tracker not in found.worst:
+            message = f"no estimates of {tracker!r} in this recording; {nearest(tracker, found.worst)}"
             raise InputError(message, key="--tracker", file=run)
-        found["worst"] = {tracker: found["worst"][tracker]}
+        found = replace(found, worst={tracker: found.worst[tracker]})
     if as_json:
-        click.echo(json.dumps(found, indent=2, allow_nan=False, ensure_ascii=False))
+        click.echo(to_json(found.json()), nl=False)
     else:
         print_inspection(found, Console())
     if opened:
-        open_viewer((run,), _time(found) if at is None else at)
+        open_viewer((run,), _worst_time(found) if at is None else at)
 
 
-def _time(found: dict[str, Any]) -> float:
-    """When the largest of the worst errors was."""
-    moments = [moment for of_tracker in found["worst"].values() for moment in of_tracker]
-    return float(max(moments, key=lambda moment: moment["position_error_m"])["time_s"])
+def _worst_time(found: Inspection) -> float:
+    """When the largest of the worst errors was.
+
+    Raises:
+        InputError: no estimate was scored.
+    """
+    moments = [moment for of_tracker in (found.worst or {}).values() for moment in of_tracker]
+    if not moments:
+        raise InputError("no estimate in this recording counts, so none is the worst", file=found.recorded.file)
+    return max(moments, key=lambda moment: moment.position_error_m or 0.0).time_s

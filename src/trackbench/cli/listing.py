@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
 import click
 
@@ -12,20 +11,16 @@ from trackbench.errors import InputError
 
 Row = tuple[str, str]
 
-#: Where scenarios are looked for by name.
-FOLDER = Path("scenarios")
-
 
 def _scenarios() -> Iterable[Row]:
     from trackbench.scenario import load_scenario
+    from trackbench.scenario.shipped import at_hand
 
-    if not FOLDER.is_dir():
-        raise InputError(f"no folder {FOLDER}/ in the working directory")
-    for file in sorted(FOLDER.rglob("*.y*ml")):
+    for name, file in at_hand().items():
         try:
-            yield str(file), load_scenario(file).config.description
+            yield name, load_scenario(file).config.description
         except InputError as error:
-            yield str(file), f"cannot be read: {error}"
+            yield name, f"cannot be read: {error}"
 
 
 def _trackers() -> Iterable[Row]:
@@ -64,9 +59,17 @@ def _sensors() -> Iterable[Row]:
 
 
 def _metrics() -> Iterable[Row]:
+    from trackbench.errors import InputError
+    from trackbench.metrics.plugin import find, published
     from trackbench.metrics.registry import known
 
-    for metric in known():
+    own = []
+    for name in published():
+        try:
+            own.append(find(name))
+        except InputError as error:
+            yield name, f"cannot be used: {error.message}"
+    for metric in known(own):
         unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
         yield metric.path, metric.meaning + unit
 

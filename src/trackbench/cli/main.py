@@ -15,6 +15,7 @@ from trackbench.cli.completion import completion_command
 from trackbench.cli.doctor import doctor_command
 from trackbench.cli.inspect import inspect_command
 from trackbench.cli.listing import list_command
+from trackbench.cli.report import report_command
 from trackbench.cli.run import run_command
 from trackbench.cli.serve import INTERRUPTED, serve_command
 from trackbench.cli.snapshot import snapshot_command
@@ -40,17 +41,18 @@ class Commands(click.Group):
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="trackbench")
 def cli() -> None:
-    """Run vehicle trackers on the same truth and the same noise, and say which is better and by how much.
+    """Run vehicle trackers on the same truth and noise, and compare their errors.
 
     \b
     Example:
-      trackbench run scenarios/highway.yaml
+      trackbench run highway
     """
 
 
 for _command in (
     run_command,
     compare_command,
+    report_command,
     doctor_command,
     list_command,
     check_command,

@@ -35,11 +35,11 @@ class Subject:
 
 
 def subject(target: str, options: Mapping[str, Any], scenario: Path | None = None) -> Subject:
-    """The tracker named by ``SCENARIO.yaml#NAME``, ``module:Attr`` or a published name.
+    """The tracker named by ``SCENARIO#NAME``, ``module:Attr`` or a published name.
 
     Args:
         target: the name.
-        options: keyword arguments of a class; not with ``SCENARIO.yaml#NAME``.
+        options: keyword arguments of a class; not with ``SCENARIO#NAME``.
         scenario: the file whose sensors are used. By default those of the tracker's own scenario, or else a radar and
             a lidar.
 
@@ -58,7 +58,8 @@ def subject(target: str, options: Mapping[str, Any], scenario: Path | None = Non
 
 
 def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None) -> Subject:
-    config = load_scenario(path).config
+    loaded = load_scenario(path)
+    config = loaded.config
     if name not in config.trackers:
         raise InputError(f"there is no tracker {name!r} in it: {nearest(name, config.trackers)}", file=path)
     if options:
@@ -70,7 +71,7 @@ def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Map
     }
     if isinstance(tracker, FilterConfig):
         return _startable(Subject(name, lambda: build(tracker), used))
-    return _startable(Subject(name, plugins.create(tracker.use, tracker.options, path.resolve().parent), used))
+    return _startable(Subject(name, plugins.create(tracker.use, tracker.options, loaded.path.resolve().parent), used))
 
 
 def _startable(of: Subject) -> Subject:

@@ -31,7 +31,7 @@ class Trial:
     prediction: Estimate
     """The tracker's, at the time of the scan."""
     session: TrackerSession
-    _updates: dict[tuple[float, ...], Update | None] = field(default_factory=dict)
+    _updates: dict[tuple[float, ...], TrialUpdate | None] = field(default_factory=dict)
 
     @property
     def usable(self) -> bool:
@@ -91,14 +91,14 @@ class Trial:
             return None
         return estimate if estimate is not None and finite(estimate) else None
 
-    def update(self, measurement: Array) -> Update | None:
+    def update(self, measurement: Array) -> TrialUpdate | None:
         """The estimate and the gain at a measurement; None where ``posterior`` is."""
         key = tuple(float(value) for value in measurement)
         if key not in self._updates:
             self._updates[key] = self._differentiated(np.array(key))
         return self._updates[key]
 
-    def _differentiated(self, measurement: Array) -> Update | None:
+    def _differentiated(self, measurement: Array) -> TrialUpdate | None:
         centre = self.posterior(measurement)
         if centre is None:
             return None
@@ -114,11 +114,11 @@ class Trial:
                 slopes.append((estimate.mean - centre.mean) / step)
             # An angle may jump on one side.
             columns.append(min(slopes, key=lambda slope: float(np.abs(slope).max())))
-        return Update(centre, np.stack(columns, axis=1), self)
+        return TrialUpdate(centre, np.stack(columns, axis=1), self)
 
 
 @dataclass(frozen=True, eq=False)
-class Update:
+class TrialUpdate:
     """A tracker's update with one measurement."""
 
     estimate: Estimate

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.metrics.consistency import mean_bounds, verdict, whiteness_verdict
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.metrics.intervals import ONE_RUN, Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS_RUN, NIS_STEP, NisScores, Scores
 from trackbench.results import MetricValue
@@ -243,6 +243,7 @@ def _chi_square(mean: Interval, dof: int, runs: int, steps_inside: float) -> Met
         dof=dof,
         bounds95=(low, high),
         ci95=mean.ci95,
+        reason=None if mean.ci95 else ONE_RUN,
         steps_inside_bounds=steps_inside,
         verdict=verdict(mean.ci95, dof),
     )

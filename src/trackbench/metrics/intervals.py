@@ -12,6 +12,7 @@ from trackbench.types import Array
 
 #: Relative difference of two values below which it is one of arithmetic, not of what was measured.
 ROUNDING = 1e-9
+ONE_RUN = "one run gives no interval"
 
 
 class Interval(NamedTuple):
@@ -25,7 +26,7 @@ class Interval(NamedTuple):
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
         if self.ci95 is None:
-            return MetricValue(value=self.value, unit=unit, reason="one run gives no interval")
+            return MetricValue(value=self.value, unit=unit, reason=ONE_RUN)
         return MetricValue(value=self.value, unit=unit, ci95=self.ci95)
 
 

@@ -40,8 +40,8 @@ class MetricPath:
         return SENSOR in self.path
 
 
-def known(own: Sequence[Metric] = ()) -> list[MetricPath]:
-    """Every path of the built-in metrics and of the ``own`` ones of a scenario."""
+def known(own: Sequence[Metric | type[Metric]] = ()) -> list[MetricPath]:
+    """Every path of the built-in metrics and of others."""
     health = [MetricPath(HEALTH + name, "1", meaning) for name, meaning in _HEALTH_MEANINGS.items()]
     return [*(path for metric in (*BUILT_IN, *own) for path in _paths(metric)), *health]
 
@@ -56,7 +56,7 @@ def by_path(sensors: Iterable[str], own: Sequence[Metric] = ()) -> dict[str, Met
     }
 
 
-def _paths(metric: Metric) -> list[MetricPath]:
+def _paths(metric: Metric | type[Metric]) -> list[MetricPath]:
     path = f"{metric.name}.{SENSOR}" if metric.per_sensor else metric.name
     value = f"{path}.{metric.value_name}" if metric.value_name else path
     compared = metric.compared and metric.better is not None

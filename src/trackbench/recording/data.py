@@ -19,7 +19,7 @@ from rerun.chunk import Chunk
 from trackbench.recording.scene import ROADS
 from trackbench.recording.stream import TIMELINE, Stream, path
 from trackbench.recording.tables import split
-from trackbench.results import Result
+from trackbench.results import Result, to_json
 
 DATA = "data"
 SUMMARY = (DATA, "result")
@@ -38,8 +38,7 @@ TABLE, GROUP = "table", "group"
 
 def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables."""
-    text = json.dumps(result.json(), allow_nan=False, ensure_ascii=False)
-    stream.static(path(*SUMMARY), rr.TextDocument(text))
+    stream.static(path(*SUMMARY), rr.TextDocument(to_json(result.json())))
     for table, keys in KEYS.items():
         for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
             entity = path(DATA, table, *values)
@@ -55,7 +54,7 @@ def send_data(stream: Stream, result: Result) -> None:
 
 
 def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str, pa.Table]]:
-    """The summary, None where there is none, and the tables out of a recording's chunks.
+    """The summary as JSON values, None where there is none, and the tables out of a recording's chunks.
 
     Rows come sorted by key and time; a table that had no rows has no columns either.
     """

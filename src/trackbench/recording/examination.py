@@ -9,12 +9,12 @@ import rerun as rr
 
 from trackbench.doctor.evidence import EvidenceRun
 from trackbench.doctor.examine import Examination
-from trackbench.errors import InputError
 from trackbench.recording.examination_layout import blueprint
 from trackbench.recording.examination_scene import send_scene
 from trackbench.recording.examination_series import send_series
 from trackbench.recording.examination_text import findings
 from trackbench.recording.stream import Stream
+from trackbench.recording.writer import write_recording
 
 
 def write(examination: Examination, evidence: Sequence[EvidenceRun], path: Path) -> None:
@@ -24,21 +24,17 @@ def write(examination: Examination, evidence: Sequence[EvidenceRun], path: Path)
     entities of a drive are below its name.
 
     Raises:
+        TrackbenchError: the file cannot be written.
         InputError: the environment switches Rerun off.
-        OSError: the file cannot be written.
     """
-    recording = rr.RecordingStream("trackbench doctor")
-    if not rr.is_enabled(recording):
-        raise InputError("the environment variable RERUN switches recordings off; unset it", file=path)
-    # To memory first: Rerun's own file sink waits for ever on a full disk.
-    binary = rr.binary_stream(recording)
-    recording.send_blueprint(blueprint(evidence))
-    recording.send_recording_name(examination.tracker)
-    stream = Stream(recording)
-    stream.static("findings", rr.TextDocument(findings(examination), media_type=rr.MediaType.MARKDOWN))
-    for run in evidence:
-        send_scene(stream, run)
-        send_series(stream, run)
-    content = binary.read()
-    recording.disconnect()
-    path.write_bytes(content or b"")
+
+    def send(recording: rr.RecordingStream) -> None:
+        recording.send_blueprint(blueprint(evidence))
+        recording.send_recording_name(examination.tracker)
+        stream = Stream(recording)
+        stream.markdown("findings", findings(examination))
+        for run in evidence:
+            send_scene(stream, run)
+            send_series(stream, run)
+
+    write_recording(path, "trackbench doctor", send)

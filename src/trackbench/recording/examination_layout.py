@@ -10,25 +10,21 @@ import rerun.blueprint as rrb
 from trackbench.doctor.evidence import EvidenceRun
 from trackbench.recording.examination_scene import frame, measurements
 from trackbench.recording.examination_series import ERROR, INNOVATION, NEES
-from trackbench.recording.stream import TIMELINE, path
+from trackbench.recording.layout import played
+from trackbench.recording.stream import path
+from trackbench.recording.views import from_above
 from trackbench.types import Array
 
 #: How long a measurement is shown, s.
 TRAIL = 0.5
 MARGIN_M = 6.0
-BACKGROUND = (16, 18, 22)
 
 
 def blueprint(evidence: Sequence[EvidenceRun]) -> rrb.Blueprint:
     """The layout; it plays in a loop."""
     drives = rrb.Tabs(*(_drive(run) for run in evidence), active_tab=0)
     text = rrb.TextDocumentView(origin="findings", name="Findings")
-    return rrb.Blueprint(
-        rrb.Horizontal(drives, text, column_shares=[5, 2]),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="playing", loop_mode="all"),
-        collapse_panels=True,
-        auto_views=False,
-    )
+    return played(rrb.Horizontal(drives, text, column_shares=[5, 2]))
 
 
 def _drive(run: EvidenceRun) -> rrb.Container:
@@ -46,22 +42,15 @@ def _drive(run: EvidenceRun) -> rrb.Container:
 
 
 def _scene(run: EvidenceRun) -> rrb.Spatial2DView:
-    recent = rrb.VisibleTimeRanges(
-        timeline=TIMELINE,
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
     sensors = dict.fromkeys(scan.sensor for scan in run.scans)
     poses = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
-    return rrb.Spatial2DView(
-        origin=path(*frame(run.drive)),
-        contents=[f"+ {path(run.drive, 'world')}/**"],
-        name="From above",
-        visual_bounds=rrb.VisualBounds2D(
-            x_range=_extent(run.target[0], poses[0]), y_range=_extent(-run.target[1], -poses[1])
-        ),
-        background=BACKGROUND,
-        overrides={path(*measurements(run.drive, sensor)): recent for sensor in sensors},
+    return from_above(
+        path(*frame(run.drive)),
+        "From above",
+        [f"+ {path(run.drive, 'world')}/**"],
+        (_extent(run.target[0], poses[0]), _extent(-run.target[1], -poses[1])),
+        [path(*measurements(run.drive, sensor)) for sensor in sensors],
+        TRAIL,
     )
 
 

@@ -8,7 +8,7 @@ import rerun as rr
 from trackbench.doctor.evidence import EvidenceRun
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.palette import OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colours
-from trackbench.recording.scene import ellipse
+from trackbench.recording.shapes import send_ellipses, send_points
 from trackbench.recording.stream import Stream, path, pixels, rgba
 from trackbench.types import Array
 
@@ -39,38 +39,18 @@ def send_scene(stream: Stream, run: EvidenceRun) -> None:
     }
     for name, (mean, covariance) in tracks.items():
         known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-        at, time, p = mean[:2, known], run.time[known], covariance[:, :, known]
+        time, at, p = run.time[known], mean[:2, known], covariance[:, :, known]
         _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
-        _send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name])
-    _send_measurements(stream, run)
+        send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name], 15.0)
+    for sensor, colour in sensor_colours(dict.fromkeys(scan.sensor for scan in run.scans)).items():
+        scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
+        time = np.array([scan.time for scan in scans])
+        at = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2).T
+        send_points(stream, path(*measurements(run.drive, sensor)), time, at, colour, 2.0, 10.0)
 
 
 def _send_path(stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float) -> None:
     """The position over time, and the whole path."""
-    entity = path(*place)
-    stream.columns(entity, time, rr.Points2D.columns(positions=position.T))
-    stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=20.0))
+    send_points(stream, path(*place), time, position, colour, size, 20.0)
     line = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(0.75), draw_order=5.0)
     stream.static(path(*place, "path"), line)
-
-
-def _send_ellipses(stream: Stream, entity: str, time: Array, at: Array, p: Array, colour: str) -> None:
-    half, rotation = ellipse(p[0, 0], p[0, 1], p[1, 1])
-    zero = np.zeros_like(rotation)
-    turned = np.stack([zero, zero, np.sin(rotation / 2), np.cos(rotation / 2)], axis=1)
-    stream.columns(
-        entity,
-        time,
-        rr.Transform3D.columns(translation=np.stack([*at, zero], axis=1), quaternion=turned),
-        rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half)),
-    )
-    stream.static(entity, rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=15.0))
-
-
-def _send_measurements(stream: Stream, run: EvidenceRun) -> None:
-    for sensor, colour in sensor_colours(dict.fromkeys(scan.sensor for scan in run.scans)).items():
-        scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
-        entity = path(*measurements(run.drive, sensor))
-        points = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2)
-        stream.columns(entity, np.array([scan.time for scan in scans]), rr.Points2D.columns(positions=points))
-        stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(2.0), draw_order=10.0))

@@ -1,26 +1,94 @@
-"""What is in a recording, as JSON values: contents, versions, scores computed afresh, single moments."""
+"""What is in a recording: contents, versions, scores computed afresh, single moments."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from trackbench import results
 from trackbench.errors import InputError
 from trackbench.metrics.stored import ROOT_MEAN_SQUARES
-from trackbench.recording.moments import scene_at, worst
+from trackbench.recording.moments import EstimateMoment, SceneMoment, scene_at, worst
 from trackbench.recording.reader import Recorded, read
+from trackbench.recording.recorded_run import recorded_run
 from trackbench.recording.rescore import rescored
-from trackbench.recording.shown import recorded_run
-from trackbench.recording.tables import columns, split
-
-Json = dict[str, Any]
+from trackbench.recording.tables import Columns, columns, split
+from trackbench.results import Result, Summary, TrackerResult
 
 
-def inspect(path: Path, at: float | None = None, count: int | None = None) -> Json:
-    """Everything about a recording or the folder of a run that can be read without a viewer.
+@dataclass(frozen=True)
+class SensorContents:
+    """What is recorded of a sensor."""
+
+    kind: str
+    instants: int
+    measurements: int
+    """Detections of all objects at these instants."""
+
+
+@dataclass(frozen=True)
+class ScoreCheck:
+    """How the scores computed afresh compare with those that the run itself wrote beside the recording."""
+
+    file: str
+    largest_relative_difference: float
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Everything about a recording or the folder of a run that can be read without a viewer."""
+
+    recorded: Recorded
+    rows: dict[str, int]
+    """Of each table."""
+    sensors: dict[str, SensorContents]
+    scored: list[TrackerResult]
+    """The trackers that did not fail, with the scores of the recorded run alone."""
+    checked: ScoreCheck | None
+    """None where there is nothing to compare with."""
+    at: SceneMoment | None
+    worst: dict[str, list[EstimateMoment]] | None
+    """By tracker, the largest error first."""
+
+    @property
+    def summary(self) -> Summary:
+        """That of the run."""
+        return self.recorded.result.summary
+
+    def json(self) -> dict[str, Any]:
+        """Everything as JSON values; moments that were not asked for are left out."""
+        summary = self.summary
+        scored = {tracker.name: tracker for tracker in self.scored}
+        found = {
+            "file": str(self.recorded.file),
+            "rerun": self.recorded.rerun,
+            "note": self.recorded.note,
+            "scenario": summary.scenario.name,
+            "description": summary.scenario.description,
+            "command": summary.command,
+            "seed": summary.seed,
+            "runs": summary.runs,
+            "recorded_run": summary.recorded_run,
+            "objects": summary.truth.objects,
+            "duration_s": summary.truth.duration_s,
+            "fingerprint": summary.fingerprint,
+            "versions": summary.versions,
+            "rows": self.rows,
+            "sensors": {name: asdict(sensor) for name, sensor in self.sensors.items()},
+            "trackers": [_tracker_json(scored.get(tracker.name, tracker)) for tracker in summary.trackers],
+            "checked": self.checked and asdict(self.checked),
+        }
+        if self.at is not None:
+            found["at"] = asdict(self.at)
+        if self.worst is not None:
+            found["worst"] = {tracker: [asdict(moment) for moment in items] for tracker, items in self.worst.items()}
+        return found
+
+
+def inspect(path: Path, at: float | None = None, count: int | None = None) -> Inspection:
+    """Read a recording or the folder of a run.
 
     Args:
         path: the recording or folder.
@@ -30,66 +98,45 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> Js
     Raises:
         InputError: it cannot be read, or has no such time.
     """
-    recorded = read(path)
-    summary, tables = recorded.result.json(), recorded.result.tables
-    if "score" not in summary:
-        raise InputError("this result does not say how it was scored: it is of an earlier version", file=recorded.file)
-    shown = recorded_run(recorded.result)
-    scores = rescored(recorded.result, shown)
-    found: Json = {
-        "file": str(recorded.file),
-        "rerun": recorded.rerun,
-        "note": recorded.note,
-        "scenario": summary["scenario"]["name"],
-        "description": summary["scenario"]["description"],
-        "command": summary["command"],
-        "seed": summary["seed"],
-        "runs": summary["runs"],
-        "recorded_run": summary["recorded_run"],
-        "objects": summary["truth"]["objects"],
-        "duration_s": summary["truth"]["duration_s"],
-        "fingerprint": recorded.result.summary.fingerprint,
-        "versions": summary["versions"],
-        "rows": {name: table.num_rows for name, table in sorted(tables.items())},
-        "sensors": {name: _measurements(rows) for (name,), rows in split(tables["measurements"], "sensor").items()},
-        "trackers": [
-            {"name": entry["name"], "describe": entry["describe"], "failed": entry["failed"]}
-            | scores.get(entry["name"], {})
-            for entry in summary["trackers"]
-        ],
-        "checked": _checked(recorded, scores),
-    }
-    if at is not None:
-        found["at"] = scene_at(recorded.result, shown, at)
-    if count is not None:
-        found["worst"] = worst(shown, count)
-    return found
+    found = read(path)
+    run, tables = recorded_run(found.result), found.result.tables
+    scored = rescored(found.result, run)
+    return Inspection(
+        recorded=found,
+        rows={name: table.num_rows for name, table in sorted(tables.items())},
+        sensors={name: _sensor(rows) for (name,), rows in split(tables.measurements, "sensor").items()},
+        scored=scored,
+        checked=_checked(found, scored),
+        at=None if at is None else scene_at(found.result, run, at),
+        worst=None if count is None else worst(run, count),
+    )
 
 
-def _measurements(rows: Any) -> Json:
-    instants = len(np.unique(rows["time_s"]))
-    return {"kind": str(rows["kind"][0]), "instants": instants, "measurements": int(rows["valid"].sum())}
+def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:
+    included: Any = {"name", "describe", "failed"}
+    if tracker.failed is None:
+        included = {**dict.fromkeys(included, True), "metrics": True, "health": {"diverged_runs"}}
+    return tracker.model_dump(mode="json", include=included)
 
 
-def _checked(recorded: Recorded, scores: dict[str, Json]) -> Json | None:
-    """How far the scores are from those that the run itself left beside the recording, if it did."""
-    folder = recorded.file if recorded.file.is_dir() else recorded.file.parent
+def _sensor(rows: Columns) -> SensorContents:
+    return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
+
+
+def _checked(found: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
+    folder = found.file if found.file.is_dir() else found.file.parent
     try:
-        beside = results.Result.load(folder)
+        beside = Result.load(folder)
     except InputError:
         return None
-    summary = recorded.result.json()
-    if "runs" not in beside.tables or beside.summary.fingerprints != recorded.result.summary.fingerprints:
+    summary = found.result.summary
+    if "runs" not in beside.tables or beside.summary.fingerprints != summary.fingerprints:
         return None
-    runs = columns(beside.tables["runs"])
-    apart = [0.0]
-    for tracker, found in scores.items():
-        (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker) & (runs["run"] == summary["recorded_run"]))
-        pairs = [(found["metrics"]["nees"]["mean"], runs["nees_mean"][row])]
-        for name, metric in ROOT_MEAN_SQUARES.items():
-            node = found["metrics"]
-            for part in name.split("."):
-                node = node[part]
-            pairs.append((node["value"], runs[metric.column][row]))
-        apart += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
-    return {"file": str(folder / "runs.parquet"), "largest_relative_difference": float(max(apart))}
+    runs = columns(beside.tables.runs)
+    differences = [0.0]
+    for tracker in scored:
+        (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker.name) & (runs["run"] == summary.recorded_run))
+        pairs = [(tracker.nees.value, runs["nees_mean"][row])]
+        pairs += [(tracker.metrics[name].value, runs[of.column][row]) for name, of in ROOT_MEAN_SQUARES.items()]
+        differences += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
+    return ScoreCheck(str(folder / "runs.parquet"), float(max(differences)))

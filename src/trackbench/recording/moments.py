@@ -2,44 +2,97 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.recording.shown import STATE, ShownRun, Track
+from trackbench.recording.recorded_run import STATE, RecordedRun
 from trackbench.recording.tables import Columns, split
 from trackbench.results import Result
-
-Json = dict[str, Any]
+from trackbench.types import Array
 
 #: Two moments of one object are told apart if they lie farther apart than this, s.
 APART = 1.0
-MOTION = (*STATE, "speed_mps", "course_rad", "acceleration_mps2", "yaw_rate_radps")
 
 
-def scene_at(result: Result, shown: ShownRun, time: float) -> Json:
+@dataclass(frozen=True)
+class VehicleMoment:
+    """The true motion of the observer or of a target."""
+
+    name: str
+    role: str
+    px_m: float
+    py_m: float
+    vx_mps: float
+    vy_mps: float
+    speed_mps: float
+    course_rad: float
+    acceleration_mps2: float
+    yaw_rate_radps: float
+
+
+MOTION = tuple(VehicleMoment.__dataclass_fields__)[2:]
+
+
+@dataclass(frozen=True)
+class MeasurementMoment:
+    """Where a sensor has seen an object."""
+
+    sensor: str
+    object: str
+    time_s: float
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True)
+class EstimateMoment:
+    """A tracker's estimate of an object, and its errors; None where they are not known."""
+
+    tracker: str
+    object: str
+    time_s: float
+    px_m: float
+    py_m: float
+    vx_mps: float
+    vy_mps: float
+    position_error_m: float | None
+    velocity_error_mps: float | None
+    nees: float | None
+
+
+@dataclass(frozen=True)
+class SceneMoment:
+    """Everything at a time."""
+
+    time_s: float
+    vehicles: list[VehicleMoment]
+    measurements: list[MeasurementMoment]
+    estimates: list[EstimateMoment]
+
+
+def scene_at(result: Result, recorded: RecordedRun, time: float) -> SceneMoment:
     """Vehicles, measurements and estimates as a viewer shows them at a time: the latest of each up to then.
 
     Raises:
         InputError: the recording does not have that time.
     """
-    truth = split(result.tables["truth"], "role", "object")
+    truth = split(result.tables.truth, "role", "object")
     clock = next(iter(truth.values()))["time_s"]
     require_time(clock[0], clock[-1], time)
     step = _latest(clock, time)
-    vehicles = []
-    for (role, name), rows in truth.items():
-        if rows["alive"][step]:
-            motion = {key: float(rows[key][step]) for key in MOTION}
-            vehicles.append({"name": name, "role": role, **motion})
-    present = {name for (_, name), rows in truth.items() if rows["alive"][step]}
-    return {
-        "time_s": float(clock[step]),
-        "vehicles": vehicles,
-        "measurements": _measurements(split(result.tables["measurements"], "sensor", "object"), time),
-        "estimates": _estimates(shown, time, present),
-    }
+    present = {(role, name): rows for (role, name), rows in truth.items() if rows["alive"][step]}
+    vehicles = [
+        VehicleMoment(name, role, **{key: float(rows[key][step]) for key in MOTION})
+        for (role, name), rows in present.items()
+    ]
+    return SceneMoment(
+        time_s=float(clock[step]),
+        vehicles=vehicles,
+        measurements=_measurements(split(result.tables.measurements, "sensor", "object"), time),
+        estimates=_estimates(recorded, time, {name for _, name in present}),
+    )
 
 
 def require_time(first: float, last: float, time: float) -> None:
@@ -53,56 +106,63 @@ def require_time(first: float, last: float, time: float) -> None:
         raise InputError(f"{time:g} s is not in the recording, which goes from {first:g} s to {last:g} s", key="--at")
 
 
-def worst(shown: ShownRun, count: int) -> dict[str, list[Json]]:
+def worst(recorded: RecordedRun, count: int) -> dict[str, list[EstimateMoment]]:
     """By tracker, the scored moments of the largest position error; of one peak only its top."""
-    return {tracker: _worst(shown, track, count) for tracker, track in shown.tracks.items()}
+    return {tracker: _worst(recorded, tracker, count) for tracker in recorded.tracks}
 
 
-def _worst(shown: ShownRun, track: Track, count: int) -> list[Json]:
-    time = shown.target.time
-    error = np.where(shown.scored, track.position_error, np.nan)
-    found: list[Json] = []
+def _worst(recorded: RecordedRun, tracker: str, count: int) -> list[EstimateMoment]:
+    time = recorded.target.time
+    error = np.where(recorded.scored, recorded.tracks[tracker].position_error, np.nan)
+    found: list[EstimateMoment] = []
     while len(found) < count and np.isfinite(error).any():
         instant, i = (int(index) for index in np.unravel_index(np.nanargmax(error), error.shape))
-        found.append({"time_s": float(time[instant]), "object": shown.objects[i], **_errors(track, instant, i)})
+        found.append(_estimate(recorded, tracker, instant, i))
         error[np.abs(time - time[instant]) <= APART, i] = np.nan
     return found
 
 
-def _errors(track: Track, instant: int, i: int) -> Json:
-    return {
-        "position_error_m": float(track.position_error[instant, i]),
-        "velocity_error_mps": float(track.velocity_error[instant, i]),
-        "nees": float(track.nees[instant, i]),
-    }
-
-
-def _estimates(shown: ShownRun, time: float, present: set[str]) -> list[Json]:
-    if time < shown.target.time[0] - 1e-9:
+def _estimates(recorded: RecordedRun, time: float, present: set[str]) -> list[EstimateMoment]:
+    if time < recorded.target.time[0] - 1e-9:
         return []
-    instant = _latest(shown.target.time, time)
-    found = []
-    for tracker, track in shown.tracks.items():
-        for i, name in enumerate(shown.objects):
-            if name in present and np.isfinite(track.mean[:, instant, i]).all():
-                mean = dict(zip(STATE, map(float, track.mean[:, instant, i]), strict=True))
-                entry = {"tracker": tracker, "object": name, "time_s": float(shown.target.time[instant]), **mean}
-                found.append({**entry, **_errors(track, instant, i)})
-    return found
+    instant = _latest(recorded.target.time, time)
+    return [
+        _estimate(recorded, tracker, instant, i)
+        for tracker, track in recorded.tracks.items()
+        for i, name in enumerate(recorded.objects)
+        if name in present and np.isfinite(track.mean[:, instant, i]).all()
+    ]
 
 
-def _measurements(measurements: dict[tuple[str, ...], Columns], time: float) -> list[Json]:
+def _estimate(recorded: RecordedRun, tracker: str, instant: int, i: int) -> EstimateMoment:
+    track = recorded.tracks[tracker]
+    mean = dict(zip(STATE, map(float, track.mean[:, instant, i]), strict=True))
+    return EstimateMoment(
+        tracker=tracker,
+        object=recorded.objects[i],
+        time_s=float(recorded.target.time[instant]),
+        **mean,
+        position_error_m=_known(track.position_error[instant, i]),
+        velocity_error_mps=_known(track.velocity_error[instant, i]),
+        nees=_known(track.nees[instant, i]),
+    )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _measurements(measurements: dict[tuple[str, ...], Columns], time: float) -> list[MeasurementMoment]:
     """The latest measurement of each sensor, of the objects that it detected."""
     found = []
     for (sensor, name), rows in measurements.items():
-        if rows["time_s"][0] <= time + 1e-9:
-            at = _latest(rows["time_s"], time)
-            if rows["valid"][at]:
-                place = {key: float(rows[key][at]) for key in ("x_m", "y_m")}
-                found.append({"sensor": sensor, "object": name, "time_s": float(rows["time_s"][at]), **place})
+        at = _latest(rows["time_s"], time)
+        if at >= 0 and rows["valid"][at]:
+            place = (float(rows[key][at]) for key in ("time_s", "x_m", "y_m"))
+            found.append(MeasurementMoment(sensor, name, *place))
     return found
 
 
-def _latest(times: Any, time: float) -> int:
-    """Index of the last of ``times`` that is not after ``time``, up to rounding."""
+def _latest(times: Array, time: float) -> int:
+    """Index of the last of ``times`` that is not after ``time``, up to rounding; -1 if all are."""
     return int(np.searchsorted(times, time + 1e-9, side="right")) - 1

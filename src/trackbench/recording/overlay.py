@@ -1,4 +1,4 @@
-"""Several runs of the same traffic as one: each one's trackers in the one scene."""
+"""Several runs of the same traffic in one scene: a tracker is there once for each run."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from trackbench.palette import tracker_colours
+from trackbench.recording import text
+from trackbench.recording.contents import Contents
 from trackbench.recording.tables import split
-from trackbench.results import Result
+from trackbench.results import Result, Tables, TrackerResult
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
@@ -25,62 +28,73 @@ def labels(paths: Sequence[Path]) -> list[str]:
 
 def same_traffic(results: Sequence[Result]) -> bool:
     """Whether all show the same motion of the same objects."""
-    first, *others = (split(result.tables["truth"], "role", "object") for result in results)
-    return all(
-        other.keys() == first.keys()
-        and all(_equal(other[key][name], rows[name]) for key, rows in first.items() for name in ("px_m", "py_m"))
-        for other in others
+    first, *others = (split(result.tables.truth, "role", "object") for result in results)
+    return all(_same(first, other, ("px_m", "py_m")) for other in others)
+
+
+def laid_over(named: Mapping[str, Result]) -> Contents:
+    """Runs of the same traffic in one scene; a tracker is called "its name (its run's name)"."""
+    first, *others = named.values()
+    drawn = split(first.tables.measurements, "sensor", "object")
+    once = all(
+        _same(drawn, split(other.tables.measurements, "sensor", "object"), ("time_s", "x_m", "y_m")) for other in others
+    )
+    trackers = [
+        tracker.model_copy(update={"name": _named(tracker.name, label)})
+        for label, result in named.items()
+        for tracker in result.summary.trackers
+    ]
+    sensors = {
+        name if once else _named(name, label): sensor
+        for label, result in named.items()
+        for name, sensor in result.summary.sensors.items()
+    }
+    parts = {"steps": "tracker", "nis": "tracker", "estimates": "tracker", "recorded_nis": "tracker"}
+    if not once:
+        parts["measurements"] = "sensor"
+    joined = {
+        table: _joined({label: result.tables[table] for label, result in named.items()}, column)
+        for table, column in parts.items()
+    }
+    name, runs = " over ".join(named), _each(result.summary.runs for result in named.values())
+    return Contents(
+        name=name,
+        runs=runs,
+        recorded_run=_each(result.summary.recorded_run for result in named.values()),
+        duration_s=first.summary.truth.duration_s,
+        targets=len(first.summary.truth.objects),
+        colours=tracker_colours(tracker.name for tracker in trackers),
+        sensors=sensors,
+        tables=Tables({**first.tables, **joined}),
+        ranking="\n".join(text.ranked(name, runs, sorted(trackers, key=_error))),
+        about="\n".join([*_about(named), *text.legend(trackers, sensors)]),
     )
 
 
-def laid_over(named: dict[str, Result]) -> Result:
-    """Runs of the same traffic as one result to be drawn; a tracker is called "its name (its run's name)"."""
-    first = next(iter(named.values()))
-    same_measurements = all(_same_measurements(first, result) for result in named.values())
-    summaries = {label: result.json() for label, result in named.items()}
-    trackers = [
-        {**tracker, "name": _named(tracker["name"], label)}
-        for label, summary in summaries.items()
-        for tracker in summary["trackers"]
-    ]
-    sensors = {
-        name if same_measurements else _named(name, label): sensor
-        for label, summary in summaries.items()
-        for name, sensor in summary["sensors"].items()
-    }
-    summary = {
-        **first.json(),
-        "scenario": {**first.json()["scenario"], "name": " over ".join(named)},
-        "runs": first.summary.runs,
-        "command": "; ".join(str(summary["command"]) for summary in summaries.values()),
-        "sensors": sensors,
-        "trackers": trackers,
-        "ranking": [tracker["name"] for tracker in sorted(trackers, key=_error)],
-        "expectations": [],
-        "passed": True,
-    }
-    tables = dict(first.tables)
-    for table, column in (
-        ("steps", "tracker"),
-        ("nis", "tracker"),
-        ("estimates", "tracker"),
-        ("recorded_nis", "tracker"),
-    ):
-        tables[table] = _joined({label: result.tables[table] for label, result in named.items()}, column)
-    if not same_measurements:
-        tables["measurements"] = _joined(
-            {label: result.tables["measurements"] for label, result in named.items()}, "sensor"
-        )
-    return Result.from_json(summary, tables)
+def _about(named: Mapping[str, Result]) -> list[str]:
+    """What each of the runs is, and whether their scores can be held against each other."""
+    lines = [text.truth(next(iter(named.values())).summary)]
+    for label, result in named.items():
+        summary = result.summary
+        of = f"run {summary.recorded_run} of {summary.runs}, seed {summary.seed}"
+        lines.append(f"- **{label}**: {of}, measurements `{summary.fingerprint}`; `{summary.command}`")
+    if len({result.summary.fingerprint for result in named.values()}) > 1:
+        lines += ["", "The scores are over different measurements: a small difference between two may be chance."]
+    return lines
+
+
+def _each(numbers: Any) -> str:
+    """ "4", or "4 and 6" where they differ."""
+    return " and ".join(dict.fromkeys(map(str, numbers)))
 
 
 def _named(name: str, label: str) -> str:
     return f"{name} ({label})"
 
 
-def _error(tracker: dict[str, Any]) -> float:
-    value = None if tracker["failed"] else tracker["metrics"]["position_rmse"]["value"]
-    return float("inf") if value is None else float(value)
+def _error(tracker: TrackerResult) -> float:
+    value = None if tracker.failed is not None else tracker.position_rmse.value
+    return float("inf") if value is None else value
 
 
 def _joined(tables: Mapping[str, pa.Table], column: str) -> pa.Table:
@@ -98,12 +112,8 @@ def _undictionaried(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return column.cast(pa.string()) if pa.types.is_dictionary(column.type) else column
 
 
-def _same_measurements(a: Result, b: Result) -> bool:
-    first, second = (split(result.tables["measurements"], "sensor", "object") for result in (a, b))
-    return first.keys() == second.keys() and all(
-        _equal(first[key][name], second[key][name]) for key in first for name in ("time_s", "x_m", "y_m")
+def _same(a: Mapping[Any, Any], b: Mapping[Any, Any], names: Sequence[str]) -> bool:
+    """Whether the rows of every key have the same values in these columns."""
+    return a.keys() == b.keys() and all(
+        np.array_equal(a[key][name], b[key][name], equal_nan=True) for key in a for name in names
     )
-
-
-def _equal(a: Any, b: Any) -> bool:
-    return bool(np.array_equal(a, b, equal_nan=True))

@@ -11,7 +11,7 @@ from pathlib import Path
 from trackbench.recording import overlay
 from trackbench.recording.moments import require_time
 from trackbench.recording.reader import RECORDING, read
-from trackbench.recording.writer import write
+from trackbench.recording.writer import write, write_overlay
 from trackbench.results import EXAMINATION
 
 
@@ -44,14 +44,14 @@ def playable(paths: Sequence[Path], at: float | None = None) -> Iterator[Playabl
     runs = [read(path) for path in paths]
     for run in runs:
         if at is not None:
-            require_time(0.0, float(run.result.json()["truth"]["duration_s"]), at)
+            require_time(0.0, run.result.summary.truth.duration_s, at)
     notes = [f"{run.note}: shown from its tables" for run in runs if run.note]
     names = overlay.labels(paths)
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
         results = [run.result for run in runs]
         if len(runs) > 1 and overlay.same_traffic(results):
             file = Path(folder) / f"{' over '.join(names)}.rrd"
-            write(overlay.laid_over(dict(zip(names, results, strict=True))), file)
+            write_overlay(overlay.laid_over(dict(zip(names, results, strict=True))), file)
             yield Playable([file], notes)
             return
         if len(runs) > 1:

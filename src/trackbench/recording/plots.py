@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
 from trackbench.metrics.consistency import mean_bounds
-from trackbench.recording.series import ALL_RUNS, LOG, SHOWN_RUN
+from trackbench.recording.contents import Contents
+from trackbench.recording.series import ALL_RUNS, LOG, RECORDED_RUN
 from trackbench.recording.stream import path
 from trackbench.recording.tables import split
 from trackbench.types import COMMON_STATE, Array
@@ -20,12 +18,11 @@ from trackbench.types import COMMON_STATE, Array
 BESIDE, BESIDE_LEGEND = 1.04, 1.6
 
 
-def plots(summary: dict[str, Any], tables: Mapping[str, pa.Table]) -> rrb.Container:
+def plots(contents: Contents) -> rrb.Container:
     """A column each for the error, the NEES and, where any tracker gives innovations, the NIS."""
-    steps, estimates = tables["steps"], tables["estimates"]
-    runs, shown = f"{summary['runs']} runs", f"run {summary['recorded_run']}"
-    end = float(summary["truth"]["duration_s"])
-    targets = len(summary["truth"]["objects"])
+    tables, end = contents.tables, contents.duration_s
+    steps, estimates = tables.steps, tables.estimates
+    runs, recorded = f"{contents.runs} runs", f"run {contents.recorded_run}"
     rmse = []
     for name, place, unit, column in (
         ("Position", "position_rmse", "m", "position_rmse_m"),
@@ -36,27 +33,27 @@ def plots(summary: dict[str, Any], tables: Mapping[str, pa.Table]) -> rrb.Contai
         rmse.append(_log_plot(f"log10 of {name.lower()} RMSE, {runs}, {unit}", (ALL_RUNS, place), end))
     error_top = _top(_values(estimates, "position_error_m"))
     errors = [
-        _plot(f"Position error, {shown}, m", (SHOWN_RUN, "position_error"), end, error_top, legend=True),
-        _log_plot(f"log10 of position error, {shown}, m", (SHOWN_RUN, "position_error"), end),
+        _plot(f"Position error, {recorded}, m", (RECORDED_RUN, "position_error"), end, error_top, legend=True),
+        _log_plot(f"log10 of position error, {recorded}, m", (RECORDED_RUN, "position_error"), end),
     ]
     nees_top = _top(_values(steps, "nees_mean"), _values(steps, "nees_high"))
     nees = _plot(f"NEES and 95 % bounds, {runs}", (ALL_RUNS, "nees"), end, nees_top)
-    shown_top = _top(_values(estimates, "nees"), mean_bounds(len(COMMON_STATE), targets)[1])
-    shown_nees = _plot(f"NEES and 95 % bounds, {shown}", (SHOWN_RUN, "nees"), end, shown_top)
+    recorded_top = _top(_values(estimates, "nees"), mean_bounds(len(COMMON_STATE), contents.targets)[1])
+    recorded_nees = _plot(f"NEES and 95 % bounds, {recorded}", (RECORDED_RUN, "nees"), end, recorded_top)
     stacks = [
         rrb.Vertical(rrb.Tabs(*rmse, active_tab=0), rrb.Tabs(*errors, active_tab=0)),
-        rrb.Vertical(nees, shown_nees),
+        rrb.Vertical(nees, recorded_nees),
     ]
 
     sensors = []
-    recorded_nis = split(tables["recorded_nis"], "sensor")
-    for (sensor,), rows in split(tables["nis"], "sensor").items():
+    recorded_nis = split(tables.recorded_nis, "sensor")
+    for (sensor,), rows in split(tables.nis, "sensor").items():
         top = _top(rows["nis_mean"], rows["nis_high"])
         pair = [_plot(f"NIS, {sensor}, {runs}", (ALL_RUNS, "nis", sensor), end, top)]
         if (sensor,) in recorded_nis:
-            bound = mean_bounds(int(rows["dof"].max()), targets)[1]
-            shown_top = _top(recorded_nis[sensor,]["nis"], bound)
-            pair.append(_plot(f"NIS, {sensor}, {shown}", (SHOWN_RUN, "nis", sensor), end, shown_top))
+            bound = mean_bounds(int(rows["dof"].max()), contents.targets)[1]
+            recorded_top = _top(recorded_nis[sensor,]["nis"], bound)
+            pair.append(_plot(f"NIS, {sensor}, {recorded}", (RECORDED_RUN, "nis", sensor), end, recorded_top))
         sensors.append(pair)
     # Two cells at most; further sensors are tabs of theirs.
     cells = [[plot for pair in sensors[i::2] for plot in pair] for i in range(min(2, len(sensors)))]
@@ -68,8 +65,8 @@ def plots(summary: dict[str, Any], tables: Mapping[str, pa.Table]) -> rrb.Contai
 def live_plots() -> rrb.Container:
     """The error and the NEES of the recorded run as they come."""
     return rrb.Horizontal(
-        rrb.TimeSeriesView(origin=path("series", SHOWN_RUN, "position_error"), name="Position error, m"),
-        rrb.TimeSeriesView(origin=path("series", SHOWN_RUN, "nees"), name="NEES and 95 % bounds"),
+        rrb.TimeSeriesView(origin=path("series", RECORDED_RUN, "position_error"), name="Position error, m"),
+        rrb.TimeSeriesView(origin=path("series", RECORDED_RUN, "nees"), name="NEES and 95 % bounds"),
     )
 
 

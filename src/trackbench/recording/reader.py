@@ -5,14 +5,15 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import pyarrow as pa
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from trackbench import results
 from trackbench.errors import InputError
 from trackbench.recording.data import read_data
-from trackbench.results import SUMMARY, Result
+from trackbench.results import SUMMARY, Result, Tables, summary_of
 
 #: The name of a recording in the folder of its run.
 RECORDING = "recording.rrd"
@@ -49,7 +50,7 @@ def read(path: Path) -> Recorded:
     if path.is_dir():
         if (path / RECORDING).exists():
             return read(path / RECORDING)
-        return Recorded(results.Result.load(path), path, None, "there is no recording in this folder")
+        return Recorded(Result.load(path), path, None, "there is no recording in this folder")
     version = _version(path)
     try:
         summary, tables = _read(path)
@@ -62,8 +63,8 @@ def read(path: Path) -> Recorded:
             f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, which Rerun {rr.__version__} cannot read",
         )
     if summary is None:
-        return _beside(path, "it holds no run of trackbench, or one of an earlier version of trackbench")
-    return Recorded(Result.from_json(summary, tables), path, version)
+        return _beside(path, "it holds no run of trackbench, or several that are laid over each other")
+    return Recorded(Result(summary_of(summary, path), Tables(tables)), path, version)
 
 
 def _version(path: Path) -> str | None:
@@ -94,7 +95,7 @@ def _version(path: Path) -> str | None:
     return version
 
 
-def _read(path: Path) -> tuple[dict[str, object] | None, dict[str, object]]:
+def _read(path: Path) -> tuple[dict[str, Any] | None, dict[str, pa.Table]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
         reader = RrdReader(path)
@@ -112,4 +113,4 @@ def _beside(path: Path, cause: str) -> Recorded:
     folder = path.parent
     if not (folder / SUMMARY).is_file():
         raise InputError(f"{cause}, and there is no {SUMMARY} beside it to read instead", file=path)
-    return Recorded(results.Result.load(folder), folder, None, f"{path}: {cause}")
+    return Recorded(Result.load(folder), folder, None, f"{path}: {cause}")

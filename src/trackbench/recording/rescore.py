@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from trackbench.errors import InputError
 from trackbench.metrics import Fault, Scorer, evaluate, health
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.recording.shown import ShownRun
+from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
 from trackbench.recording.tables import Columns, split
-from trackbench.results import Result
-from trackbench.results.metric_value import nested_metrics
-from trackbench.types import Array, Estimate, Scan
+from trackbench.results import Health, Result, TrackerResult
+from trackbench.types import Array, Estimate, Mask, Scan
 
-Json = dict[str, Any]
-
-#: Parts of a tracker's metrics that a recording cannot give: the bound needs the sensors' models, whiteness the
-#: innovations themselves, a repair and the time a step took are not seen in an estimate.
+#: Metrics that a recording cannot give: the bound needs the sensors' models, whiteness the innovations themselves, and
+#: the time that a step took is not seen in an estimate.
 NOT_RECORDED = (
     "whiteness",
     "position_bound",
@@ -29,63 +24,67 @@ NOT_RECORDED = (
 )
 
 
-def rescored(result: Result, shown: ShownRun) -> dict[str, Json]:
-    """By tracker, ``metrics`` and ``health`` of the one recorded run, in the form of a result.
+def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
+    """What each tracker that did not fail reached in the one recorded run.
 
     Raises:
         InputError: what was recorded cannot be scored.
     """
     nis: dict[str, dict[str, dict[str, Columns]]] = {}
-    for (tracker, sensor, name), rows in split(result.tables["recorded_nis"], "tracker", "sensor", "object").items():
+    for (tracker, sensor, name), rows in split(result.tables.recorded_nis, "tracker", "sensor", "object").items():
         nis.setdefault(tracker, {}).setdefault(sensor, {})[name] = rows
-    dof = {key: int(rows["dof"][0]) for key, rows in split(result.tables["nis"], "tracker", "sensor").items()}
-    found = {}
-    for tracker in shown.tracks:
-        measurements = {
-            sensor: _measurements(rows, shown, dof.get((tracker, sensor), 1))
-            for sensor, rows in nis.get(tracker, {}).items()
+    dof = {key: int(rows["dof"][0]) for key, rows in split(result.tables.nis, "tracker", "sensor").items()}
+    found = []
+    for name, track in recorded.tracks.items():
+        innovations = {
+            sensor: _innovations(rows, recorded, dof.get((name, sensor), 1))
+            for sensor, rows in nis.get(name, {}).items()
         }
-        found[tracker] = _scores(tracker, shown, measurements)
+        try:
+            found.append(_scored(result[name], track, recorded, innovations))
+        except Fault as fault:
+            raise InputError(f"the recorded estimates of {name} cannot be scored: {fault.cause}") from fault
     return found
 
 
-def _measurements(rows: dict[str, Columns], shown: ShownRun, dof: int) -> dict[int, Array]:
+def _innovations(rows: dict[str, Columns], recorded: RecordedRun, dof: int) -> dict[int, Array]:
     """By instant, ``(dof, objects)`` innovations of the recorded squared length, which is all that scoring needs."""
     found: dict[int, Array] = {}
     for name, of_object in rows.items():
-        instants = np.searchsorted(shown.target.time, of_object["time_s"])
+        instants = np.searchsorted(recorded.target.time, of_object["time_s"])
         for instant, value in zip(instants, of_object["nis"], strict=True):
-            white = found.setdefault(int(instant), np.zeros((dof, len(shown.objects))))
-            white[0, shown.objects.index(name)] = np.sqrt(value)
+            white = found.setdefault(int(instant), np.zeros((dof, len(recorded.objects))))
+            white[0, recorded.objects.index(name)] = np.sqrt(value)
     return found
 
 
-def _scores(tracker: str, shown: ShownRun, measurements: dict[str, dict[int, Array]]) -> Json:
-    track = shown.tracks[tracker]
-    counts = {sensor: len(items) for sensor, items in measurements.items()}
+def _scored(
+    tracker: TrackerResult, track: RecordedTrack, recorded: RecordedRun, innovations: dict[str, dict[int, Array]]
+) -> TrackerResult:
+    counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
-    alike = np.zeros((len(shown.target.time), len(shown.objects), 1), dtype=np.int8)
-    scorer = Scorer(shown.target, alike, counts)
-    try:
-        for instant, time in enumerate(shown.target.time):
-            estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
-            for sensor, items in measurements.items():
-                if instant in items:
-                    white = items[instant]
-                    scan = _scan(float(time), sensor, np.isfinite(white[0]))
-                    scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
-            scorer.estimate(estimate)
-        sums = scorer.close()
-    except Fault as fault:
-        raise InputError(f"the recorded estimates of {tracker} cannot be scored: {fault.cause}") from fault
-    known = {path: value.model_dump() for path, value in evaluate(sums).values.items()}
-    return {
-        "metrics": {name: value for name, value in nested_metrics(known).items() if name not in NOT_RECORDED},
-        "health": {"diverged_runs": health(sums[ESTIMATES.name]).diverged_runs},
-    }
+    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int8)
+    scorer = Scorer(recorded.target, alike, counts)
+    for instant, time in enumerate(recorded.target.time):
+        estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
+        for sensor, items in innovations.items():
+            if instant in items:
+                white = items[instant]
+                scan = _scan(float(time), sensor, np.isfinite(white[0]))
+                scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
+        scorer.estimate(estimate)
+    sums = scorer.close()
+    known = evaluate(sums).values
+    return TrackerResult(
+        name=tracker.name,
+        describe=tracker.describe,
+        failed=tracker.failed,
+        metrics={path: value for path, value in known.items() if path.partition(".")[0] not in NOT_RECORDED},
+        health=Health(diverged_runs=health(sums[ESTIMATES.name]).diverged_runs),
+    )
 
 
-def _scan(time: float, sensor: str, valid: Any) -> Scan:
+def _scan(time: float, sensor: str, valid: Mask) -> Scan:
     """As much of a scan as scoring looks at."""
     nothing = np.empty(0)
     return Scan(time, sensor, "", nothing, valid, nothing, nothing, nothing, time)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 import pyarrow as pa
-import rerun as rr
 
 from trackbench.metrics.consistency import mean_bounds, point95
 from trackbench.palette import BOUND_COLOUR
-from trackbench.recording.stream import Stream, path, rgba
+from trackbench.recording.shapes import send_line
+from trackbench.recording.stream import Stream, path
 from trackbench.recording.tables import Columns, mean_over_objects, split
 from trackbench.types import COMMON_STATE, Array
 
 ALL_RUNS = "all_runs"
-SHOWN_RUN = "recorded_run"
+RECORDED_RUN = "recorded_run"
 #: Rerun 0.41 has no logarithmic axis, so the errors are also there as decimal logarithms.
 LOG = ("series", "log10")
 
@@ -26,7 +26,7 @@ SINGLE = "95 % of single innovations"
 SAME = 1e-6
 
 
-def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: dict[str, str]) -> None:
+def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: Mapping[str, str]) -> None:
     """RMSE with the Cramér-Rao bound, mean NEES and mean NIS with their 95 % bounds."""
     by_tracker = {tracker: rows for (tracker,), rows in split(steps, "tracker").items()}
     for quantity, unit in (("position", "m"), ("velocity", "mps")):
@@ -52,7 +52,7 @@ def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: dict[
 
 
 def send_recorded_run(
-    stream: Stream, estimates: pa.Table, recorded_nis: pa.Table, nis: pa.Table, colours: dict[str, str]
+    stream: Stream, estimates: pa.Table, recorded_nis: pa.Table, nis: pa.Table, colours: Mapping[str, str]
 ) -> None:
     """The recorded run's RMS position error over the targets, and its NEES and NIS averaged over the targets."""
     # A tracker may take less of a measurement than its sensor gives, so the degrees of freedom are its own.
@@ -63,17 +63,17 @@ def send_recorded_run(
         time, square, _ = mean_over_objects(rows["time_s"], rows["position_error_m"] ** 2)
         error[tracker] = {"time_s": time, "value": np.sqrt(square)}
         nees[tracker] = _mean_with_bounds(rows["time_s"], rows["nees"], len(COMMON_STATE))
-    _lines(stream, ("series", SHOWN_RUN, "position_error"), error, "value", colours)
+    _lines(stream, ("series", RECORDED_RUN, "position_error"), error, "value", colours)
     logs = {tracker: _log10(rows, ("value",)) for tracker, rows in error.items()}
-    _lines(stream, (*LOG, SHOWN_RUN, "position_error"), logs, "value", colours)
-    _with_bounds(stream, ("series", SHOWN_RUN, "nees"), nees, colours)
+    _lines(stream, (*LOG, RECORDED_RUN, "position_error"), logs, "value", colours)
+    _with_bounds(stream, ("series", RECORDED_RUN, "nees"), nees, colours)
     for sensor, rows_by_tracker in _by_sensor(recorded_nis).items():
         means = {
             tracker: _mean_with_bounds(rows["time_s"], rows["nis"], dof[tracker, sensor])
             for tracker, rows in rows_by_tracker.items()
             if (tracker, sensor) in dof
         }
-        nis_place = ("series", SHOWN_RUN, "nis", sensor)
+        nis_place = ("series", RECORDED_RUN, "nis", sensor)
         if _single(means):
             lined = {tracker: _with_line(rows, dof[tracker, sensor]) for tracker, rows in means.items()}
             _lines(stream, nis_place, lined, "value", colours)
@@ -109,17 +109,17 @@ def _with_line(rows: Columns, dof: int) -> Columns:
     return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
 
 
-def _with_bounds(stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], colours: dict[str, str]) -> None:
+def _with_bounds(stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], colours: Mapping[str, str]) -> None:
     _lines(stream, place, rows, "value", colours)
     _bounds(stream, place, "95 % bounds", rows, ("low", "high"), colours)
 
 
 def _lines(
-    stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], value: str, colours: dict[str, str]
+    stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], value: str, colours: Mapping[str, str]
 ) -> None:
     for tracker, colour in colours.items():
         if tracker in rows:
-            _line(stream, path(*place, tracker), rows[tracker]["time_s"], rows[tracker][value], tracker, colour, 1.5)
+            send_line(stream, path(*place, tracker), rows[tracker]["time_s"], rows[tracker][value], tracker, colour)
 
 
 def _bounds(
@@ -128,7 +128,7 @@ def _bounds(
     name: str,
     rows: dict[str, Columns],
     fields: tuple[str, ...],
-    colours: dict[str, str],
+    colours: Mapping[str, str],
 ) -> None:
     """One line for all trackers that share a bound, in its tracker's colour where only some do and it is of one."""
     for field in fields:
@@ -146,7 +146,7 @@ def _bounds(
             colour = colours[group[0]] if alone else BOUND_COLOUR
             label = name if len(shared) == 1 else f"{name}: {', '.join(group)}"
             entity = path(*place, "bounds", f"{field}_{i}")
-            _line(stream, entity, longest["time_s"], longest[field], label, colour, 2.0)
+            send_line(stream, entity, longest["time_s"], longest[field], label, colour, width=2.0)
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
@@ -155,11 +155,3 @@ def _same(a: Columns, b: Columns, field: str) -> bool:
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)
     return bool(both.any() and np.isclose(first[both], second[both], rtol=SAME).mean() > 0.9)
-
-
-def _line(stream: Stream, entity: str, time: Array, values: Array, name: str, colour: str, width: float) -> None:
-    finite = np.isfinite(values)
-    # An empty row breaks the line where there is no value.
-    stream.columns(entity, time, rr.Scalars.columns(scalars=values[finite]).partition(finite.astype(int)))
-    style: dict[str, Any] = {"colors": rgba(colour), "widths": width, "names": name}
-    stream.static(entity, rr.SeriesLines(**style))

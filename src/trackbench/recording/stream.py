@@ -31,7 +31,7 @@ def pixels(size: float) -> float:
 
 
 class Stream:
-    """One recording being written, in memory."""
+    """One recording that is being written."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
@@ -47,3 +47,7 @@ class Stream:
             index: Any = rr.TimeColumn(TIMELINE, duration=nanoseconds)
             flat = [column for batch in batches for column in batch]
             self._recording.send_columns(entity, [index], flat, strict=True)
+
+    def markdown(self, entity: str, text: str) -> None:
+        """A text."""
+        self.static(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))

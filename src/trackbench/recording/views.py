@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,7 +70,7 @@ def send_scales(stream: Stream, all_windows: list[Window]) -> None:
         stream.static(path(*FRAMES, window.frame, "scale"), bar)
 
 
-def send_legends(stream: Stream, all_windows: list[Window], colours: dict[str, str]) -> None:
+def send_legends(stream: Stream, all_windows: list[Window], colours: Mapping[str, str]) -> None:
     """The trackers' names in their colours, in rows at the top of each view."""
     wide, *close = all_windows
     for window, in_row in ((wide, WIDE_ROW), *((each, CLOSE_ROW) for each in close)):
@@ -96,18 +97,41 @@ def scene_views(all_windows: list[Window], sensors: list[str]) -> rrb.Container:
 
 
 def _view(window: Window, name: str, sensors: list[str], *without: str) -> rrb.Spatial2DView:
+    frame = path(*FRAMES, window.frame)
+    contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}/**", *without]
+    measurements = [path(*MEASUREMENTS, sensor) for sensor in sensors]
+    return from_above(frame, name, contents, (window.across, window.down), measurements, TRAIL)
+
+
+def from_above(
+    frame: str,
+    name: str,
+    contents: list[str],
+    bounds: tuple[tuple[float, float], tuple[float, float]],
+    measurements: list[str],
+    trail: float,
+) -> rrb.Spatial2DView:
+    """A view of a scene.
+
+    Args:
+        frame: entity whose frame is the view's own; y is down in it.
+        name: above the view.
+        contents: what is in it, as Rerun's queries.
+        bounds: left and right, top and bottom in the frame, m.
+        measurements: entities of which the last ones are shown, and not only the latest.
+        trail: for how long, s.
+    """
     recent = rrb.VisibleTimeRanges(
         timeline=TIMELINE,
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-TRAIL),
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-trail),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    frame = path(*FRAMES, window.frame)
-    overrides: Any = {path(*MEASUREMENTS, sensor): recent for sensor in sensors}
+    overrides: Any = dict.fromkeys(measurements, recent)
     return rrb.Spatial2DView(
         origin=frame,
-        contents=[f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}/**", *without],
+        contents=contents,
         name=name,
-        visual_bounds=rrb.VisualBounds2D(x_range=window.across, y_range=window.down),
+        visual_bounds=rrb.VisualBounds2D(x_range=bounds[0], y_range=bounds[1]),
         background=BACKGROUND,
         overrides=overrides,
     )

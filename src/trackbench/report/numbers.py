@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
 
-Metric = Mapping[str, Any]
+from trackbench.results import MetricValue
 
 NOT_AVAILABLE = "n/a"
 
@@ -32,14 +31,19 @@ def interval(bounds: Sequence[float] | None, places: int) -> str:
     return f"{fixed(bounds[0], places)} to {fixed(bounds[1], places)}" if bounds else ""
 
 
+def signed(value: float, places: int) -> str:
+    """With a plus sign where it is positive."""
+    return ("+" if value > 0 else "") + fixed(value, places)
+
+
 def percent(share: float | None, places: int = 0) -> str:
     """A share as "95 %"."""
     return NOT_AVAILABLE if share is None else f"{fixed(100 * share, places)}\N{NO-BREAK SPACE}%"
 
 
-def half_width(metric: Metric) -> float | None:
+def half_width(metric: MetricValue) -> float | None:
     """Half of the 95 % interval of a metric, or None where it has none."""
-    bounds = metric.get("ci95")
+    bounds = metric.ci95
     return (bounds[1] - bounds[0]) / 2 if bounds else None
 
 

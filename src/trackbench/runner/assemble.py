@@ -11,13 +11,20 @@ from importlib.metadata import version
 import numpy as np
 import pyarrow as pa
 
-from trackbench.metrics import Evaluation, Scores, Sums, evaluate, health, merge_sums, no_metrics
+from trackbench.metrics import Evaluation, Metric, Scores, Sums, evaluate, health, merge_sums, no_metrics
 from trackbench.metrics.bound import BoundStart, cramer_rao, rms_bound, typical_acceleration
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure, Health, Result, Summary, Tables, TrackerResult
-from trackbench.results.summary import BoundSummary, ScenarioSummary, ScoreSummary, SensorSummary, TruthSummary
+from trackbench.results.summary import (
+    BoundSummary,
+    OwnMetricSummary,
+    ScenarioSummary,
+    ScoreSummary,
+    SensorSummary,
+    TruthSummary,
+)
 from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block, Work
 from trackbench.runner.describe import describe
@@ -62,7 +69,11 @@ def assemble(loaded: LoadedScenario, truth: LoadedTruth, work: Work, blocks: lis
             acceleration_sigma_mps2=assembly.acceleration,
             velocity_sigma_mps=scenario.score.bound.velocity_sigma_mps,
         ),
-        score=ScoreSummary(settle_s=work.settle, divergence_m=work.divergence),
+        score=ScoreSummary(
+            settle_s=work.settle,
+            divergence_m=work.divergence,
+            metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
+        ),
         recorded_run=work.recorded_run,
         trackers=trackers,
         ranking=_ranking(list(work.trackers), evaluations),
@@ -193,6 +204,17 @@ def _truth_summary(loaded: LoadedTruth) -> TruthSummary:
         "cached": loaded.cached,
     }
     return TruthSummary.model_validate({**truth.source, **found})
+
+
+def _metric_summary(metric: Metric) -> OwnMetricSummary:
+    return OwnMetricSummary(
+        name=metric.name,
+        unit=metric.unit,
+        meaning=metric.meaning,
+        better=metric.better,
+        compared=metric.compared and metric.better is not None,
+        per_sensor=metric.per_sensor,
+    )
 
 
 def _start(tracker: FilterConfig | PluginConfig, config: BoundConfig) -> BoundStart:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import chain, groupby, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,7 +23,7 @@ from trackbench.sensing.scans import IdealSensor, Measurements, sense
 from trackbench.streams import stream
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Indices, Progress, Scan, Truth, no_progress
+from trackbench.types import Array, Estimate, Gaussian, Indices, Progress, Scan, Truth, no_progress
 
 #: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
 BATCH_SIZE = 2000
@@ -68,20 +68,17 @@ class RecordedEstimates:
     """Per sensor and measurement ``(objects,)``, NaN where there is none."""
 
 
-class Observation(NamedTuple):
-    """What a tracker says of the recorded run at one instant."""
+class RecordedInstant(NamedTuple):
+    """The estimates of the recorded run at one instant."""
 
-    tracker: str
-    instant: int
-    """Number of the instant, from 0."""
-    mean: Array
-    """``(4, objects)``, NaN where there is none."""
-    covariance: Array
-    """``(4, 4, objects)``"""
+    number: int
+    """Of the instant, from 0."""
+    estimates: dict[str, Gaussian]
+    """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
 
 
-#: Is told what the recorded run is like while it is made: its scans first, then each tracker's estimates.
-Observer = Callable[[list[Scan] | Observation], None]
+#: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
+OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 
 
 @dataclass
@@ -105,33 +102,37 @@ class Block:
         }
 
 
-def run_block(work: Work, runs: range, progress: Progress = no_progress, observer: Observer | None = None) -> Block:
+def run_block(
+    work: Work, runs: range, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
+) -> Block:
     """Synthesise the measurements of some runs and take every tracker through them.
 
     Args:
         work: what all blocks share.
         runs: those of this block.
         progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
-        observer: called from within if the recorded run is among them.
+        on_recorded_run: called with the recorded run, if it is in this block.
     """
     keep_freed_memory()
     measurements = sense(work.sensors, work.seed, work.scenario, runs)
     target = _target(work, measurements, runs)
     kept = work.recorded_run - runs.start if work.recorded_run in runs else None
     scans = None if kept is None else [_of_run(scan, len(work.truth.ids), kept) for scan in measurements.scans]
-    if observer is not None and scans is not None:
-        observer(scans)
-    sums: dict[str, Sums | Failure] = {}
-    recorded: dict[str, RecordedEstimates] = {}
-    for done, name in enumerate(work.trackers):
-
-        def reached(share: float, done: int = done) -> None:
-            progress((done + share) / len(work.trackers) * len(runs), len(runs))
-
-        passage = TrackerRun(work, name, runs, measurements, target, kept, reached, observer)
-        sums[name] = passage.take()
-        if passage.recorded is not None:
-            recorded[name] = passage.recorded
+    tracker_runs = {name: TrackerRun(work, name, runs, measurements, target, kept) for name in work.trackers}
+    each = [tracker_run.instants() for tracker_run in tracker_runs.values()]
+    instants = len(target.time)
+    if on_recorded_run is None or scans is None:
+        # One tracker after the other: its state stays in the processor's cache.
+        for done, _ in enumerate(chain(*each), start=1):
+            progress(done / (instants * len(each)) * len(runs), len(runs))
+    else:
+        on_recorded_run(scans)
+        for number, estimates in enumerate(zip_longest(*each)):
+            known = {name: found for name, found in zip(tracker_runs, estimates, strict=True) if found is not None}
+            on_recorded_run(RecordedInstant(number, known))
+            progress((number + 1) / instants * len(runs), len(runs))
+    sums = {name: tracker_run.sums for name, tracker_run in tracker_runs.items()}
+    recorded = {name: item.recorded for name, item in tracker_runs.items() if item.recorded is not None}
     return Block(runs, sums, recorded, scans, measurements.detections, measurements.digests)
 
 
@@ -146,27 +147,32 @@ class TrackerRun:
         measurements: Measurements,
         target: Target,
         kept: int | None,
-        reached: Callable[[float], None],
-        observer: Observer | None,
     ) -> None:
-        self._reached = reached
         self._work = work
         self._name = name
-        self._observer = observer
         self._runs = runs
         self._measurements = measurements
         self._target = target
         self._kept = kept
         objects, instants = len(work.truth.ids), len(target.time)
         self._none = Estimate(np.full((4, objects * len(runs)), np.nan), np.full((4, 4, objects * len(runs)), np.nan))
+        self.sums: Sums | Failure
+        """Once all instants have been taken."""
         self.recorded: RecordedEstimates | None = None
         if kept is not None:
             self.recorded = RecordedEstimates(
                 np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
             )
 
-    def take(self) -> Sums | Failure:
-        """What is kept of the tracker's estimates, or why there are none."""
+    def instants(self) -> Iterator[Gaussian | None]:
+        """Take the tracker through one instant after the other, to the last one or until it fails.
+
+        Yields:
+            At each instant its estimate of the recorded run, None where that is in another block.
+        """
+        self.sums = yield from self._instants()
+
+    def _instants(self) -> Generator[Gaussian | None, None, Sums | Failure]:
         work = self._work
         config = work.trackers[self._name]
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
@@ -188,8 +194,7 @@ class TrackerRun:
                     scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
                 scorer.estimate(latest)
-                self._keep(instant, latest)
-                self._reached((instant + 1) / len(self._target.time))
+                yield self._keep(instant, latest)
             sums = scorer.close()
         except Fault as fault:
             return self._failure(fault.cause, fault.instant, None, fault.member)
@@ -230,15 +235,18 @@ class TrackerRun:
         times = np.broadcast_to(when[:, None], shape).reshape(-1)
         return tracker.with_prior(times, motion, normal.reshape(6, -1))
 
-    def _keep(self, instant: int, estimate: Estimate) -> None:
-        if self.recorded is not None and self._kept is not None:
-            members = slice(self._kept, None, len(self._runs))
-            alive = self._target.alive[instant]
-            self.recorded.mean[:, instant] = np.where(alive, estimate.mean[:, members], np.nan)
-            self.recorded.covariance[:, :, instant] = np.where(alive, estimate.covariance[:, :, members], np.nan)
-            if self._observer is not None:
-                mean, covariance = self.recorded.mean[:, instant], self.recorded.covariance[:, :, instant]
-                self._observer(Observation(self._name, instant, mean, covariance))
+    def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
+        """What the recorded run has of an estimate."""
+        if self.recorded is None or self._kept is None:
+            return None
+        members = slice(self._kept, None, len(self._runs))
+        alive = self._target.alive[instant]
+        found = Gaussian(
+            np.where(alive, estimate.mean[:, members], np.nan),
+            np.where(alive, estimate.covariance[:, :, members], np.nan),
+        )
+        self.recorded.mean[:, instant], self.recorded.covariance[:, :, instant] = found
+        return found
 
     def _keep_nis(self, scan: Scan, estimate: Estimate) -> None:
         if self.recorded is None or self._kept is None:

@@ -13,7 +13,8 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 
 from trackbench.errors import TrackbenchError
-from trackbench.runner.block import Block, Observer, Work, run_block
+from trackbench.plugins import searched
+from trackbench.runner.block import Block, OnRecordedRun, Work, run_block
 from trackbench.types import Progress, no_progress
 
 #: Least time between two words on how far a block is, s.
@@ -22,7 +23,11 @@ DIED = "a worker process died; --workers 1 may show what it died of"
 
 
 def run_blocks(
-    work: Work, workers: int, progress: Progress = no_progress, observer: Observer | None = None, at_hand: int = 0
+    work: Work,
+    workers: int,
+    progress: Progress = no_progress,
+    on_recorded_run: OnRecordedRun | None = None,
+    at_hand: int = 0,
 ) -> Iterator[Block]:
     """The blocks in their order, however many processes make them.
 
@@ -30,7 +35,7 @@ def run_blocks(
         work: what is the same for all of them.
         workers: number of processes.
         progress: called with the number of runs done and of all.
-        observer: called in this process, whichever makes the recorded run.
+        on_recorded_run: called with the recorded run as it is made, in this process, whichever makes it.
         at_hand: how many of the first ones there are already.
 
     Raises:
@@ -43,7 +48,7 @@ def run_blocks(
             def reached(done: float, _: float, before: int = runs.start) -> None:
                 progress(before + done, work.runs)
 
-            yield run_block(work, runs, _now_and_then(reached), observer)
+            yield run_block(work, runs, _now_and_then(reached), on_recorded_run)
         return
     # Not concurrent.futures: after one of its workers is killed within an answer, it waits for the rest for ever. Here
     # each worker has a pipe of its own, so that the end of either process is seen by the other.
@@ -59,8 +64,10 @@ def run_blocks(
                 processes.append(process)
                 pipes.append(ours)
         for pipe in pipes:
-            pipe.send((work, observer is not None))
-        yield from _share_out(pieces, pipes, progress, observer)
+            # Classes of the scenario's own come with the rest, and are looked for in its folder.
+            pipe.send(work.folder)
+            pipe.send((work, on_recorded_run is not None))
+        yield from _share_out(pieces, pipes, progress, on_recorded_run)
     except (EOFError, OSError) as error:
         raise TrackbenchError(DIED) from error
     finally:
@@ -71,7 +78,7 @@ def run_blocks(
 
 
 def _share_out(
-    pieces: Sequence[range], pipes: Sequence[Connection], progress: Progress, observer: Observer | None
+    pieces: Sequence[range], pipes: Sequence[Connection], progress: Progress, on_recorded_run: OnRecordedRun | None
 ) -> Iterator[Block]:
     """A piece for every worker that waits for one, and the blocks in the order of the pieces."""
     todo = iter(enumerate(pieces))
@@ -103,8 +110,8 @@ def _share_out(
                 elif isinstance(answer, float):
                     done[here] = answer
                 else:
-                    assert observer is not None
-                    observer(answer)
+                    assert on_recorded_run is not None
+                    on_recorded_run(answer)
                 progress(pieces[0].start + sum(done), pieces[-1].stop)
         yield made.pop(number)
 
@@ -129,12 +136,13 @@ def _serve(pipe: Connection) -> None:
     # What a tracker prints is no part of the result.
     sys.stdout = sys.stderr
     try:
-        work, observed = pipe.recv()
+        with searched(pipe.recv()):
+            work, observed = pipe.recv()
         while True:
             runs = pipe.recv()
             try:
-                observer = pipe.send if observed else None
-                pipe.send(run_block(work, runs, _now_and_then(lambda done, _: pipe.send(done)), observer))
+                on_recorded_run = pipe.send if observed else None
+                pipe.send(run_block(work, runs, _now_and_then(lambda done, _: pipe.send(done)), on_recorded_run))
             except Exception as error:
                 error.add_note(traceback.format_exc())
                 pipe.send(error)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 import time
 
+from trackbench.metrics import BUILT_IN
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, Observer, Work
+from trackbench.runner.block import Block, OnRecordedRun, Work
 from trackbench.runner.pool import run_blocks
 from trackbench.scenario import LoadedScenario
 from trackbench.sensing.scans import ideal_sensors
@@ -25,7 +26,7 @@ def run(
     workers: int = 1,
     command: str = "",
     progress: Progress = no_progress,
-    observer: Observer | None = None,
+    on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
     """The result of a scenario.
 
@@ -37,11 +38,11 @@ def run(
         workers: number of processes.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
-        observer: called with what is found of the recorded run, as it is found; it should return at once.
+        on_recorded_run: called with the recorded run while it is made; it should return at once.
     """
     work = work_of(loaded, truth)
     begin = time.perf_counter()
-    blocks = list(run_blocks(work, workers, progress, observer))
+    blocks = list(run_blocks(work, workers, progress, on_recorded_run))
     _log_times(work, blocks, min(workers, len(blocks)), time.perf_counter() - begin)
     return assemble(loaded, truth, work, blocks, command)
 
@@ -60,6 +61,7 @@ def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
         settle=scenario.score.settle_s,
         divergence=scenario.score.divergence_m,
         recorded_run=scenario.recording.run,
+        metrics=(*BUILT_IN, *scenario.score.metrics),
     )
 
 

@@ -11,11 +11,10 @@ from trackbench.metrics import evaluate, merge_sums
 from trackbench.metrics.intervals import paired
 from trackbench.results import Failure, PrecisionReached, Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, Observer
+from trackbench.runner.block import Block, OnRecordedRun
 from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import work_of
 from trackbench.scenario import LoadedScenario
-from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth, most_runs, varies
 from trackbench.types import Progress, no_progress
@@ -37,7 +36,7 @@ def run_until(
     workers: int = 1,
     command: Callable[[LoadedScenario], str],
     progress: Progress = no_progress,
-    observer: Observer | None = None,
+    on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
     """The result of a scenario with as many runs as the precision takes, bit for bit that of so many runs.
 
@@ -53,7 +52,7 @@ def run_until(
         workers: number of processes.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
-        observer: called with what is found of the recorded run, which is among those of the first look.
+        on_recorded_run: called with the recorded run while it is made, which is among those of the first look.
     """
     blocks: list[Block] = []
     while True:
@@ -61,8 +60,8 @@ def run_until(
         pieces = work.blocks()
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         blocks = [block for block, piece in zip(blocks, pieces, strict=False) if block.runs == piece]
-        blocks += run_blocks(work, workers, progress, observer, at_hand=len(blocks))
-        observer = None
+        blocks += run_blocks(work, workers, progress, on_recorded_run, at_hand=len(blocks))
+        on_recorded_run = None
         found = _precision(list(work.trackers), blocks, target, max_runs)
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
@@ -83,19 +82,15 @@ def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
         message = f"random motion is kept for all runs at once; at most {most} fit"
         raise InputError(message, file=loaded.path, key="--max-runs")
     runs = min(max_runs, max(FIRST_RUNS, loaded.config.recording.run + 1))
-    return scenario_of(loaded.text, loaded.path, _overrides(loaded, runs))
+    return _with_runs(loaded, runs)
 
 
 def _with_runs(loaded: LoadedScenario, runs: int) -> LoadedScenario:
-    """The same scenario with more runs."""
+    """The same scenario with another number of runs."""
     monte_carlo = loaded.config.monte_carlo.model_copy(update={"runs": runs})
     config = loaded.config.model_copy(update={"monte_carlo": monte_carlo})
-    return replace(loaded, config=config, overrides=_overrides(loaded, runs))
-
-
-def _overrides(loaded: LoadedScenario, runs: int) -> tuple[str, ...]:
     kept = [item for item in loaded.overrides if item.partition("=")[0].strip() != RUNS]
-    return (*kept, f"{RUNS}={runs}")
+    return replace(loaded, config=config, overrides=(*kept, f"{RUNS}={runs}"))
 
 
 def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:

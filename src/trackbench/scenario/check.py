@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
-from trackbench import plugins, truth
+from trackbench import plugins
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.load import LoadedScenario
 from trackbench.trackers.config import PluginConfig
+from trackbench.truth import validate
 
 Step = Callable[[], None]
 
@@ -23,7 +24,7 @@ def check(loaded: LoadedScenario) -> None:
     """
     config, folder = loaded.config, loaded.path.resolve().parent
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-    _all(loaded, [partial(truth.validate, config.truth, folder=folder, sensors=kinds), *_starts(loaded)])
+    _all(loaded, [partial(validate, config.truth, folder=folder, sensors=kinds), *_starts(loaded)])
 
 
 def check_plugins(loaded: LoadedScenario) -> None:

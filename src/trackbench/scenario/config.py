@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from pydantic import Field
 
 from trackbench.config import Config, Name, NonNegative, Positive, Problem
 from trackbench.scenario import cross_checks
+from trackbench.scenario.own_metrics import AnyMetric
 from trackbench.sensing.config import AnySensor
 from trackbench.trackers.config import AnyTracker
 from trackbench.truth.config import AnyTruth
@@ -40,7 +40,16 @@ class Score(Config):
     settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
     bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
-    metrics: tuple[Any, ...] = ()
+    metrics: list[AnyMetric] = Field(
+        default_factory=list,
+        description='Metrics beside the built-in ones: published names, "module:Class", or `{use, options}`.',
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        names = [metric.name for metric in self.metrics]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield Problem(("metrics", index), f"a second metric of the name {name}")
 
 
 class Expectation(Config):

@@ -14,7 +14,7 @@ import numpy as np
 from trackbench import linalg
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.doctor.trial import Trial, Update
+from trackbench.doctor.trial import Trial, TrialUpdate
 from trackbench.doctor.wrong_models import DEGREE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Mask
@@ -91,7 +91,7 @@ def _implied(trial: Trial) -> ImpliedModel | None:
     return ImpliedModel(trial, used, noise, direction, size, jacobian)
 
 
-def _is_kalman(update: Update) -> bool:
+def _is_kalman(update: TrialUpdate) -> bool:
     """Whether the covariance changes only in the column space of the gain; with a fixed gain it does not."""
     spread = update.trial.state_sigma
     change = (update.trial.prediction.covariance - update.estimate.covariance) / np.outer(spread, spread)

@@ -127,8 +127,8 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     least, most = np.quantile([r[0] for r in ratios], 0.3), np.quantile([r[1] for r in ratios], 0.7)
     off = [r for r in ratios if r[0] < GROWTH[0] or r[1] > GROWTH[1]]
     text = (
-        f"the covariance of position and velocity grows {least:.2g} to {most:.2g} times as much as the uncertain "
-        "velocity causes (30 % and 70 % points)"
+        "the covariance of position and velocity grows as much as the uncertain velocity causes, times at least "
+        f"{least:.2g} in 70 % of the trials and at most {most:.2g} in 70 %"
     )
     passed = len(off) < 0.3 * len(ratios)
     result = PartResult([CheckResult("spreading", question, passed, text)])

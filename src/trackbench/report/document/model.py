@@ -67,6 +67,12 @@ class Table:
     matrix: bool = False
     """Whether all columns hold the same quantity: then a narrow screen scrolls it, and makes no card of each row."""
 
+    @classmethod
+    def of_columns(cls, name: str, columns: Sequence[tuple[Column, Sequence[Cell]]], caption: str = "") -> Table:
+        """A table from its columns, each with its cells from the top."""
+        rows = zip(*(cells for _, cells in columns), strict=True)
+        return cls(name, tuple(column for column, _ in columns), tuple(rows), caption)
+
     @property
     def reasons(self) -> list[str]:
         """Every reason for a missing value, once."""

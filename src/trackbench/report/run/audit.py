@@ -1,4 +1,4 @@
-"""What the truth audit found and did, in words."""
+"""What the truth audit found and did, as sentences."""
 
 from __future__ import annotations
 

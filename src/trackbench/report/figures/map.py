@@ -1,22 +1,23 @@
-"""The recorded run from above, coloured by the position error."""
+"""The map of the recorded run, coloured by the position error."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Canvas
 
 from trackbench.palette import ERROR_COLOURS
-from trackbench.report.columns import column, names, where
-from trackbench.report.figures import Entry, Look, Picture
+from trackbench.report.document import Figure, LegendEntry, TrackerStyle
+from trackbench.report.document.drawing import GRID, INK, MUTED, WIDTH
+from trackbench.report.figures.columns import column, names, where
 from trackbench.report.numbers import fixed
-from trackbench.report.svg import GRID, INK, MUTED, WIDTH, draw, in_page
+from trackbench.results import Tables
 from trackbench.types import Array, Indices
 from trackbench.words import counted
 
@@ -59,27 +60,39 @@ class _Track:
     error: Array
 
 
-def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) -> Picture | None:
+class _Moment(NamedTuple):
+    """An estimate with a large error."""
+
+    error: float
+    """m"""
+    object: str
+    time: float
+    """s"""
+
+
+def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figure | None:
     """True paths coloured by the error of the best and of the last ranked tracker, a panel each."""
-    truth = tables["truth"]
-    drawn = list(dict.fromkeys([shown[0], shown[-1]])) if shown else []
+    truth = tables.truth
+    drawn = list(dict.fromkeys([styles[0], styles[-1]])) if styles else []
     targets = {name: _alive(truth, name) for name in names(where(truth, role="target"), "object")}
     observer = [_alive(truth, name) for name in names(where(truth, role="observer"), "object")]
     box = _box([*targets.values(), *observer])
     if box is None:
         return None
-    tracks = [_tracks(truth, where(tables["estimates"], tracker=look.name), list(targets)) for look in drawn]
-    moments = [_worst_moment(where(tables["estimates"], tracker=look.name)) for look in drawn]
+    estimates = [where(tables.estimates, tracker=style.name) for style in drawn]
+    tracks = [_tracks(truth, rows, list(targets)) for rows in estimates]
+    moments = [_worst_moment(rows) for rows in estimates]
+    roads = tables.roads
     limits = _limits([track.error for of in tracks for track in of])
     panels = max(1, len(drawn))
     beside = box.height > box.width
 
-    def paint(figure: Figure) -> None:
+    def paint(canvas: Canvas) -> None:
         rows, columns = (1, panels) if beside else (panels, 1)
-        every = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+        every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
         for i, axes in enumerate(every):
             axes.grid(visible=False)
-            _surroundings(axes, tables["roads"], observer, targets)
+            _surroundings(axes, roads, observer, targets)
             if drawn:
                 axes.set_title(drawn[i].name, fontsize=10, loc="left", pad=2)
                 for track in tracks[i]:
@@ -96,24 +109,31 @@ def map_of_run(tables: Mapping[str, pa.Table], run: int, shown: Sequence[Look]) 
 
     across = WIDTH / panels if beside else WIDTH
     height = 150.0 if box.stretched else min(_TALLEST, 30 + (across - 50) * box.height / box.width)
-    worst = "; ".join(f"{look.name}: {_say(moment)}" for look, moment in zip(drawn, moments, strict=True) if moment)
+    worst = "; ".join(f"{style.name}: {_say(moment)}" for style, moment in zip(drawn, moments, strict=True) if moment)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
         f"{fixed(box.width, 0)} m by {fixed(box.height, 0)} m"
-        + (f", coloured by the error of {' and of '.join(look.name for look in drawn)}" if drawn else "")
+        + (f", coloured by the error of {' and of '.join(style.name for style in drawn)}" if drawn else "")
         + (f". Largest errors: {worst}." if worst else ".")
     )
     caption = f"Run {run} from above: true paths from the dot to the name; the observer's path is dotted. "
     if drawn:
         caption += (
-            "Colour and width are the position error of the best"
-            + (" and, beside or below it, of the last ranked tracker" if len(drawn) > 1 else " tracker")
+            "Colour and width show the position error of the best"
+            + (" and of the last ranked tracker" if len(drawn) > 1 else " tracker")
             + f"; the ring is where it was largest ({worst}). The recording shows all trackers. "
         )
     if box.stretched:
-        caption += "The scene is stretched across: the axes differ in scale."
-    svg = in_page(draw(paint, 30 + (height if beside else panels * height)), "map", alternative, {})
-    return Picture("map", "From above, coloured by error", caption.strip(), alternative, svg, _legend(limits))
+        caption += "The axes have different scales."
+    return Figure(
+        "map",
+        "From above, coloured by position error",
+        caption.strip(),
+        alternative,
+        paint,
+        30 + (height if beside else panels * height),
+        legend=_legend(limits),
+    )
 
 
 def _surroundings(
@@ -168,14 +188,14 @@ def _limits(errors: Sequence[Array]) -> Array:
     return np.asarray(inside[np.unique(np.linspace(0, len(inside) - 1, most).round().astype(int))])
 
 
-def _legend(limits: Array) -> tuple[Entry, ...]:
+def _legend(limits: Array) -> tuple[LegendEntry, ...]:
     said = [f"{limit:g}" for limit in limits]
     labels = (
         [f"under {said[0]} m", *(f"{a} to {b} m" for a, b in pairwise(said)), f"above {said[-1]} m"] if said else []
     )
     return (
-        *(Entry(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)),
-        Entry("observer", "var(--muted)", "dash"),
+        *(LegendEntry(label, colour) for label, colour in zip(labels, ERROR_COLOURS, strict=False)),
+        LegendEntry("observer", MUTED, "dash"),
     )
 
 
@@ -213,14 +233,14 @@ def _largest(error: Array) -> int:
     return int(np.nanargmax(error)) if np.isfinite(error).any() else -1
 
 
-def _worst_moment(rows: pa.Table) -> dict[str, Any] | None:
+def _worst_moment(rows: pa.Table) -> _Moment | None:
     """The estimate with the largest position error."""
-    largest = _largest(column(rows, "position_error_m"))
+    error = column(rows, "position_error_m")
+    largest = _largest(error)
     if largest < 0:
         return None
-    found: dict[str, Any] = rows.slice(largest, 1).to_pylist()[0]
-    return found
+    return _Moment(float(error[largest]), str(rows["object"][largest]), float(column(rows, "time_s")[largest]))
 
 
-def _say(moment: Mapping[str, Any]) -> str:
-    return f"{fixed(moment['position_error_m'], 2)} m, {moment['object']} at {fixed(moment['time_s'], 1)} s"
+def _say(moment: _Moment) -> str:
+    return f"{fixed(moment.error, 2)} m, {moment.object} at {fixed(moment.time, 1)} s"

@@ -1,0 +1,89 @@
+"""``trackbench report``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Console
+
+from trackbench import results
+from trackbench.errors import InputError
+from trackbench.palette import tracker_colours
+from trackbench.words import counted
+
+if TYPE_CHECKING:
+    from trackbench.report.document import Document
+    from trackbench.report.document.files import Format
+
+#: Of the main file of a format; the other formats have none.
+_ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
+
+
+@click.command("report")
+@click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
+@click.option(
+    "--format",
+    "format",
+    type=click.Choice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]),
+    default="terminal",
+    show_default=True,
+    help="svg and pdf: every figure; csv: every table.",
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
+def report_command(run: Path, format: Format, out: Path | None) -> None:
+    """Write the report of a saved result in any format.
+
+    RUN is the folder of a run, or one with several runs in it, which are then compared. Nothing is run again.
+
+    \b
+    Examples:
+      trackbench report results/highway
+      trackbench report results/highway --format latex --out paper
+      trackbench report results --format html --out page.html
+    """
+    from trackbench.report.document.files import files
+    from trackbench.report.document.terminal import print_document
+
+    document = _document(run)
+    if format == "terminal" and out is None:
+        print_document(document, Console())
+        return
+    folder, name = _target(run, format, out, document.kind)
+    results.require_writable(folder)
+    written = []
+    for path, content in files(document, format, name):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        results.write_bytes(folder / path, content())
+        written.append(path)
+    click.echo(f"{folder}/: {_summary(written)}")
+
+
+def _document(run: Path) -> Document:
+    from trackbench.compare import compare, find
+    from trackbench.report.comparison import document
+    from trackbench.report.run import run_document
+
+    found = find(run)
+    if len(found.entries) == 1:
+        return run_document(found.entries[0].result)
+    every = (tracker.name for entry in found.entries for tracker in entry.result.summary.trackers)
+    return document(compare([found]), tracker_colours(every), times=True)
+
+
+def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Path, str]:
+    """The folder of the files, and the name of the main one without its ending."""
+    if out is None:
+        return (run if run.is_dir() else run.parent), name
+    if out.suffix and out.suffix == _ENDINGS.get(format):
+        return out.parent, out.stem
+    if out.suffix in (".csv", ".svg", ".pdf") or out.is_file():
+        raise InputError(f"{out}: name a folder, for there are several files", key="--out")
+    return out, name
+
+
+def _summary(written: list[str]) -> str:
+    folders = [path.partition("/")[0] for path in written if "/" in path]
+    counts = [f"{counted(folders.count(name), name.removesuffix('s'))} in {name}/" for name in dict.fromkeys(folders)]
+    return ", ".join([*(path for path in written if "/" not in path), *counts])

@@ -1,0 +1,65 @@
+"""What a recording shows: one run, or several that are laid over each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from trackbench.palette import tracker_colours
+from trackbench.recording import text
+from trackbench.results import Result, Tables
+from trackbench.results.summary import SensorSummary
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What is drawn and told."""
+
+    name: str
+    runs: str
+    """How many runs the scores are over: "100", or "4 and 6" where those of several results differ."""
+    recorded_run: str
+    """The number of the recorded run, or the numbers."""
+    duration_s: float
+    targets: int
+    colours: Mapping[str, str]
+    """By tracker."""
+    sensors: Mapping[str, SensorSummary]
+    tables: Tables
+    ranking: str
+    """Markdown."""
+    about: str
+    """Markdown."""
+
+    @property
+    def hold(self) -> float:
+        """For how long an estimate is shown when none follows: the period of the slowest sensor, s."""
+        return max(1.0 / sensor.rate_hz for sensor in self.sensors.values())
+
+
+def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Contents:
+    """The contents of a recording of one run.
+
+    Args:
+        result: of the run.
+        colours: see :func:`colours_of`.
+    """
+    summary = result.summary
+    return Contents(
+        name=result.name,
+        runs=str(summary.runs),
+        recorded_run=str(summary.recorded_run),
+        duration_s=summary.truth.duration_s,
+        targets=len(summary.truth.objects),
+        colours=colours_of((tracker.name for tracker in summary.trackers), colours),
+        sensors=summary.sensors,
+        tables=result.tables,
+        ranking=text.ranking(result),
+        about=text.about(result),
+    )
+
+
+def colours_of(trackers: Iterable[str], colours: Mapping[str, str] | None) -> dict[str, str]:
+    """The colour of each tracker: from those of several runs, which may have others as well, or else in order."""
+    names = list(trackers)
+    return tracker_colours(names) if colours is None else {name: colours[name] for name in names}

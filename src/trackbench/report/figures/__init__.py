@@ -1,0 +1,1 @@
+"""The figures of a run's report. Each function prepares one, and draws nothing."""

@@ -1,0 +1,97 @@
+"""Errors and calibration by manoeuvre and by range band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+from trackbench.report.document import Cell, Column, Table, Tone
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
+from trackbench.report.run.calibration import Quantity, calibration
+from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT
+from trackbench.results import ConditionScores, MetricValue, TrackerResult
+
+By = Literal["manoeuvre", "range"]
+BY: tuple[By, ...] = ("manoeuvre", "range")
+TITLE = {"manoeuvre": "manoeuvre", "range": "range band"}
+UNIT = {"position": "m", "velocity": "m/s"}
+
+_NOT_MET = "no estimate of the tracker falls into it"
+_TONE: dict[str, Tone] = {"optimistic": "bad", "pessimistic": "warn"}
+
+
+def conditions(tracker: TrackerResult, by: By) -> Mapping[str, ConditionScores]:
+    """A tracker's scores by manoeuvre or range band."""
+    if tracker.breakdown is None:
+        return {}
+    return tracker.breakdown.manoeuvre if by == "manoeuvre" else tracker.breakdown.range
+
+
+def classes(trackers: Sequence[TrackerResult], by: By) -> list[str]:
+    """Every manoeuvre or range band that any tracker met, in their order."""
+    every = [list(conditions(tracker, by)) for tracker in trackers]
+    longest = max(every, key=len, default=[])
+    return longest + list(dict.fromkeys(name for names in every for name in names if name not in longest))
+
+
+def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | None:
+    """The RMSE of a quantity under one condition."""
+    if scores is None:
+        return None
+    return scores.position_rmse if quantity == "position" else scores.velocity_rmse
+
+
+def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
+    """RMSE of each tracker in each class."""
+    classed = classes(trackers, by)
+    found = [[rmse(conditions(tracker, by).get(name), quantity) for name in classed] for tracker in trackers]
+    places = decimals([metric.value for row in found for metric in row if metric])
+    rows = [
+        (Cell(tracker.name, tracker=tracker.name), *(_error(metric, places) for metric in row))
+        for tracker, row in zip(trackers, found, strict=True)
+    ]
+    columns = [Column(f"{name}, {UNIT[quantity]}", details=INTERVAL) for name in classed]
+    caption = f"{quantity.capitalize()} RMSE by {TITLE[by]}"
+    return Table(f"{quantity}-rmse-by-{by}", (TRACKER, *columns), tuple(rows), caption)
+
+
+def calibrations(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:
+    """Errors over what each tracker states, in each class."""
+    classed = classes(trackers, by)
+    rows = [
+        (
+            Cell(tracker.name, tracker=tracker.name),
+            *(_calibration(conditions(tracker, by).get(name), quantity) for name in classed),
+        )
+        for tracker in trackers
+    ]
+    columns = [Column(name, details=VERDICT) for name in classed]
+    caption = f"{quantity.capitalize()} error over its stated standard deviation"
+    return Table(f"{quantity}-calibration-by-{by}", (TRACKER, *columns), tuple(rows), caption)
+
+
+def shares(tracker: TrackerResult, by: By) -> str:
+    """How many of a tracker's estimates fall into each class, as a sentence."""
+    total = 0 if tracker.breakdown is None else tracker.breakdown.all.count
+    said = [f"{name} {_share(scores.count / total)}" for name, scores in conditions(tracker, by).items()]
+    return f"Of the estimates of {tracker.name}: {', '.join(said)}."
+
+
+def _share(share: float) -> str:
+    return percent(share) if share >= 0.01 else f"less than {percent(0.01)}"
+
+
+def _error(metric: MetricValue | None, places: int) -> Cell:
+    if metric is None or metric.value is None:
+        return Cell(NOT_AVAILABLE, reason=_NOT_MET)
+    bounds = interval(metric.ci95, places)
+    return Cell(fixed(metric.value, places), (bounds,) if bounds else ())
+
+
+def _calibration(scores: ConditionScores | None, quantity: Quantity) -> Cell:
+    found = None if scores is None else calibration(scores, quantity)
+    if found is None:
+        return Cell(NOT_AVAILABLE, reason=_NOT_MET if scores is None else "the tracker gives no covariance")
+    places = decimals([found.ratio], 2)
+    details = tuple(text for text in (found.verdict, interval(found.ci95, places)) if text)
+    return Cell(fixed(found.ratio, places), details, _TONE.get(found.verdict, ""))

@@ -1,0 +1,92 @@
+"""How large the errors are beside the standard deviations that a tracker states, by manoeuvre and range band."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from trackbench.report.numbers import fixed, joined
+from trackbench.results import Breakdown, ConditionScores, MetricValue
+
+#: Errors this many times as large as stated, or the reciprocal, are worth a sentence.
+NOTABLE = 1.25
+#: A manoeuvre with a smaller share of the estimates is in the tables, but not in a sentence.
+_SMALLEST_SHARE = 0.01
+
+Quantity = Literal["position", "velocity"]
+QUANTITIES: tuple[Quantity, ...] = ("position", "velocity")
+_WHERE = {
+    "straight": "on straights",
+    "accelerating": "when accelerating",
+    "braking": "under braking",
+    "turning": "in turns",
+    "sensor gap": "in sensor gaps",
+}
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """RMS error of one quantity over the standard deviation that the tracker states: the root of the mean NEES part
+    over its degrees of freedom."""
+
+    quantity: Quantity
+    ratio: float
+    ci95: tuple[float, float] | None
+
+    @property
+    def verdict(self) -> str:
+        """ "optimistic" or "pessimistic" where the whole interval is beyond ``NOTABLE``, else nothing."""
+        if self.ci95 is None:
+            return ""
+        if self.ci95[0] > NOTABLE:
+            return "optimistic"
+        return "pessimistic" if self.ci95[1] < 1 / NOTABLE else ""
+
+
+def calibration(scores: ConditionScores, quantity: Quantity) -> Calibration | None:
+    """That of the estimates under one condition; None where the tracker states no covariance."""
+    nees = scores.nees_position if quantity == "position" else scores.nees_velocity
+    if nees is None or nees.value is None:
+        return None
+    ci95 = None if nees.ci95 is None else (_ratio(nees, nees.ci95[0]), _ratio(nees, nees.ci95[1]))
+    return Calibration(quantity, _ratio(nees, nees.value), ci95)
+
+
+def calibration_clauses(breakdown: Breakdown) -> list[str]:
+    """Where the stated standard deviations are off, such as "optimistic about velocity in turns (errors 1.6 times as
+    large as stated)"; none where nothing was shown to be off by ``NOTABLE``."""
+    entries = breakdown.manoeuvre
+    smallest = _SMALLEST_SHARE * breakdown.all.count
+    found = {
+        name: [known for quantity in QUANTITIES if (known := calibration(scores, quantity))]
+        for name, scores in entries.items()
+        if scores.count >= smallest
+    }
+    verdicts = ("optimistic", "pessimistic")
+    return [clause for verdict in verdicts for clause in _clauses(verdict, found, len(entries))]
+
+
+def _clauses(verdict: str, found: Mapping[str, Sequence[Calibration]], manoeuvres: int) -> Iterator[str]:
+    """One for each set of manoeuvres, of so many that there were, with the quantities that are off in it."""
+    by_places: dict[tuple[str, ...], list[Quantity]] = {}
+    for quantity in QUANTITIES:
+        places = tuple(
+            name for name, of in found.items() if any(c.quantity == quantity and c.verdict == verdict for c in of)
+        )
+        if places:
+            by_places.setdefault(places, []).append(quantity)
+    for places, quantities in by_places.items():
+        ratios = [c.ratio for name in places for c in found[name] if c.quantity in quantities]
+        extreme = max(ratios) if verdict == "optimistic" else min(ratios)
+        limit = "" if len(ratios) == 1 else "up to " if verdict == "optimistic" else "down to "
+        named = joined([_WHERE[name] for name in places])
+        where = "" if manoeuvres == 1 else " throughout" if len(places) == manoeuvres else f" {named}"
+        size = f"errors {limit}{fixed(extreme, 1)} times as large as stated"
+        yield f"{verdict} about {joined(quantities)}{where} ({size})"
+
+
+def _ratio(nees: MetricValue, mean: float) -> float:
+    assert nees.dof is not None
+    return math.sqrt(mean / nees.dof)

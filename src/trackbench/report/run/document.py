@@ -1,0 +1,185 @@
+"""The report of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from trackbench.palette import tracker_colours
+from trackbench.report.document import (
+    Block,
+    Code,
+    Document,
+    Figure,
+    Item,
+    Items,
+    Paragraph,
+    Row,
+    Section,
+    Status,
+    Table,
+    TrackerStyle,
+)
+from trackbench.report.document.styles import tracker_styles
+from trackbench.report.figures.autocorrelation import autocorrelation
+from trackbench.report.figures.breakdown import errors_by_class
+from trackbench.report.figures.consistency import nees_over_time, nis_over_time
+from trackbench.report.figures.cost import cost_against_accuracy
+from trackbench.report.figures.errors import error_over_time, spread
+from trackbench.report.figures.map import map_of_run
+from trackbench.report.run import tables
+from trackbench.report.run.audit import audit_sentences
+from trackbench.report.run.breakdown import BY, TITLE, calibrations, errors, shares
+from trackbench.report.run.calibration import NOTABLE, QUANTITIES
+from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
+from trackbench.results import Result
+from trackbench.words import counted
+
+_DIFFERENCES = (
+    "Differences of position RMSE, paired: every tracker saw the same truth and the same noise. Negative means smaller "
+    "errors. “No difference shown” means that these runs cannot tell the two apart (5 % level, corrected for the "
+    "number of pairs after Holm). Each interval is that of its pair alone, without the correction."
+)
+_MANOEUVRES = (
+    "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "
+    "by more than 1 m/s each second, and is in a sensor gap where no sensor of the tracker could see it for more than "
+    "three periods of the slowest one; each estimate counts once, for the last of these that applies. The range is the "
+    "distance from the observer."
+)
+_CALIBRATION = (
+    "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
+    f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {NOTABLE}, pessimistic one below "
+    f"1/{NOTABLE}."
+)
+
+
+def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Document:
+    """The report of a run.
+
+    Args:
+        result: what was found.
+        colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
+    """
+    summary = result.summary
+    styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
+    shown = [styles[tracker.name] for tracker in result.scored]
+    sections = [
+        Section("Verdict", tuple(_verdict(result))),
+        *_scores(result, styles),
+        *_accuracy(result, shown),
+        *_breakdown(result, styles),
+        *_consistency(result, shown),
+        *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
+        Section("Truth and sensors", tuple(_truth(result))),
+        Section("How to reproduce it", tuple(_reproduction(result))),
+    ]
+    return Document(
+        "report", summary.scenario.name, tuple(sections), summary.scenario.description, facts(result), tuple(shown)
+    )
+
+
+def _verdict(result: Result) -> Iterator[Block]:
+    summary, missing = result.summary, result.unscored
+    yield Paragraph(headline(result), strong=True)
+    yield Status(
+        expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
+    )
+    if missing:
+        yield Status(f"{counted(len(missing), 'tracker')} without a score", "bad")
+    if result.scored:
+        yield Items(
+            tuple(Item(f"{verdict(t, summary.runs)}.", t.name, t.describe, t.name) for t in result.scored),
+            numbered=True,
+        )
+    if missing:
+        failures = tuple(Item(failure(tracker), tracker.name, tone="bad") for tracker in missing)
+        yield Section("Without a score", (Items(failures),))
+
+
+def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
+    trackers = result.scored
+    if not trackers:
+        return
+    legend = Paragraph(
+        "By position RMSE. No difference was shown between trackers that share a letter under “group”. The 95 % bounds "
+        f"of the NEES are those of {counted(result.summary.runs, 'run')}. Small print is the 95 % interval."
+    )
+    others = tables.other_metrics(result)
+    more = Section("Errors along each axis, and bounds", (tables.axes_and_bounds(result),), folded=True)
+    own = [] if others is None else [Section("Other metrics", (others,))]
+    yield Section("Ranking", (legend, tables.ranking(result), *own, more))
+    if len(trackers) > 1:
+        cost = cost_against_accuracy(trackers, styles)
+        beside = Row((tables.key_differences(result), *([cost] if cost else [])))
+        pairs = Section("All pairs", (tables.all_differences(result),), folded=True)
+        yield Section("Differences between trackers", (Paragraph(_DIFFERENCES), beside, pairs))
+
+
+def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    steps, acceleration = result.tables.steps, result.summary.bound.acceleration_sigma_mps2
+    figures = [
+        *(error_over_time(steps, shown, quantity, acceleration) for quantity in QUANTITIES),
+        spread(steps, shown),
+        map_of_run(result.tables, result.summary.recorded_run, shown),
+    ]
+    yield from _figures("Accuracy", figures)
+
+
+def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
+    trackers = [tracker for tracker in result.scored if tracker.breakdown is not None]
+    if not trackers:
+        return
+    figures = [errors_by_class(trackers, styles, by, quantity) for quantity in QUANTITIES for by in BY]
+    numbers = [
+        Section(
+            f"Errors by {TITLE[by]} in numbers",
+            (Paragraph(shares(trackers[0], by)), *(errors(trackers, by, quantity) for quantity in QUANTITIES)),
+            folded=True,
+        )
+        for by in BY
+    ]
+    calibration = [
+        Section(
+            f"Calibration by {TITLE[by]}",
+            (
+                *([Paragraph(_CALIBRATION)] if by == BY[0] else []),
+                Row(tuple(calibrations(trackers, by, quantity) for quantity in QUANTITIES)),
+            ),
+            folded=by != BY[0],
+        )
+        for by in BY
+    ]
+    drawn = Row(tuple(figure for figure in figures if figure))
+    yield Section("By manoeuvre and range", (Paragraph(_MANOEUVRES), drawn, *calibration, *numbers))
+
+
+def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    sensors = list(enumerate(result.summary.sensors))
+    figures = [
+        nees_over_time(result.tables.steps, shown),
+        *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
+        *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
+    ]
+    yield from _figures("Consistency", figures, tables.innovations(result))
+
+
+def _figures(title: str, figures: Sequence[Figure | None], numbers: Sequence[Table] = ()) -> Iterator[Section]:
+    drawn = tuple(figure for figure in figures if figure)
+    if drawn or numbers:
+        yield Section(title, tuple(Row(blocks) for blocks in (drawn, tuple(numbers)) if blocks))
+
+
+def _truth(result: Result) -> Iterator[Block]:
+    for sentence in audit_sentences(result.summary.truth.audit):
+        yield Paragraph(sentence)
+    yield tables.sensors(result)
+
+
+def _reproduction(result: Result) -> Iterator[Block]:
+    summary, scenario = result.summary, result.summary.scenario
+    if summary.command:
+        yield Code(summary.command, "sh")
+    versions = ", ".join(f"{name} {number}" for name, number in summary.versions.items())
+    yield Paragraph(f"{versions}; {summary.engine} engine.")
+    yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
+    overrides = [Paragraph(f"Changed by the command: {', '.join(scenario.overrides)}.")] if scenario.overrides else []
+    yield Section(f"Scenario {scenario.file}", (Code(scenario.text, "yaml"), *overrides), folded=True)

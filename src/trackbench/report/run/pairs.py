@@ -1,0 +1,68 @@
+"""The differences of position RMSE between the trackers of a run, pair by pair, and the groups that they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from string import ascii_lowercase, ascii_uppercase
+
+from trackbench.results import Difference
+
+NO_DIFFERENCE = "no difference shown"
+_LETTERS = ascii_lowercase + ascii_uppercase
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The position RMSE of one tracker minus that of another, m."""
+
+    value: float
+    ci95: tuple[float, float] | None
+    better: bool | None
+    """Whether the first is better than the other; None where no difference was shown."""
+
+    @property
+    def verdict(self) -> str:
+        """Of the first."""
+        return {True: "better", False: "worse", None: NO_DIFFERENCE}[self.better]
+
+
+class Pairs:
+    """All pairs of a result, looked up in either order."""
+
+    def __init__(self, differences: Iterable[Difference]) -> None:
+        self._pairs: dict[tuple[str, str], Pair] = {}
+        for found in differences:
+            if found.metric != "position_rmse":
+                continue
+            better = {"a better": True, "b better": False}.get(found.verdict)
+            self._pairs[found.a, found.b] = Pair(found.value, found.ci95, better)
+            flipped = None if found.ci95 is None else (-found.ci95[1], -found.ci95[0])
+            self._pairs[found.b, found.a] = Pair(-found.value, flipped, None if better is None else not better)
+
+    def get(self, a: str, b: str) -> Pair | None:
+        """The difference ``a`` minus ``b``, or None where the pair was not compared."""
+        return self._pairs.get((a, b))
+
+    def differ(self, a: str, b: str) -> bool:
+        """Whether a difference between the two was shown."""
+        found = self.get(a, b)
+        return found is not None and found.better is not None
+
+
+def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
+    """Letters such that two trackers share one exactly when no difference between them was shown.
+
+    The insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
+    comparisons", J. Comput. Graph. Stat. 13(2), 2004. ``names`` are in order of rank, so "a" is the best.
+    """
+    found = [frozenset(names)]
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            if not pairs.differ(a, b):
+                continue
+            split = [part for g in found for part in ((g - {a}, g - {b}) if {a, b} <= g else (g,))]
+            unique = list(dict.fromkeys(split))
+            found = [g for g in unique if not any(g < other for other in unique)]
+    found.sort(key=lambda g: sorted(names.index(name) for name in g))
+    return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(found) if name in g) for name in names}

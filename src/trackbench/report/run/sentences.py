@@ -1,0 +1,134 @@
+"""The sentences of a run's report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
+from trackbench.report.run.calibration import calibration_clauses
+from trackbench.report.run.pairs import Pairs
+from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
+from trackbench.words import counted
+
+#: An efficiency this close to one is called "at the bound".
+_AT_THE_BOUND = 0.01
+
+MEANING = {
+    "consistent": "the errors are as large as its covariance states",
+    "optimistic": "the errors are larger than its covariance states",
+    "pessimistic": "the errors are smaller than its covariance states",
+    "undecided": "too few runs to say whether the errors are as large as its covariance states",
+}
+
+
+def facts(result: Result) -> tuple[str, ...]:
+    """The run in a few words."""
+    summary, truth = result.summary, result.summary.truth
+    options = truth.model_extra or {}
+    source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
+    return (
+        f"{source}, other motion in each run" if options.get("random") else source,
+        counted(summary.runs, "run"),
+        counted(len(truth.objects), "vehicle"),
+        f"{fixed(truth.duration_s, 1)} s",
+        counted(len(summary.sensors), "sensor"),
+        counted(len(summary.trackers), "tracker"),
+        f"seed {summary.seed}",
+        f"{summary.engine} engine",
+    )
+
+
+def verdict(tracker: TrackerResult, runs: int) -> str:
+    """One sentence on a tracker's accuracy, consistency and health, without its name.
+
+    For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; optimistic: the errors are larger than its
+    covariance states (NEES 6.1, 4 expected)".
+    """
+    rmse, nees = tracker.position_rmse.value, tracker.metrics.get("nees")
+    efficiency = tracker.metrics.get("position_efficiency")
+    excess = "" if efficiency is None else _above_bound(efficiency.value)
+    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{excess}"]
+    clauses = [] if tracker.breakdown is None else calibration_clauses(tracker.breakdown)
+    if nees is None or nees.mean is None or nees.verdict is None:
+        parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
+    else:
+        mean = fixed(nees.mean, decimals([nees.mean], 2))
+        meaning = " overall" if clauses else f": {MEANING[nees.verdict]}"
+        parts.append(f"{nees.verdict}{meaning} (NEES {mean}, {nees.dof} expected)")
+    return "; ".join(parts + clauses + _complaints(tracker.health, runs))
+
+
+def _above_bound(efficiency: float | None) -> str:
+    if efficiency is None:
+        return ""
+    excess = efficiency - 1
+    if abs(excess) < _AT_THE_BOUND:
+        return ", at the Cramér-Rao bound"
+    if excess > 1:
+        return f", {fixed(efficiency, 1)} times the Cramér-Rao bound"
+    return f", {percent(abs(excess))} {'above' if excess > 0 else 'below'} the Cramér-Rao bound"
+
+
+def _complaints(health: Health, runs: int) -> list[str]:
+    found = []
+    if health.diverged_runs:
+        found.append(f"diverged in {health.diverged_runs} of {counted(runs, 'run')}")
+    if health.repaired_covariances:
+        found.append(f"covariance repaired {counted(health.repaired_covariances, 'time')}")
+    if health.non_finite_estimates:
+        found.append(counted(health.non_finite_estimates, "non-finite estimate"))
+    return found
+
+
+def failure(tracker: TrackerResult) -> str:
+    """Why a tracker has no score: the cause, and where it happened."""
+    failed = tracker.failed
+    if failed is None:
+        return tracker.position_rmse.reason or "nothing to score"
+    places = {"sensor": failed.sensor, "run": failed.run, "object": failed.object}
+    where = [f"step {failed.step}", f"{fixed(failed.time_s, 2)} s"]
+    where += [f"{what} {place}" for what, place in places.items() if place is not None]
+    return f"{failed.cause} ({', '.join(where)})"
+
+
+def headline(result: Result) -> str:
+    """Which tracker is the most accurate, by how much, and whether the difference was shown."""
+    order = result.scored
+    if not order:
+        return "No tracker finished."
+    metric, names = order[0].position_rmse, [tracker.name for tracker in order]
+    places = decimals([metric.value, half_width(metric)], 1)
+    bounds = f" (95 % interval {interval(metric.ci95, places)} m)" if metric.ci95 else ""
+    text = f"{names[0]} is the most accurate in position: {fixed(metric.value, places)} m RMSE{bounds}"
+    if len(names) == 1:
+        return text + "."
+    pairs = Pairs(result.summary.differences)
+    tied = [name for name in names[1:] if not pairs.differ(names[0], name)]
+    if tied:
+        return f"{text}, but no difference was shown between it and {joined(tied)}."
+    second = pairs.get(names[1], names[0])
+    if second is None:
+        return text + "."
+    gap = decimals([(second.ci95[1] - second.ci95[0]) / 2] if second.ci95 else [second.value], 1)
+    bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
+    return f"{text}. The RMSE of the next, {names[1]}, is {fixed(second.value, gap)} m larger{bounds}."
+
+
+def precision_reached(precision: PrecisionReached, runs: int) -> str:
+    """Whether the precision that was asked for was reached, and after how many runs."""
+    wanted = f"{percent(precision.target, 2)} wanted"
+    if precision.half_width is None:
+        return f"precision: no two trackers to compare after {counted(runs, 'run')}; {wanted}"
+    pair = f"{precision.best} against {precision.second}"
+    found = f"{pair} ±{percent(precision.half_width, 2)} after {counted(runs, 'run')}"
+    return f"precision: {found}; {wanted}" + ("" if precision.reached else ", not reached")
+
+
+def expectations_met(expectations: Sequence[ExpectationResult]) -> str:
+    """ "All 3 expectations met", "1 of 3 expectations failed", "No expectations stated"."""
+    total, failed = len(expectations), sum(not item.passed for item in expectations)
+    if not total:
+        return "No expectations stated"
+    if failed:
+        return f"{failed} of {counted(total, 'expectation')} failed"
+    return f"All {total} expectations met" if total > 1 else "The expectation is met"

@@ -1,0 +1,209 @@
+"""The tables of a run's report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+from trackbench.report.document import Cell, Column, Table, Tone
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
+from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT, count, metric_of, missing, names, values
+from trackbench.report.run.pairs import Pair, Pairs, groups
+from trackbench.results import Result, TrackerResult
+
+#: Metrics with a column of their own in some table, and the groups of which all have one.
+_SHOWN = (
+    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_efficiency", "velocity_efficiency",
+    "position_bound", "velocity_bound", "coverage", "step_time",
+)  # fmt: skip
+_SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
+
+
+def ranking(result: Result) -> Table:
+    """Every scored tracker, best first, with intervals and verdicts."""
+    trackers, runs = result.scored, result.summary.runs
+    group = groups([tracker.name for tracker in trackers], Pairs(result.summary.differences))
+    columns = [
+        (Column("#", "rank by position RMSE"), [Cell(str(i + 1)) for i in range(len(trackers))]),
+        (TRACKER, names(trackers)),
+        (
+            Column("group", "no difference was shown between trackers that share a letter", left=True),
+            [Cell(group[tracker.name]) for tracker in trackers],
+        ),
+        (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
+        (Column("velocity RMSE, m/s", details=INTERVAL), values(trackers, "velocity_rmse")),
+        (Column("course RMSE, deg", details=INTERVAL), values(trackers, "course_rmse")),
+        (Column("NEES, 4 expected", "mean, verdict and 95 % interval", details=VERDICT), values(trackers, "nees")),
+        (
+            Column("efficiency", "position RMSE over the Cramér-Rao bound; 1 is the best possible", details=INTERVAL),
+            values(trackers, "position_efficiency"),
+        ),
+        (
+            Column("coverage, %", "steps with a vehicle present at which there is an estimate"),
+            values(trackers, "coverage", scale=100),
+        ),
+        (Column("diverged", f"of {runs} runs"), [count(tracker.health.diverged_runs) for tracker in trackers]),
+        (
+            Column("repaired", "covariances made positive definite again"),
+            [count(tracker.health.repaired_covariances) for tracker in trackers],
+        ),
+        (Column("µs per step", "one predict and update of one run"), values(trackers, "step_time", significant=2)),
+    ]
+    return Table.of_columns("ranking", columns)
+
+
+def axes_and_bounds(result: Result) -> Table:
+    """RMSE along each axis, and the Cramér-Rao bounds."""
+    trackers = result.scored
+    paths = {
+        "rmse.px": "x, m",
+        "rmse.py": "y, m",
+        "rmse.vx": "vx, m/s",
+        "rmse.vy": "vy, m/s",
+        "position_bound": "position bound, m",
+        "velocity_bound": "velocity bound, m/s",
+        "velocity_efficiency": "velocity RMSE over its bound",
+    }
+    columns = [(Column(heading, details=INTERVAL), values(trackers, path)) for path, heading in paths.items()]
+    return Table.of_columns("axes-and-bounds", [(TRACKER, names(trackers)), *columns])
+
+
+def other_metrics(result: Result) -> Table | None:
+    """The metrics of plug-ins, a column each; None if there are none."""
+    trackers = result.scored
+    found: dict[str, str] = {}
+    for tracker in trackers:
+        for path, metric in tracker.metrics.items():
+            if path not in _SHOWN and not path.startswith(_SHOWN_GROUPS):
+                found.setdefault(path, path if metric.unit == "1" else f"{path}, {metric.unit}")
+    if not found:
+        return None
+    columns = [(Column(heading, details=VERDICT), values(trackers, path)) for path, heading in found.items()]
+    return Table.of_columns("other-metrics", [(TRACKER, names(trackers)), *columns])
+
+
+def innovations(result: Result) -> list[Table]:
+    """NIS and whiteness of the innovations of each sensor, for each tracker that gives them."""
+    tables = []
+    for number, (sensor, about) in enumerate(result.summary.sensors.items()):
+        trackers = [tracker for tracker in result.scored if metric_of(tracker, f"nis.{sensor}").value is not None]
+        columns = [
+            (TRACKER, names(trackers)),
+            (
+                Column(f"NIS, {about.dof} expected", "mean, verdict and 95 % interval", details=VERDICT),
+                values(trackers, f"nis.{sensor}"),
+            ),
+            (
+                Column("below the 95 % point, %", "share of the single innovations; 95 expected"),
+                [_inside(tracker, sensor) for tracker in trackers],
+            ),
+            (
+                Column("lag-1 autocorrelation", "of the normalised innovations; 0 expected", details="verdict"),
+                values(trackers, f"whiteness.{sensor}"),
+            ),
+        ]
+        if trackers:
+            tables.append(Table.of_columns(f"innovations-{number}", columns, f"Innovations of {sensor}"))
+    return tables
+
+
+def key_differences(result: Result) -> Table:
+    """Each tracker against the best and against the one ranked just above it."""
+    order = [tracker.name for tracker in result.scored]
+    pairs = Pairs(result.summary.differences)
+    found = [(pairs.get(name, order[0]), pairs.get(name, above)) for above, name in pairwise(order)]
+    places = _places(pair for both in found for pair in both)
+    rows = [
+        (Cell(name, tracker=name), _difference(best, places), _difference(above, places))
+        for name, (best, above) in zip(order[1:], found, strict=True)
+    ]
+    headings = (f"minus {order[0]}, m", "minus the next better, m")
+    columns = (TRACKER, *(Column(heading, details=VERDICT) for heading in headings))
+    return Table("differences", columns, tuple(rows))
+
+
+def all_differences(result: Result) -> Table:
+    """Every pair: row minus column."""
+    order = [tracker.name for tracker in result.scored]
+    pairs = Pairs(result.summary.differences)
+    places = _places(pairs.get(a, b) for a in order for b in order)
+    rows = [
+        (Cell(a, tracker=a), *(Cell("") if a == b else _in_matrix(pairs.get(a, b), places) for b in order))
+        for a in order
+    ]
+    columns = (Column("row minus column, m", left=True), *(Column(name, details="verdict") for name in order))
+    return Table("all-differences", columns, tuple(rows), matrix=True)
+
+
+def expectations(result: Result) -> Table:
+    """What the scenario states should hold, and what was found."""
+    rows = [
+        (
+            Cell("passed", tone="good") if item.passed else Cell("failed", tone="bad"),
+            Cell(item.text),
+            Cell(found(item.value)),
+        )
+        for item in result.summary.expectations
+    ]
+    columns = (Column("result", left=True), Column("expected", left=True), Column("found"))
+    return Table("expectations", columns, tuple(rows))
+
+
+def sensors(result: Result) -> Table:
+    """The sensors, and how often each detected."""
+    columns = (
+        Column("sensor", left=True, details="preset"),
+        Column("kind", left=True),
+        Column("rate, Hz"),
+        Column("components", "of one measurement"),
+        Column("detections, %", "instants with a vehicle present that gave a measurement of it"),
+    )
+    rows = [
+        (
+            Cell(name, (about.preset,) if about.preset else ()),
+            Cell(about.kind),
+            Cell(f"{about.rate_hz:g}"),
+            Cell(str(about.dof)),
+            Cell(_percents(about.detection_rate)),
+        )
+        for name, about in result.summary.sensors.items()
+    ]
+    return Table("sensors", columns, tuple(rows))
+
+
+def found(value: float | str | None) -> str:
+    """What was found where something was expected."""
+    if value is None:
+        return NOT_AVAILABLE
+    return fixed(value, decimals([value])) if isinstance(value, float) else str(value)
+
+
+def _inside(tracker: TrackerResult, sensor: str) -> Cell:
+    nis = metric_of(tracker, f"nis.{sensor}")
+    return missing(nis) if nis.inside95 is None else Cell(_percents(nis.inside95, 1))
+
+
+def _percents(share: float | None, places: int = 0) -> str:
+    return percent(share, places).removesuffix("\N{NO-BREAK SPACE}%")
+
+
+def _places(pairs: Iterable[Pair | None]) -> int:
+    """Decimals that the uncertainty of the differences leaves a meaning."""
+    known = [pair for pair in pairs if pair]
+    widths = [(pair.ci95[1] - pair.ci95[0]) / 2 for pair in known if pair.ci95]
+    return decimals(widths, 1) if widths else decimals([pair.value for pair in known], 2)
+
+
+def _difference(pair: Pair | None, places: int) -> Cell:
+    if pair is None:
+        return Cell(NOT_AVAILABLE, reason="the pair was not compared")
+    bounds = interval(pair.ci95, places)
+    return Cell(signed(pair.value, places), (pair.verdict, *([bounds] if bounds else [])))
+
+
+def _in_matrix(pair: Pair | None, places: int) -> Cell:
+    """Its colour says whether the first of the pair is better or worse."""
+    if pair is None:
+        return Cell(NOT_AVAILABLE, reason="the pair was not compared")
+    tone: Tone = "" if pair.better is None else "good" if pair.better else "bad"
+    return Cell(signed(pair.value, places), (pair.verdict,), tone)
