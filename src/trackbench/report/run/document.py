@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.palette import tracker_colours
+from trackbench.report.calibration import NOTABLE, QUANTITIES
+from trackbench.report.conditions import BY, TITLE
 from trackbench.report.document import (
     Block,
     Code,
@@ -28,8 +30,7 @@ from trackbench.report.figures.errors import error_over_time, spread
 from trackbench.report.figures.map import map_of_run
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
-from trackbench.report.run.breakdown import BY, TITLE, calibrations, errors, shares
-from trackbench.report.run.calibration import NOTABLE, QUANTITIES
+from trackbench.report.run.breakdown import calibrations, errors, shares
 from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
 from trackbench.words import counted
