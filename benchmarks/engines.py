@@ -15,8 +15,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from tests import peers
 
 from scene import DT, SENSORS, weaving
+from trackbench.metrics import Scorer, Target
 from trackbench.metrics.conditions import conditions
-from trackbench.metrics.scorer import Scorer, Target
 from trackbench.models.motion import Kinematics
 from trackbench.runner.adapters import Direct
 from trackbench.runner.allocation import keep_freed_memory
@@ -100,13 +100,13 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
     classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
-    stepper, scorer = Direct(prepared(of, name)), Scorer(target, classes, counts, keep_spread=True)
+    stepper, scorer = Direct(prepared(of, name)), Scorer(target, classes, counts)
     begin = time.perf_counter()
     for instant, scan in enumerate(of.scans):
         estimate = stepper.step(scan)
-        scorer.innovation(instant, scan, estimate)
+        scorer.scan(instant, scan, estimate)
         scorer.estimate(estimate)
-    scorer.scores(0.0, 0)
+    scorer.close()
     return time.perf_counter() - begin
 
 

@@ -55,7 +55,6 @@ class Seen:
 
 def look(folder: Path, pages: Mapping[str, str], widths: Sequence[int]) -> Seen:
     """Open pages in headless Chromium, each in frames of the given widths; they and its profile go into ``folder``."""
-    assert CHROMIUM is not None
     for name, text in pages.items():
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
     shown = [(name, width) for name in pages for width in widths]
@@ -65,22 +64,26 @@ def look(folder: Path, pages: Mapping[str, str], widths: Sequence[int]) -> Seen:
     wrapper = folder / "frames.html"
     script = f"<script>window.onload = () => {{ {MEASURE} }}</script>"
     wrapper.write_text(f'<meta charset="utf-8"><link rel="icon" href="data:,">{frames}{script}', encoding="utf-8")
-    options = (
-        "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync",
-        "--disable-component-update", "--no-first-run", "--allow-file-access-from-files", "--enable-logging=stderr",
-        "--virtual-time-budget=10000", "--hide-scrollbars", "--window-size=1400,1000", "--dump-dom",
-        f"--user-data-dir={folder / 'profile'}",
-    )  # fmt: skip
-    done = subprocess.run(
-        [CHROMIUM, *options, wrapper.as_uri()],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=300,
-        env={**os.environ, "HOME": str(folder)},
-    )
-    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
-    assert found, f"the pages were not measured: {done.stderr[-2000:]}"
+    dom, console = shown_by_browser(folder, wrapper, "--allow-file-access-from-files")
+    found = re.search(r'<pre id="found">(.*?)</pre>', dom, re.DOTALL)
+    assert found, f"the pages were not measured: {console}"
     text = found[1].replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
-    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     return Seen(dict(zip(shown, json.loads(text), strict=True)), console)
+
+
+def shown_by_browser(folder: Path, page: Path, *options: str, query: str = "") -> tuple[str, list[str]]:
+    """A page from the disk once its scripts have run, without a network: its elements, and the browser's messages.
+
+    The browser's profile goes into ``folder``.
+    """
+    assert CHROMIUM is not None
+    command = (
+        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync",
+        "--disable-component-update", "--no-first-run", "--enable-logging=stderr",
+        "--host-resolver-rules=MAP * ~NOTFOUND", "--virtual-time-budget=10000", "--hide-scrollbars",
+        "--window-size=1400,1000", "--dump-dom", f"--user-data-dir={folder / 'profile'}", *options,
+        page.as_uri() + query,
+    )  # fmt: skip
+    environment = {**os.environ, "HOME": str(folder)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300, env=environment)
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]

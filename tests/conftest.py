@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import os
 import re
@@ -10,13 +11,17 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from tests.browser import CHROMIUM
 
 from trackbench.cli import main
+from trackbench.errors import InputError
+from trackbench.recording import viewer
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
@@ -49,10 +54,37 @@ monte_carlo: {runs: 4, seed: 7}
 Run = Callable[..., Result]
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what needs a program that is not here, and say which."""
+    if item.get_closest_marker("browser") and CHROMIUM is None:
+        pytest.skip("Chromium is not installed (apt-get install chromium)")
+    if item.get_closest_marker("viewer") and not viewer_draws():
+        pytest.skip(viewer.NO_DRIVER)
+
+
+@functools.cache
+def viewer_draws() -> bool:
+    """Whether there is a driver for the viewer, which starts without one too."""
+    with ExitStack() as stack:
+        try:
+            started = viewer.start("--headless")
+            stack.callback(started.stop)
+            started.wait().take_screenshot()
+            return True
+        except InputError as error:
+            cause = error
+        except (ConnectionError, RuntimeError):
+            started.process.wait(viewer.PATIENCE)
+            cause = viewer.ended(started.log)
+    assert str(cause) == viewer.NO_DRIVER
+    return False
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _isolated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A cache of its own, and no terminal."""
+    """A cache of its own, no terminal, and Ctrl-C not ignored, which the processes that a test starts would inherit."""
     with pytest.MonkeyPatch.context() as patch:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         patch.setenv("TRACKBENCH_CACHE", str(tmp_path_factory.mktemp("cache")))
         for name in ("COLUMNS", "FORCE_COLOR", "NO_COLOR", "RERUN"):
             patch.delenv(name, raising=False)

@@ -185,13 +185,6 @@ def test_lists(cli: Cli, tiny: Path) -> None:
         done = cli("list", what)
         assert (done.status, done.err) == (0, "")
         assert name in [line.split()[0] for line in done.out.splitlines()]
-    assert cli("list", "scenarios").status == 2
-    (tiny.parent / "scenarios").mkdir()
-    tiny.rename(tiny.parent / "scenarios" / "tiny.yaml")
-    (tiny.parent / "scenarios" / "broken.yaml").write_text("name: [", encoding="utf-8")
-    *broken, good = cli("list", "scenarios").out.splitlines()
-    assert broken[0].startswith("scenarios/broken.yaml  cannot be read: scenarios/broken.yaml:1")
-    assert good.split(maxsplit=1) == ["scenarios/tiny.yaml", "Two cars before a radar and a lidar"]
 
 
 def test_check_and_schema(cli: Cli, tiny: Path) -> None:

@@ -84,7 +84,7 @@ def test_wrong_scenario(cli: Cli, tiny: Path, tmp_path: Path, old: str, new: str
     assert (done.status, done.out) == (2, "")
     assert done.err.startswith(f"tiny.yaml:{message}"), done.err
     assert len(done.err.splitlines()) == 1
-    assert not list((tmp_path / "results").iterdir())
+    assert not list((tmp_path / "results").glob("*"))
 
 
 def test_all_scenarios_are_checked_before_the_first_runs(cli: Cli, tiny: Path, tmp_path: Path) -> None:
@@ -92,4 +92,4 @@ def test_all_scenarios_are_checked_before_the_first_runs(cli: Cli, tiny: Path, t
     done = cli("run", ".")
     assert (done.status, done.out) == (2, "")
     assert all(line.startswith("z.yaml:1: ") for line in done.err.splitlines())
-    assert not list((tmp_path / "results").iterdir())
+    assert not list((tmp_path / "results").glob("*"))

@@ -15,7 +15,6 @@ from typing import Any
 
 import pytest
 
-from trackbench.errors import TrackbenchError
 from trackbench.recording import viewer
 from trackbench.results import Result
 
@@ -23,22 +22,19 @@ Cli = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
-def driver() -> None:
-    """Skips where the viewer cannot draw."""
-    try:
-        started = viewer.start("--headless")
-        try:
-            started.wait()
-        finally:
-            started.stop()
-    except TrackbenchError as error:
-        pytest.skip(str(error))
+def made(tmp_path_factory: pytest.TempPathFactory, tiny_text: str, trackbench: str) -> Path:
+    """A folder with the tiny scenario and its results."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "tiny.yaml").write_text(tiny_text, encoding="utf-8")
+    subprocess.run([trackbench, "run", "tiny.yaml", "--quiet"], cwd=folder, check=True)
+    return folder
 
 
 @pytest.fixture
-def folder(cli: Cli, tiny: Path) -> Path:
-    assert cli("run", "tiny.yaml").status == 0
-    return tiny.parent / "results" / "tiny"
+def folder(made: Path, tmp_path: Path) -> Path:
+    """The results, as the test's own."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "results" / "tiny"
 
 
 @pytest.fixture
@@ -115,7 +111,8 @@ def test_a_recording_of_another_version_is_read_from_the_tables_beside_it(cli: C
     assert json.loads(done.out)["trackers"] == json.loads(before.out)["trackers"]
 
 
-def test_a_picture_of_a_recording(cli: Cli, folder: Path, driver: None) -> None:
+@pytest.mark.viewer
+def test_a_picture_of_a_recording(cli: Cli, folder: Path) -> None:
     done = cli("snapshot", "results/tiny/recording.rrd", "--at", "1", "a.png")
     assert (done.status, done.out, done.err) == (0, "a.png\n", "")
     content = (folder.parents[1] / "a.png").read_bytes()
@@ -135,9 +132,8 @@ def test_without_a_driver_it_says_what_to_install(cli: Cli, folder: Path, monkey
     assert not (folder.parents[1] / "a.png").exists()
 
 
-def test_the_viewer_opens_at_the_worst_moment(
-    cli: Cli, folder: Path, driver: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.viewer
+def test_the_viewer_opens_at_the_worst_moment(cli: Cli, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a screen here; with one the viewer has a window."""
     start, started = viewer.start, []
 
@@ -174,7 +170,8 @@ def test_a_viewer_that_is_not_there_is_said(cli: Cli, tiny: Path) -> None:
     assert done.err.startswith("no viewer answers at rerun+http://127.0.0.1:9/proxy")
 
 
-def test_a_run_in_a_viewer_that_is_open(cli: Cli, tiny: Path, driver: None) -> None:
+@pytest.mark.viewer
+def test_a_run_in_a_viewer_that_is_open(cli: Cli, tiny: Path) -> None:
     open_viewer = viewer.start("--headless")
     try:
         client = open_viewer.wait()

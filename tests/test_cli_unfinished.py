@@ -48,9 +48,12 @@ def test_ctrl_c_and_kill(
     )
     command = [trackbench, "run", "tiny.yaml", "--runs", "1000000", "--workers", str(workers)]
     command += ["--set", "trackers.says.use=says_so:T"]
+    # A script starts what runs in the background with Ctrl-C ignored, and ends it by SIGTERM.
+    on_ctrl_c = signal.SIG_IGN if number == signal.SIGTERM else signal.SIG_DFL
     process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, on_ctrl_c),
+    )  # fmt: skip
     try:
         limit = time.monotonic() + 30
         while not (tmp_path / "under_way").exists() and time.monotonic() < limit:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,9 @@ from xml.etree import ElementTree as ET
 import pytest
 import xmlschema
 
-from trackbench.compare.regression import ERROR, FAILED, UNDECIDED
+from trackbench.compare.comparison import GateOutcome
 from trackbench.report.junit import Case, Suite, to_xml
+from trackbench.results import Result
 
 Cli = Callable[..., Any]
 
@@ -22,11 +24,19 @@ WORSE = "trackers.ekf.acceleration_sigma_mps2=30"
 
 
 @pytest.fixture
-def two(cli: Cli, tiny: Path) -> Path:
+def two(run_tiny: Callable[..., Result], tmp_path: Path, tiny: Path) -> Path:
     """The folder with the runs base/tiny and new/tiny, of which the second has a worse EKF."""
-    assert cli("run", tiny, "--no-recording", "--runs", "12", "--out", "base").status == 0
-    assert cli("run", tiny, "--no-recording", "--runs", "12", "--out", "new", "--set", WORSE).status == 0
+    run_tiny("monte_carlo.runs=12").save(tmp_path / "base" / "tiny")
+    run_tiny("monte_carlo.runs=12", WORSE).save(tmp_path / "new" / "tiny")
     return tiny.parent
+
+
+@pytest.fixture
+def versions(two: Path, run_tiny: Callable[..., Result]) -> Path:
+    """The same with a second scenario in each folder."""
+    run_tiny("monte_carlo.runs=12", "name=other").save(two / "base" / "other")
+    run_tiny("monte_carlo.runs=12", "name=other").save(two / "new" / "other")
+    return two
 
 
 def cases(file: Path) -> dict[str, str]:
@@ -50,17 +60,17 @@ def test_two_runs_in_a_terminal(cli: Cli, two: Path) -> None:
     lines = done.out.splitlines()
     assert max(map(len, lines)) <= 80
     assert "\x1b" not in done.out
-    assert "   paired: the fingerprints of all measurements are equal" in lines
+    assert "(paired: the fingerprints of all measurements are equal)" in " ".join(done.out.split())
     rows = {line.split()[0]: line for line in lines if line.split()[1:3] == ["B", "A"]}
     assert rows["ekf"].rstrip().endswith("worse")
-    assert rows["raw"].rstrip().endswith("0.0 no difference shown")
+    assert rows["raw"].rstrip().endswith("0.0  no difference shown")
     assert "0 in every run" in rows["raw"]
 
 
 def test_one_run_in_a_terminal(cli: Cli, two: Path) -> None:
     done = cli("compare", "base/tiny", "--metric", "position_rmse", "--metric", "rmse.px")
     assert done.status == 0
-    assert [line.split()[:2] for line in done.out.splitlines() if line.endswith(("better ", "better"))] == [
+    assert [line.split()[:2] for line in done.out.splitlines() if line.rstrip().endswith("  better")] == [
         ["ekf", "raw"],
         ["ekf", "raw"],
     ]
@@ -70,11 +80,10 @@ def test_json_and_markdown(cli: Cli, two: Path) -> None:
     done = cli("compare", "base/tiny", "new/tiny", "--json", "--out", "reports/comparison.md")
     assert (done.status, done.err) == (0, "")
     found = json.loads(done.out, parse_constant=pytest.fail)
-    assert found["runs"][1]["paired"] is True
+    assert found["scenarios"][0]["results"][1]["shared_runs"] == 12
     assert {item["verdict"] for item in found["differences"]} == {"worse", "no difference shown"}
     page = (two / "reports" / "comparison.md").read_text(encoding="utf-8")
-    assert "| ekf B | A |" in page
-    assert "**worse**" in page
+    assert re.search(r"\| \*\*ekf B\*\* \| A \| .* \| worse \|", page)
     assert [path.name for path in (two / "reports").iterdir()] == ["comparison.md"]
 
 
@@ -82,7 +91,7 @@ def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
     limits = ("--fail-on-regression", "position_rmse:5", "--junit", "junit.xml")
     done = cli("compare", "base/tiny", "new/tiny", *limits)
     assert done.status == 1
-    assert "FAILED ekf B, position_rmse: +" in done.out
+    assert "FAILED: ekf B, position_rmse: +" in done.out
     assert "1 of 2 limits kept" in done.out
     assert cases(two / "junit.xml") == {
         "new/tiny against base/tiny: ekf position_rmse not worse by more than 5 %": "failure",
@@ -99,23 +108,81 @@ def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
     [
         (["base/tiny", "gone"], "gone: there is no such folder"),
         (["tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json"),
-        (["base"], "base: no result.json in this folder: it is not the folder of a run"),
-        (["base/tiny", "--trackers", "ekv"], "base/tiny: no tracker 'ekv' in this run; did you mean 'ekf'?"),
+        (["empty"], "empty: no result.json in this folder, nor in the folders in it"),
+        (["base/tiny", "--trackers", "ekv"], "--trackers: no tracker 'ekv' in these results; did you mean 'ekf'?"),
         (["base/tiny", "--metric", "position"], "--metric: 'position' is not compared run by run; did you mean"),
         (["base/tiny", "--metric", "step_time"], "--metric: 'step_time' is not compared run by run; "),
         (["base/tiny", "--trackers", "ekf"], "base/tiny: nothing to compare: only one tracker"),
-        (["base/tiny", "--fail-on-regression", "position_rmse:5"], "--fail-on-regression: needs two runs"),
+        (["base/tiny", "--fail-on-regression", "position_rmse:5"], "--fail-on-regression: needs two results"),
         (["base/tiny", "new/tiny", "--junit", "x.xml"], "--junit: says which regressions there are"),
-        (["base/tiny", "--out", "base"], "--out: base is a folder; name a file"),
+        (["base/tiny", "new/tiny", "--fail-on-regression", "nees.mean:5"], "--fail-on-regression: neither a larger"),
+        (["base/tiny", "new/tiny", "--fail-on-regression", "x:5"], "--fail-on-regression: 'x' is not compared run"),
+        (["base/tiny", "--out", "folder.md"], "--out: folder.md is a folder; name a file"),
+        (["base/tiny", "--out", "x.docx"], "--out: x.docx ends in none of .md, .html, .tex, .csv, .json, .svg, .pdf"),
         (["base/tiny", "--out", "tiny.yaml/x.md"], "--out: cannot write tiny.yaml/x.md: "),
     ],
 )
 def test_bad_input_is_one_line(cli: Cli, two: Path, arguments: list[str], message: str) -> None:
+    for folder in ("empty", "folder.md"):
+        (two / folder).mkdir()
     done = cli("compare", *arguments)
     assert (done.status, done.out) == (2, "")
     assert done.err.startswith(message)
     assert done.err.count("\n") == 1
     assert not (two / "x.xml").exists()
+
+
+def test_folders_of_several_scenarios(cli: Cli, versions: Path) -> None:
+    done = cli("compare", "base", "new", "--fail-on-regression", "position_rmse:5", "--junit", "junit.xml")
+    assert (done.status, done.err) == (1, "")
+    assert "FAILED: tiny, ekf B, position_rmse: +" in done.out
+    assert "3 of 4 limits kept" in done.out
+    limit = "position_rmse not worse by more than 5 %"
+    assert cases(versions / "junit.xml") == {
+        f"new/other against base/other: ekf {limit}": "passed",
+        f"new/other against base/other: raw {limit}": "passed",
+        f"new/tiny against base/tiny: ekf {limit}": "failure",
+        f"new/tiny against base/tiny: raw {limit}": "passed",
+    }
+
+
+def test_a_comparison_that_was_kept_is_shown_again(cli: Cli, two: Path) -> None:
+    first = cli("compare", "base/tiny", "new/tiny", "--out", "kept.json")
+    assert cli("compare", "kept.json").out == first.out
+    done = cli("compare", "kept.json", "base/tiny")
+    assert (done.status, done.out) == (2, "")
+    assert done.err == "kept.json: a comparison that was kept is shown as it is: name it alone\n"
+
+
+def test_a_folder_of_several_scenarios(cli: Cli, versions: Path) -> None:
+    done = cli("compare", "base")
+    assert (done.status, done.err) == (0, "")
+    assert "2 trackers over 2 scenarios. ekf has the best mean rank" in done.out
+    assert "Time of a step" in done.out
+
+
+@pytest.mark.parametrize(
+    ("name", "begins", "beside"),
+    [
+        ("x.md", b"# Comparison", set()),
+        ("x.html", b"<!doctype html>", set()),
+        (
+            "x.tex",
+            b"\\documentclass",
+            {"tables/x/differences-position_rmse.tex", "figures/x/differences-position_rmse.pdf"},
+        ),
+        ("x.csv", b"tracker,against,value", set()),
+        ("x.json", b"{", set()),
+        ("x.svg", b"<svg", set()),
+        ("x.pdf", b"%PDF", set()),
+    ],
+)
+def test_the_ending_of_a_file_is_its_format(cli: Cli, two: Path, name: str, begins: bytes, beside: set[str]) -> None:
+    done = cli("compare", "base/tiny", "new/tiny", "--out", f"made/{name}")
+    assert (done.status, done.err) == (0, "")
+    assert (two / "made" / name).read_bytes().startswith(begins)
+    made = {path.relative_to(two / "made").as_posix() for path in (two / "made").rglob("*") if path.is_file()}
+    assert made == {name, *beside}
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b'{"schema_version": 1}', b"[" * 100_000, b"\xff\xfe", b"null"])
@@ -172,8 +239,9 @@ def test_a_folder_without_permission(cli: Cli, tiny: Path) -> None:
 
 
 def test_every_outcome_is_valid_junit(tmp_path: Path) -> None:
-    outcomes = [Case("a", "g"), *(Case(o, "g", o, "why \x07 \ud800 <&>\n\"'") for o in (FAILED, ERROR, UNDECIDED))]
-    for suites in ([], [Suite("one", [])], [Suite("one", outcomes), Suite("two", outcomes)]):
+    outcomes: tuple[GateOutcome, ...] = ("failed", "error", "undecided")
+    cases = [Case("a", "g"), *(Case(o, "g", o, "why \x07 \ud800 <&>\n\"'") for o in outcomes)]
+    for suites in ([], [Suite("one", [])], [Suite("one", cases), Suite("two", cases)]):
         file = tmp_path / "junit.xml"
         file.write_text(to_xml(suites), encoding="utf-8")
         SCHEMA.validate(file)

@@ -1,146 +1,258 @@
-"""The comparison of trackers over scenarios."""
+"""The comparison of trackers over scenarios, and its pages."""
 
 from __future__ import annotations
 
 import json
 import re
-from itertools import combinations
+from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+import pyarrow as pa
 import pytest
-from tests.example_result import failed_tracker, tracker
+from matplotlib.figure import Figure
 
-from trackbench.report.comparison import Comparison, compare
+from trackbench.compare import Comparison, compare, results_in
+from trackbench.palette import tracker_colours
+from trackbench.report.comparison import batch_files, comparison_files, document
+from trackbench.report.document.html import to_html
+from trackbench.report.document.markdown import to_markdown
 from trackbench.results import Result
 
+RUNS = 20
+COLOURS = tracker_colours(["good", "fair", "poor", "mine"])
+REASON = "ValueError: matrix <3> is singular"
 
-def scenario(name: str, rmse: dict[str, float], tied: tuple[tuple[str, str], ...] = (), failed: bool = False) -> Result:
-    """A result that holds only what a comparison reads."""
-    trackers = []
-    for i, (who, value) in enumerate(rmse.items()):
-        entry = tracker("ekf_cv", i)
-        entry["name"] = who
-        entry["metrics"]["position_rmse"] |= {"value": value, "ci95": [value - 0.01, value + 0.01]}
-        entry["metrics"]["position_efficiency"] |= {"value": value / 0.5}
-        trackers.append(entry)
-    if failed:
-        trackers.append(failed_tracker())
-    differences = [
-        {
-            "a": a,
-            "b": b,
-            "metric": "position_rmse",
-            "value": rmse[a] - rmse[b],
-            "ci95": None,
-            "verdict": "no difference shown" if (a, b) in tied else "a better" if rmse[a] < rmse[b] else "b better",
-        }
-        for a, b in combinations(rmse, 2)
-    ]
-    summary = {
-        "scenario": {"name": name, "description": f"the {name} one"},
-        "runs": 100,
-        "seed": 7,
-        "trackers": trackers,
-        "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
-        "differences": differences,
-        "expectations": [{"passed": True}, {"passed": False}],
+
+def metrics(rmse: float) -> dict[str, Any]:
+    return {
+        "position_rmse": {"value": rmse, "unit": "m", "ci95": [rmse - 0.01, rmse + 0.01]},
+        "velocity_rmse": {"value": 2 * rmse, "unit": "m/s", "ci95": [2 * rmse - 0.1, 2 * rmse + 0.1]},
+        "position_efficiency": {"value": rmse / 0.5, "unit": "1", "ci95": None},
+        "nees": {"mean": 4.1, "unit": "1", "dof": 4, "ci95": [3.9, 4.3], "verdict": "consistent"},
+        "coverage": {"value": 1.0, "unit": "1"},
+        "step_time": {"value": 1.23, "unit": "us"},
     }
-    return Result.from_json(summary, {})
+
+
+def failed_tracker() -> dict[str, Any]:
+    place = {"step": 12, "time_s": 0.6, "sensor": "roof_lidar", "run": 0, "object": "v1"}
+    nothing = {"value": None, "unit": "m", "reason": "the tracker failed"}
+    return {
+        "name": "mine",
+        "describe": "mypkg:Mine",
+        "failed": {"cause": REASON, **place},
+        "metrics": {"position_rmse": nothing},
+        "health": {},
+    }
+
+
+def runs_table(rmse: dict[str, float], tied: tuple[str, ...]) -> pa.Table:
+    """Errors in each run whose root mean square is as given: those that are tied with another vary on their own."""
+    common = np.resize([1.0, -1.0], RUNS)
+    own = np.resize([1.0, 1.0, -1.0, -1.0], RUNS)
+    squares = {name: value**2 * (1 + (0.8 * own if name in tied else 0.1 * common)) for name, value in rmse.items()}
+    return pa.table(
+        {
+            "tracker": np.repeat(list(rmse), RUNS),
+            "run": np.tile(np.arange(RUNS, dtype=float), len(rmse)),
+            "count": np.full(RUNS * len(rmse), 10.0),
+            "position_rmse_m": np.sqrt(np.concatenate(list(squares.values()))),
+        }
+    )
+
+
+def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), failed: bool = False) -> Result:
+    """A result with the given errors."""
+    entries = [
+        {"name": who, "describe": who, "failed": None, "metrics": metrics(value), "health": {"diverged_runs": 0}}
+        for who, value in rmse.items()
+    ]
+    stated = {"tracker": "good", "metric": "position_rmse", "operator": "below", "limit": 1.0, "value": 0.5}
+    summary = {
+        "schema_version": 2,
+        "scenario": {"name": name, "description": f"the {name} one", "file": "x", "text": "", "overrides": []},
+        "seed": 7,
+        "runs": RUNS,
+        "versions": {},
+        "command": "",
+        "fingerprints": [f"{name} {run}" for run in range(RUNS)],
+        "truth": {
+            "source": "scripted",
+            "objects": ["a"],
+            "steps": 1,
+            "dt": 0.1,
+            "duration_s": 1.0,
+            "audit": {},
+            "cached": False,
+        },
+        "sensors": {},
+        "bound": {"motion": "cv", "acceleration_sigma_mps2": 1.0, "velocity_sigma_mps": 20.0},
+        "score": {"settle_s": 0.0, "divergence_m": 10.0},
+        "recorded_run": 0,
+        "trackers": [*entries, *([failed_tracker()] if failed else [])],
+        "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
+        "differences": [],
+        "expectations": [{**stated, "passed": True, "text": "one"}, {**stated, "passed": False, "text": "other"}],
+        "passed": False,
+        "artifacts": {},
+    }
+    return Result.from_json(summary, {"runs": runs_table(rmse, tied)})
 
 
 @pytest.fixture(scope="module")
 def compared() -> Comparison:
-    return compare(
-        [
-            scenario("first", {"good": 0.5, "fair": 0.6, "poor": 2.0}),
-            scenario("second", {"good": 0.5, "fair": 0.51, "poor": 1.5}, tied=(("good", "fair"),)),
-            scenario("third", {"good": 0.7, "fair": 0.6, "poor": 1.0}, failed=True),
-            scenario("fourth", {"good": 0.4, "poor": 0.9}),
-        ]
-    )
+    results = [
+        scenario("first", {"good": 0.5, "fair": 0.6, "poor": 2.0}),
+        scenario("second", {"good": 0.5, "fair": 0.51, "poor": 1.5}, tied=("fair",)),
+        scenario("third", {"good": 0.7, "fair": 0.6, "poor": 1.0}, failed=True),
+        scenario("fourth", {"good": 0.4, "poor": 0.9}),
+    ]
+    return compare([results])
+
+
+def markdown(comparison: Comparison) -> str:
+    return to_markdown(document(comparison), figures="figures")
 
 
 def test_ranking(compared: Comparison) -> None:
-    assert [standing.tracker for standing in compared.standings] == ["good", "fair", "poor", "mine"]
-    good, fair, poor, mine = compared.standings
+    assert [item.tracker for item in compared.ranking] == ["good", "fair", "poor", "mine"]
+    good, fair, poor, mine = compared.ranking
     # A field of four: places 1 and 2 of 3 are ranks 1 and 2.5, the last of 2 is rank 4.
     assert good.mean_rank == pytest.approx((1 + 1 + 2 + 1) / 4)
     assert fair.mean_rank == pytest.approx((2.5 + 2.5 + 1) / 3)
     assert poor.mean_rank == pytest.approx((4 + 4 + 3 + 4) / 4)
     assert mine.mean_rank == 4
-    assert [s.scenarios for s in compared.standings] == [4, 3, 4, 1]
+    assert [item.scenarios for item in compared.ranking] == [4, 3, 4, 1]
 
 
 def test_real_wins_and_losses(compared: Comparison) -> None:
-    good, fair, poor, mine = compared.standings
+    good, fair, poor, mine = compared.ranking
     assert (good.won, good.lost, good.undecided) == (2 + 1 + 2 + 1, 1, 1)
     assert (fair.won, fair.lost, fair.undecided) == (1 + 1 + 3, 1, 1)
     assert (poor.won, poor.lost, poor.undecided) == (1, 2 + 2 + 2 + 1, 0)
-    assert (mine.won, mine.lost, mine.undecided, mine.failed) == (0, 3, 0, 1)
-    assert sum(s.won for s in compared.standings) == sum(s.lost for s in compared.standings)
+    assert (mine.won, mine.lost, mine.undecided, mine.failed_scenarios) == (0, 3, 0, 1)
+    assert sum(item.won for item in compared.ranking) == sum(item.lost for item in compared.ranking)
+    assert [(item.consistent_scenarios, item.judged_scenarios) for item in (good, mine)] == [(4, 4), (0, 0)]
 
 
 def test_certainty(compared: Comparison) -> None:
-    good, fair, poor, _ = compared.standings
-    for standing in (good, fair, poor):
-        assert standing.ci95 is not None
-        assert standing.ci95[0] <= standing.mean_rank <= standing.ci95[1]
-    shares = [standing.first_share or 0 for standing in compared.standings]
+    for item in compared.ranking[:3]:
+        assert item.ci95 is not None
+        assert item.ci95[0] <= item.mean_rank <= item.ci95[1]
+    shares = [item.first_share or 0 for item in compared.ranking]
     assert sum(shares) == pytest.approx(1)
     assert 0.5 < shares[0] < 0.95
-    assert "That lead is not certain" in compared.markdown()
+    assert "That lead is not certain" in markdown(compared)
 
 
 def test_a_leader_everywhere_is_certain() -> None:
-    found = compare([scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(3)])
-    assert found.standings[0].first_share == 1
-    assert found.standings[0].ci95 == (1, 1)
-    assert "That lead is certain" in found.markdown()
+    found = compare([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(3)]])
+    assert found.ranking[0].first_share == 1
+    assert found.ranking[0].ci95 == (1, 1)
+    assert "That lead is certain" in markdown(found)
 
 
 def test_one_scenario_claims_no_certainty() -> None:
     found = compare([scenario("only", {"good": 0.5, "poor": 0.9})])
-    assert found.standings[0].ci95 is None
-    assert "n/a" in found.markdown()
-    assert "certain:" not in found.markdown()
+    assert found.ranking[0].ci95 is None
+    assert "certain" not in markdown(found)
+    assert "good | poor | 0.500 |" in markdown(found).replace("**", "")
 
 
 def test_markdown(compared: Comparison) -> None:
-    text = compared.markdown()
-    assert "| first | **0.500** ±0.010 | 0.600 ±0.010 | 2.000 ±0.010 |  |" in text
-    assert "| second | **0.500** ±0.010 | **0.510** ±0.010 | 1.500 ±0.010 |  |" in text
-    assert "| third | 0.700 ±0.010 | **0.600** ±0.010 | 1.000 ±0.010 | failed |" in text
-    assert "| fourth | **0.400** ±0.010 |  | 0.900 ±0.010 |  |" in text
-    assert "- mine in third: ValueError: matrix \\<3\\> is singular" in text
+    text = markdown(compared)
+    assert "| first | **0.500** (±0.010) | 0.600 (±0.010) | 2.000 (±0.010) |  |" in text
+    assert "| second | **0.500** (±0.010) | **0.510** (±0.010) | 1.500 (±0.010) |  |" in text
+    assert "| third | 0.700 (±0.010) | **0.600** (±0.010) | 1.000 (±0.010) | failed |" in text
+    assert "| fourth | **0.400** (±0.010) |  | 0.900 (±0.010) |  |" in text
+    assert "| first | 1.00 (±0.10) | 1.20 (±0.10) | 4.00 (±0.10) |  |" in text
+    assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
     assert "1 of 2 met" in text
-    assert all(f"]({path})" in text for path in compared.figures())
+    assert "](figures/ranks.svg)" in text
+    assert "](figures/efficiency.svg)" in text
 
 
 def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
-    text = compared.html()
+    text = to_html(document(compared, times=True))
     assert "good has the best mean rank" in text
     assert "That lead is not certain" in text
     assert "ValueError: matrix &lt;3&gt; is singular" in text
     assert text.count("<figure") == text.count("<figcaption") == 2
     assert re.search(r'<td data-label="fair" class=" strong">0.510<small>±0.010</small></td>', text)
     assert "://" not in text
-    assert compared.html() == text
+    assert to_html(document(compared, times=True)) == text
+
+
+def made(comparison: Comparison, folder: Path) -> dict[str, str]:
+    """The files of a batch, by their paths."""
+    found = batch_files(comparison, folder, COLOURS)
+    return {path.relative_to(folder).as_posix(): content.decode() for path, content in found}
+
+
+def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp_path: Path) -> None:
+    found = made(compared, tmp_path)
+    assert set(found) == {
+        *(f"comparison.{ending}" for ending in ("html", "md", "json")),
+        *(f"figures/{name}.svg" for name in ("ranks", "efficiency")),
+    }
+    assert [name for name, content in found.items() if "1.23" in content] == ["comparison.html"]
+    assert found == made(compared, tmp_path)
+
+
+def test_a_tracker_keeps_the_colour_that_it_is_given(compared: Comparison) -> None:
+    page = to_html(document(compared, {**COLOURS, "good": "#123456"}))
+    assert page.count("#123456") > 2
+    assert tracker_colours(["good"])["good"] not in to_html(document(compared, dict.fromkeys(COLOURS, "#123456")))
+
+
+def test_the_page_links_to_the_reports(tmp_path: Path) -> None:
+    results = [scenario(name, {"good": 0.5, "poor": 0.9}) for name in ("one", "two")]
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "report.html").touch()
+    found = made(compare([results_in(tmp_path, results)]), tmp_path)
+    assert '<a href="one/report.html">one</a>' in found["comparison.html"]
+    assert "two/report.html" not in found["comparison.html"]
+    assert "report.html" not in found["comparison.md"]
+
+
+def test_one_tracker_that_is_much_worse_does_not_bleach_the_others() -> None:
+    def colours(worst: float) -> list[str]:
+        rmse = {"good": 0.5, "fair": 0.6, "poor": worst}
+        comparison = compare([[scenario(f"s{i}", rmse) for i in range(2)]])
+        (figure,) = [figure for figure in document(comparison).figures if figure.name == "efficiency"]
+        canvas = Figure()
+        figure.paint(canvas)
+        return [str(patch.get_facecolor()) for patch in canvas.axes[0].patches]
+
+    assert colours(5.0) == colours(500.0)
+    assert len(set(colours(500.0))) == 3
 
 
 def test_json(compared: Comparison) -> None:
     found = json.loads(json.dumps(compared.json(), allow_nan=False))
-    assert found["scenarios"][0]["trackers"]["fair"]["position_rmse"] == 0.6
-    assert found["scenarios"][1]["trackers"]["fair"]["leading"] is True
-    assert found["scenarios"][2]["trackers"]["mine"]["position_rmse"] is None
-    assert [standing["tracker"] for standing in found["overall"]] == ["good", "fair", "poor", "mine"]
+    scores = {(score["scenario"], score["entrant"]["tracker"]): score for score in found["scores"]}
+    assert scores["first", "fair"]["metrics"]["position_rmse"]["value"] == 0.6
+    assert scores["second", "fair"]["leading"] is True
+    assert scores["third", "mine"]["metrics"] == {}
+    assert scores["third", "mine"]["failure"].startswith(REASON)
+    assert [item["tracker"] for item in found["ranking"]] == ["good", "fair", "poor", "mine"]
 
 
-def test_figures_are_images_of_their_own(compared: Comparison) -> None:
-    for path, text in compared.figures().items():
-        assert path.endswith(".svg")
+def test_figures_are_images_of_their_own(compared: Comparison, tmp_path: Path) -> None:
+    made = {path.name: content.decode() for path, content in comparison_files(compared, tmp_path / "x.svg")}
+    assert set(made) == {"x-ranks.svg", "x-efficiency.svg"}
+    for text in made.values():
         root = ElementTree.fromstring(text)
         assert root.tag == "{http://www.w3.org/2000/svg}svg"
         assert root.attrib["aria-label"]
         assert "currentColor" not in text
         assert "var(" not in text
-    assert compared.figures() == compared.figures()
+
+
+def test_a_failed_tracker_is_not_compared_and_that_is_told() -> None:
+    found = compare([scenario("third", {"good": 0.7, "fair": 0.6}, failed=True)])
+    text = markdown(found)
+    assert f"position_rmse not compared**: mine in results 1: {REASON}".replace("<", "\\<").replace(">", "\\>") in text
+    assert len(found.not_compared) == 2

@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 from tests.scenes import random_walk, work
 
-from trackbench.metrics.bound import Prior, cramer_rao
-from trackbench.metrics.scores import merge
-from trackbench.metrics.summary import Bound, health, metrics, rms_bound
+from trackbench.metrics import evaluate, health
+from trackbench.metrics.bound import BoundStart, cramer_rao, rms_bound
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.sums import NO_BOUND, merge
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.trackers.config import FilterConfig
 
 RUNS, STEPS, SIGMA = 400, 100, 2.0
-LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.3)
-RADAR = RadarConfig(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2)
+LIDAR = Lidar(rate_hz=10, position_sigma_m=0.3)
+RADAR = Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2)
 INITIAL = {"from": "truth", "position_sigma_m": 1.0, "velocity_sigma_mps": 2.0}
 START = np.array([60.0, 20.0, 10.0, -5.0])
 
@@ -32,13 +33,18 @@ def scores_of(sensors, trackers, dt, seed=1, **more):
     whole = work(of, sensors, trackers, RUNS, **more)
     block = run_block(whole, range(RUNS))
     rates = {s.name: block.detections[s.name] / RUNS for s in whole.sensors}
-    prior = Prior(INITIAL["velocity_sigma_mps"], INITIAL["position_sigma_m"])
-    variances = cramer_rao(of, whole.sensors, rates, SIGMA, prior, whole.instants())
+    start = BoundStart(INITIAL["velocity_sigma_mps"], INITIAL["position_sigma_m"])
+    variances = cramer_rao(of, whole.sensors, rates, SIGMA, start, whole.instants())
     return block.scores, variances
 
 
+def values(scores, bound=NO_BOUND):
+    """By path."""
+    return evaluate({ESTIMATES.name: replace(scores, bound=bound)}).values
+
+
 def summaries(scores, variances):
-    return {name: metrics(item, rms_bound(variances, item.weight), RUNS) for name, item in scores.items()}
+    return {name: values(item, rms_bound(variances, item.weight)) for name, item in scores.items()}
 
 
 def near(interval, value):
@@ -55,41 +61,41 @@ def linear():
 
 def test_the_kalman_filter_is_consistent(linear):
     found = linear["kf"]
-    assert found["nees"]["verdict"] == "consistent"
-    assert near(found["nees"]["ci95"], 4.0)
-    assert found["nees"]["steps_inside_bounds"] > 0.85
-    nis = found["nis"]["lidar"]
-    assert nis["verdict"] == "consistent"
-    assert near(nis["ci95"], 2.0)
-    assert nis["inside95"] == pytest.approx(0.95, abs=0.005)
-    assert nis["steps_inside_bounds"] > 0.85
-    assert found["whiteness"]["lidar"]["verdict"] == "white"
+    assert found["nees"].verdict == "consistent"
+    assert near(found["nees"].ci95, 4.0)
+    assert found["nees"].steps_inside_bounds > 0.85
+    nis = found["nis.lidar"]
+    assert nis.verdict == "consistent"
+    assert near(nis.ci95, 2.0)
+    assert nis.inside95 == pytest.approx(0.95, abs=0.005)
+    assert nis.steps_inside_bounds > 0.85
+    assert found["whiteness.lidar"].verdict == "white"
 
 
 def test_its_error_is_the_cramer_rao_bound(linear):
     for what in ("position", "velocity"):
-        assert near(linear["kf"][f"{what}_efficiency"]["ci95"], 1.0)
+        assert near(linear["kf"][f"{what}_efficiency"].ci95, 1.0)
 
 
 def test_on_a_linear_problem_every_filter_scores_the_same(linear):
     for name in ("ekf", "ukf", "ckf"):
         for metric in ("position_rmse", "velocity_rmse", "course_rmse"):
-            assert linear[name][metric]["value"] == pytest.approx(linear["kf"][metric]["value"], rel=1e-9)
-        assert linear[name]["nees"]["mean"] == pytest.approx(linear["kf"]["nees"]["mean"], rel=1e-9)
-        assert linear[name]["nis"]["lidar"]["mean"] == pytest.approx(linear["kf"]["nis"]["lidar"]["mean"], rel=1e-9)
+            assert linear[name][metric].value == pytest.approx(linear["kf"][metric].value, rel=1e-9)
+        assert linear[name]["nees"].mean == pytest.approx(linear["kf"]["nees"].mean, rel=1e-9)
+        assert linear[name]["nis.lidar"].mean == pytest.approx(linear["kf"]["nis.lidar"].mean, rel=1e-9)
 
 
 def test_filters_of_radar_and_lidar_are_consistent_and_efficient():
     trackers = {name: config(name) for name in ("ekf", "iekf", "ukf", "ckf")}
     for found in summaries(*scores_of({"radar": RADAR, "lidar": LIDAR}, trackers, dt=0.05)).values():
-        assert found["nees"]["verdict"] == "consistent"
-        assert near(found["nees"]["ci95"], 4.0)
+        assert found["nees"].verdict == "consistent"
+        assert near(found["nees"].ci95, 4.0)
         for sensor, dof in (("radar", 3), ("lidar", 2)):
-            assert found["nis"][sensor]["verdict"] == "consistent"
-            assert near(found["nis"][sensor]["ci95"], dof)
-            assert found["nis"][sensor]["inside95"] == pytest.approx(0.95, abs=0.005)
+            assert found[f"nis.{sensor}"].verdict == "consistent"
+            assert near(found[f"nis.{sensor}"].ci95, dof)
+            assert found[f"nis.{sensor}"].inside95 == pytest.approx(0.95, abs=0.005)
         for what in ("position", "velocity"):
-            assert near(found[f"{what}_efficiency"]["ci95"], 1.0)
+            assert near(found[f"{what}_efficiency"].ci95, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -102,37 +108,37 @@ def test_a_filter_told_the_wrong_sensor_noise_is_found_out(told, verdict):
     whole = replace(
         whole, sensors=[replace(sensor, noise_covariance=told**2 * sensor.noise_covariance) for sensor in whole.sensors]
     )
-    found = metrics(run_block(whole, range(RUNS)).scores["kf"], Bound(float("nan"), float("nan")), RUNS)
-    assert found["nees"]["verdict"] == verdict
-    assert found["nis"]["lidar"]["verdict"] == verdict
-    assert found["whiteness"]["lidar"]["verdict"] == ("white" if told == 1.0 else "coloured")
+    found = values(run_block(whole, range(RUNS)).scores["kf"])
+    assert found["nees"].verdict == verdict
+    assert found["nis.lidar"].verdict == verdict
+    assert found["whiteness.lidar"].verdict == ("white" if told == 1.0 else "coloured")
 
 
 def test_a_filter_told_the_wrong_process_noise_is_found_out():
     trackers = {"half": config("ekf", SIGMA / 2), "right": config("ekf"), "twice": config("ekf", SIGMA * 2)}
     found = summaries(*scores_of({"lidar": LIDAR}, trackers, dt=0.1))
-    assert [found[name]["nees"]["verdict"] for name in trackers] == ["optimistic", "consistent", "pessimistic"]
-    shares = [found[name]["nis"]["lidar"]["inside95"] for name in trackers]
+    assert [found[name]["nees"].verdict for name in trackers] == ["optimistic", "consistent", "pessimistic"]
+    shares = [found[name]["nis.lidar"].inside95 for name in trackers]
     assert shares[0] < 0.945 < shares[1] < 0.955 < shares[2]
     for name in ("half", "twice"):
-        assert found[name]["whiteness"]["lidar"]["verdict"] == "coloured"
-        assert found[name]["position_rmse"]["value"] > found["right"]["position_rmse"]["value"]
+        assert found[name]["whiteness.lidar"].verdict == "coloured"
+        assert found[name]["position_rmse"].value > found["right"]["position_rmse"].value
 
 
 def test_a_bias_that_no_model_knows_is_optimistic_and_coloured():
     biased = LIDAR.model_copy(update={"x_bias_m": 0.5})
     found = summaries(*scores_of({"lidar": biased}, {"kf": config("kf")}, dt=0.1))["kf"]
-    assert found["nees"]["verdict"] == "optimistic"
-    assert found["position_efficiency"]["ci95"][0] > 1.5
+    assert found["nees"].verdict == "optimistic"
+    assert found["position_efficiency"].ci95[0] > 1.5
 
 
 def test_missed_measurements_leave_a_filter_consistent():
     missing = LIDAR.model_copy(update={"detection_probability": 0.5})
     found = summaries(*scores_of({"lidar": missing}, {"kf": config("kf")}, dt=0.1))["kf"]
-    assert near(found["nees"]["ci95"], 4.0)
-    assert near(found["nis"]["lidar"]["ci95"], 2.0)
+    assert near(found["nees"].ci95, 4.0)
+    assert near(found["nis.lidar"].ci95, 2.0)
     # The bound of the mean detection rate lies below what random misses allow, but not by much.
-    low, high = found["position_efficiency"]["ci95"]
+    low, high = found["position_efficiency"].ci95
     assert low > 1.0
     assert high < 1.15
 
@@ -140,9 +146,9 @@ def test_missed_measurements_leave_a_filter_consistent():
 def test_a_start_from_two_readings_is_consistent_once_settled():
     trackers = {"kf": config("kf", initial="two_readings")}
     scores, _ = scores_of({"lidar": LIDAR}, trackers, dt=0.1, settle=3.0)
-    found = metrics(scores["kf"], Bound(float("nan"), float("nan")), RUNS)
-    assert near(found["nees"]["ci95"], 4.0)
-    assert near(found["nis"]["lidar"]["ci95"], 2.0)
+    found = values(scores["kf"])
+    assert near(found["nees"].ci95, 4.0)
+    assert near(found["nis.lidar"].ci95, 2.0)
 
 
 def test_covariances_that_a_loose_start_breaks_are_counted():
@@ -156,8 +162,8 @@ def test_covariances_that_a_loose_start_breaks_are_counted():
     }
     scores, _ = scores_of({"radar": RADAR, "lidar": LIDAR}, trackers, dt=0.05)
     broken = health(scores["negative centre"])
-    assert broken["repaired_covariances"] >= broken["repaired_runs"] > 0
-    assert health(scores["cubature"])["repaired_runs"] == 0
+    assert broken.repaired_covariances >= broken.repaired_runs > 0
+    assert health(scores["cubature"]).repaired_runs == 0
 
 
 def test_blocks_of_another_truth_in_each_run_score_as_one():

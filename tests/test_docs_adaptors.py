@@ -15,16 +15,17 @@ from trackbench.adaptors.filterpy_options import FilterPyOptions, FilterPySensor
 from trackbench.adaptors.stonesoup_models import MEASURED
 from trackbench.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor
 from trackbench.errors import InputError
-from trackbench.plugins import create
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
+from trackbench.trackers.published import create
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "adaptors.md"
 EXAMPLES = DOCS / "examples"
 
 
+@pytest.mark.docs_pages
 def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     for file in EXAMPLES.glob("own_*"):
         shutil.copy(file, tmp_path)

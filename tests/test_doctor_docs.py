@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from trackbench.doctor.findings import known_faults
 
 ROOT = Path(__file__).parents[1]
@@ -15,6 +17,7 @@ PAGE = ROOT / "docs" / "doctor.md"
 Fenced = Callable[[Path], list[Any]]
 
 
+@pytest.mark.docs_pages
 def test_the_case_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     assert run_page(PAGE, tmp_path) == 6
     assert (tmp_path / "results" / "doctor" / "sensor_fusion_student_Tracker" / "report.html").exists()

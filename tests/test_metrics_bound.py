@@ -5,14 +5,13 @@ import pytest
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
-from trackbench.metrics.bound import Prior, cramer_rao, typical_acceleration
+from trackbench.metrics.bound import BoundStart, cramer_rao, typical_acceleration
 from trackbench.models.motion import ConstantVelocity
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.config import LidarConfig, Mount, RadarConfig
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
 from trackbench.sensing.scans import ideal_sensors
 
-LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.15)
-RADAR = RadarConfig(
+LIDAR = Lidar(rate_hz=10, position_sigma_m=0.15)
+RADAR = Radar(
     rate_hz=10,
     phase_s=0.05,
     range_sigma_m=0.3,
@@ -20,7 +19,7 @@ RADAR = RadarConfig(
     range_rate_sigma_mps=0.2,
     mount=Mount(x_m=2, yaw_deg=20),
 )
-PRIOR = Prior(velocity_sigma=3.0, position_sigma=1.0)
+PRIOR = BoundStart(velocity_sigma=3.0, position_sigma=1.0)
 
 
 def moving(steps=41, dt=0.05, alive=None):
@@ -79,7 +78,7 @@ def test_of_nonlinear_measurements_it_is_the_covariance_of_an_extended_filter_th
 def test_before_the_first_reading_there_is_no_bound_and_then_that_of_the_measurement():
     alive = np.ones((41, 2), dtype=bool)
     alive[:10, 1] = False
-    found, _, instants = bound(moving(alive=alive), {"lidar": LIDAR}, Prior(velocity_sigma=20.0))
+    found, _, instants = bound(moving(alive=alive), {"lidar": LIDAR}, BoundStart(velocity_sigma=20.0))
     late = np.searchsorted(instants, 10)
     assert np.isnan(found[:late, 1]).all()
     np.testing.assert_allclose(found[late, 1], [0.15**2] * 2 + [400] * 2, rtol=1e-6)

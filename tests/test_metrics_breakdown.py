@@ -7,15 +7,16 @@ import pytest
 from tests.scenes import random_walk, truth, work
 from tests.test_metrics_scorer import SENSORS, TWO, estimate, target
 
+from trackbench.metrics import Scorer
 from trackbench.metrics.breakdown import band_name, breakdown, cells
 from trackbench.metrics.conditions import BANDS, MANOEUVRES, conditions
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ratio, root
-from trackbench.metrics.scorer import Scorer
+from trackbench.models.sensors import Lidar
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import LidarConfig
 from trackbench.sensing.scans import ideal_sensors
 
-LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.1)
+LIDAR = Lidar(rate_hz=10, position_sigma_m=0.1)
 
 
 def standing(distance, steps=1, **more):
@@ -96,10 +97,10 @@ def test_each_run_has_its_own_classes_where_its_motion_is_its_own():
 def scored(errors, codes, runs, covariance=None):
     """Estimates with errors ``(instants, 4, batch)`` of an object that stays at the origin."""
     of = target(np.zeros((4, len(errors), 1)), runs)
-    made = Scorer(of, np.asarray(codes, dtype=np.int8), {}, keep_spread=False)
+    made = Scorer(of, np.asarray(codes, dtype=np.int8), {})
     for error in errors:
         made.estimate(estimate(error, covariance))
-    return made.scores(1.0, 1)
+    return made.close()[ESTIMATES.name]
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["the same in every run", "its own in each run"])
@@ -113,22 +114,22 @@ def test_errors_of_each_class_by_hand(own):
     each = np.broadcast_to(codes[:, 0], (6, 5))
     position, velocity = (errors[:, :2] ** 2).sum(axis=1), (errors[:, 2:] ** 2).sum(axis=1)
     for group, chosen in (
-        (found["all"], each >= 0),
-        (found["manoeuvre"]["turning"], each >= turning),
-        (found["manoeuvre"]["straight"], each < turning),
-        (found["range"]["50 to 100 m"], each % BANDS == far),
+        (found.all, each >= 0),
+        (found.manoeuvre["turning"], each >= turning),
+        (found.manoeuvre["straight"], each < turning),
+        (found.range["50 to 100 m"], each % BANDS == far),
     ):
-        assert group["count"] == chosen.sum()
-        assert group["position_rmse"]["value"] == pytest.approx(np.sqrt(position[chosen].mean()))
-        assert group["velocity_rmse"]["value"] == pytest.approx(np.sqrt(velocity[chosen].mean()))
+        assert group.count == chosen.sum()
+        assert group.position_rmse.value == pytest.approx(np.sqrt(position[chosen].mean()))
+        assert group.velocity_rmse.value == pytest.approx(np.sqrt(velocity[chosen].mean()))
         # With unit covariances the NEES is the sum of squares.
-        assert group["nees"]["mean"] == pytest.approx((position + velocity)[chosen].mean())
-        assert group["nees_position"]["mean"] == pytest.approx(position[chosen].mean())
-        assert group["nees_velocity"]["mean"] == pytest.approx(velocity[chosen].mean())
+        assert group.nees.mean == pytest.approx((position + velocity)[chosen].mean())
+        assert group.nees_position.mean == pytest.approx(position[chosen].mean())
+        assert group.nees_velocity.mean == pytest.approx(velocity[chosen].mean())
         count, total = chosen.sum(axis=0).astype(float), np.where(chosen, position, 0).sum(axis=0)
         if (count > 0).all():
-            assert group["position_rmse"]["ci95"] == pytest.approx(list(root(ratio(total, count)).ci95))
-    assert "braking" not in found["manoeuvre"]
+            assert group.position_rmse.ci95 == pytest.approx(root(ratio(total, count)).ci95)
+    assert "braking" not in found.manoeuvre
 
 
 def test_parts_of_the_nees_agree_with_numpy():
@@ -137,25 +138,25 @@ def test_parts_of_the_nees_agree_with_numpy():
     factor = random.normal(size=(batch, 4, 4))
     covariance = factor @ np.swapaxes(factor, 1, 2) + 0.2 * np.eye(4)
     error = random.normal(size=(1, 4, batch))
-    found = breakdown(scored(error, np.zeros((1, 1, 1)), batch, np.moveaxis(covariance, 0, -1)).classes)["all"]
+    found = breakdown(scored(error, np.zeros((1, 1, 1)), batch, np.moveaxis(covariance, 0, -1)).classes).all
     for name, part in (("nees_position", slice(0, 2)), ("nees_velocity", slice(2, 4)), ("nees", slice(0, 4))):
         pairs = zip(error[0].T, covariance, strict=True)
         expected = [e[part] @ np.linalg.solve(p[part, part], e[part]) for e, p in pairs]
-        assert found[name]["mean"] == pytest.approx(np.mean(expected), rel=1e-12)
-        assert found[name]["dof"] == (4 if name == "nees" else 2)
+        assert getattr(found, name).mean == pytest.approx(np.mean(expected), rel=1e-12)
+        assert getattr(found, name).dof == (4 if name == "nees" else 2)
 
 
 def test_velocities_that_are_correlated_to_the_last_bit_break_nothing():
     tight = np.eye(4)
     tight[2:, 2:] = [[1, 1 - 1e-15], [1 - 1e-15, 1]]
     found = breakdown(scored(np.zeros((1, 4, 2)), np.zeros((1, 1, 1)), 2, np.repeat(tight[..., None], 2, 2)).classes)
-    assert found["all"]["nees_velocity"]["mean"] == 0
+    assert found.all.nees_velocity.mean == 0
 
 
 def test_one_run_has_no_interval():
-    found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1).classes)["all"]
-    assert found["position_rmse"]["ci95"] is None
-    assert "two runs" in found["position_rmse"]["reason"]
+    found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1).classes).all
+    assert found.position_rmse.ci95 is None
+    assert "two runs" in found.position_rmse.reason
 
 
 def test_cells_add_up_to_everything():

@@ -7,7 +7,7 @@ import pytest
 from tests.conftest import Run
 
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.scores import LAGS
+from trackbench.metrics.sums import LAGS
 
 
 def by_hand(white, used):

@@ -7,20 +7,21 @@ import pytest
 from scipy import stats
 from tests.scenes import TRACKERS, random_walk, scan, truth, work
 
-from trackbench.metrics import scorer
-from trackbench.metrics.scorer import NOT_DEFINITE, NOT_FINITE, Fault, Scorer, Target, percentiles
-from trackbench.metrics.scores import merge
-from trackbench.metrics.summary import Bound, error_intervals, health, metrics, rms_bound
-from trackbench.runner.block import Failure, run_block
-from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.metrics import Bound, Fault, Scorer, Target, evaluate, health, scorer
+from trackbench.metrics.bound import rms_bound
+from trackbench.metrics.estimates import ESTIMATES, percentiles
+from trackbench.metrics.sums import NO_BOUND, merge
+from trackbench.models.sensors import Lidar, Radar
+from trackbench.results import Failure
+from trackbench.runner.block import run_block
 from trackbench.sensing.scans import sense
+from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Estimate
 
-NO_BOUND = Bound(float("nan"), float("nan"))
 SENSORS = {
-    "radar": RadarConfig(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
-    "lidar": LidarConfig(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
+    "radar": Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
+    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
 }
 
 
@@ -46,16 +47,17 @@ def estimate(mean, covariance=None, **more):
 
 def scored(of, estimates, sensors=None):
     """Of estimates after each instant, each with the scans that led to it."""
-    made = Scorer(of, np.zeros((*of.alive.shape, 1), dtype=np.int8), sensors or {}, keep_spread=True)
+    made = Scorer(of, np.zeros((*of.alive.shape, 1), dtype=np.int8), sensors or {})
     for k, (scans, given) in enumerate(estimates):
         for seen in scans:
-            made.innovation(k, seen, given)
+            made.scan(k, seen, given, seconds=0.002)
         made.estimate(given)
-    return made.scores(seconds=2.0, steps=1000)
+    return made.close()[ESTIMATES.name]
 
 
-def summary(scores, runs, bound=NO_BOUND):
-    return metrics(scores, bound, runs)
+def values(scores, bound=NO_BOUND):
+    """By path."""
+    return evaluate({ESTIMATES.name: replace(scores, bound=bound)}).values
 
 
 def test_errors_by_hand():
@@ -65,24 +67,23 @@ def test_errors_by_hand():
     first = np.array([[3, 0], [4, 0], [10, 10], [0, 10]])
     second = np.array([[0, 1], [0, 0], [12, 10], [0, 0]])
     scores = scored(target(state, 2), [([], estimate(first)), ([], estimate(second))])
-    found = summary(scores, 2)
-    assert found["position_rmse"]["value"] == pytest.approx(np.sqrt((25 + 0 + 0 + 1) / 4))
-    assert found["velocity_rmse"]["value"] == pytest.approx(np.sqrt((0 + 100 + 4 + 0) / 4))
+    found = values(scores)
+    assert found["position_rmse"].value == pytest.approx(np.sqrt((25 + 0 + 0 + 1) / 4))
+    assert found["velocity_rmse"].value == pytest.approx(np.sqrt((0 + 100 + 4 + 0) / 4))
     # Only one course is wrong: 45 degrees.
-    assert found["course_rmse"]["value"] == pytest.approx(45 / 2)
-    assert found["course_rmse"]["unit"] == "deg"
-    axes = {name: entry["value"] for name, entry in found["rmse"].items()}
+    assert found["course_rmse"].value == pytest.approx(45 / 2)
+    assert found["course_rmse"].unit == "deg"
+    axes = {name: found[f"rmse.{name}"].value for name in ("px", "py", "vx", "vy")}
     assert axes == pytest.approx(
         {"px": np.sqrt(10 / 4), "py": np.sqrt(16 / 4), "vx": np.sqrt(4 / 4), "vy": np.sqrt(100 / 4)}
     )
     # With unit covariances the NEES is the sum of squares.
-    assert found["nees"]["mean"] == pytest.approx((25 + 100 + 4 + 1) / 4)
+    assert found["nees"].mean == pytest.approx((25 + 100 + 4 + 1) / 4)
     low, high = stats.chi2.ppf([0.025, 0.975], 2 * 4) / 2
-    assert found["nees"]["bounds95"] == pytest.approx([low, high])
+    assert found["nees"].bounds95 == pytest.approx([low, high])
     # Two runs of 62.5 and 2.5: an interval that says nothing.
-    assert found["nees"]["verdict"] == "undecided"
-    assert found["coverage"]["value"] == 1.0
-    assert found["step_time"]["value"] == pytest.approx(2.0 / 1000 * 1e6)
+    assert found["nees"].verdict == "undecided"
+    assert found["coverage"].value == 1.0
     np.testing.assert_allclose(scores.per_run[1:3].sum(axis=0), [25, 1])
     np.testing.assert_allclose(scores.per_step[1:3].sum(axis=0), [25, 1])
     np.testing.assert_allclose(scores.spread[:, 0], np.percentile([5, 0], [10, 90]))
@@ -108,13 +109,13 @@ def test_the_course_of_an_object_at_rest_is_not_scored():
     mean[3] = 5.0
     scores = scored(target(state, 1), [([], estimate(mean))])
     assert scores.per_run[6, 0] == 1
-    assert summary(scores, 1)["course_rmse"]["value"] == pytest.approx(90)
+    assert values(scores)["course_rmse"].value == pytest.approx(90)
 
 
 def test_the_course_error_goes_the_short_way_round():
     state = np.array([0, 0, -10, 0.1]).reshape(4, 1, 1)
     scores = scored(target(state, 1), [([], estimate([[0], [0], [-10], [-0.1]]))])
-    assert summary(scores, 1)["course_rmse"]["value"] == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
+    assert values(scores)["course_rmse"].value == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
 
 
 def test_percentiles_are_those_of_numpy_over_what_is_in_use():
@@ -144,8 +145,8 @@ def test_a_lane_without_an_estimate_costs_coverage():
     whole = estimate(np.ones((4, 2)))
     scores = scored(target(state, 2), [([], nothing), ([], half), ([], whole), ([], whole)])
     np.testing.assert_array_equal(scores.per_run[0], [3, 2])
-    assert summary(scores, 2)["coverage"]["value"] == pytest.approx(5 / 8)
-    assert summary(scores, 2)["position_rmse"]["value"] == pytest.approx(np.sqrt(2))
+    assert values(scores)["coverage"].value == pytest.approx(5 / 8)
+    assert values(scores)["position_rmse"].value == pytest.approx(np.sqrt(2))
 
 
 def test_a_run_diverges_once_an_error_exceeds_the_limit():
@@ -154,7 +155,7 @@ def test_a_run_diverges_once_an_error_exceeds_the_limit():
     far[0] = [9.9, 10.1, 0.0]
     scores = scored(target(state, 3, divergence=10.0), [([], estimate(far)), ([], estimate(np.zeros((4, 3))))])
     np.testing.assert_array_equal(scores.diverged, [0, 1, 0])
-    assert health(scores)["diverged_runs"] == 1
+    assert health(scores).diverged_runs == 1
 
 
 @pytest.mark.parametrize(
@@ -217,25 +218,26 @@ def test_innovations_by_hand():
     # Run 0: 1, 2, 4; run 1: 13, missed, 1. Of those 13 alone is above 5.991.
     np.testing.assert_allclose(nis.per_run[:3], [[3, 2], [7, 14], [3, 1]])
     np.testing.assert_allclose(nis.per_step, [[2, 1, 2], [14, 2, 5], [1, 1, 2]])
-    found = summary(scores, 2)["nis"]["lidar"]
-    assert found["mean"] == pytest.approx(21 / 5)
-    assert found["inside95"] == pytest.approx(4 / 5)
-    assert found["dof"] == 2
+    found = values(scores)["nis.lidar"]
+    assert values(scores)["step_time"].value == pytest.approx(3 * 0.002 / 6 * 1e6)
+    assert found.mean == pytest.approx(21 / 5)
+    assert found.inside95 == pytest.approx(4 / 5)
+    assert found.dof == 2
     low, high = stats.chi2.ppf([0.025, 0.975], 2 * 2) / 2
-    assert found["bounds95"] == pytest.approx([low, high])
+    assert found.bounds95 == pytest.approx([low, high])
     # Successive measurements of run 0 alone: (1, 0) . (1, 1) + (1, 1) . (-2, 0), over the squares of the later ones.
-    white = summary(scores, 2)["whiteness"]["lidar"]
-    assert white["value"] == pytest.approx((1 - 2) / (2 + 4))
-    assert white["bounds95"] == pytest.approx([-1.96 / 2, 1.96 / 2])
+    white = values(scores)["whiteness.lidar"]
+    assert white.value == pytest.approx((1 - 2) / (2 + 4))
+    assert white.bounds95 == pytest.approx([-1.96 / 2, 1.96 / 2])
 
 
 def test_a_tracker_that_gives_no_innovation_has_no_nis():
     seen = scan("lidar", 0.0, np.zeros((2, 2)))
     scores = scored(target(np.zeros((4, 1, 1)), 2), [([seen], estimate(np.zeros((4, 2))))], {"lidar": 1})
-    found = summary(scores, 2)
-    assert found["nis"]["lidar"]["mean"] is None
-    assert "no innovation" in found["nis"]["lidar"]["reason"]
-    assert found["whiteness"]["lidar"]["value"] is None
+    found = values(scores)
+    assert found["nis.lidar"].mean is None
+    assert "no innovation" in found["nis.lidar"].reason
+    assert found["whiteness.lidar"].value is None
 
 
 def test_repairs_are_counted_where_the_object_is_scored():
@@ -245,17 +247,17 @@ def test_repairs_are_counted_where_the_object_is_scored():
     scores = scored(of, [([seen], given), ([seen], given)], {"lidar": 2})
     # Members are object 0 runs 0 and 1, object 1 runs 0 and 1.
     np.testing.assert_array_equal(scores.repaired, [3, 1])
-    assert health(scores)["repaired_covariances"] == 4
-    assert health(scores)["repaired_runs"] == 2
+    assert health(scores).repaired_covariances == 4
+    assert health(scores).repaired_runs == 2
 
 
 def test_efficiency_is_the_error_over_the_bound():
     state = np.zeros((4, 1, 1))
     scores = scored(target(state, 2), [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))])
-    found = summary(scores, 2, Bound(1.5, 4.0))
-    assert found["position_efficiency"]["value"] == pytest.approx(2.0)
-    assert found["velocity_efficiency"]["value"] == pytest.approx(0.5)
-    assert found["position_bound"]["value"] == 1.5
+    found = values(scores, Bound(1.5, 4.0))
+    assert found["position_efficiency"].value == pytest.approx(2.0)
+    assert found["velocity_efficiency"].value == pytest.approx(0.5)
+    assert found["position_bound"].value == 1.5
 
 
 def test_the_bound_is_averaged_as_the_errors_are():
@@ -310,11 +312,11 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     # Measurements without noise: the raw tracker's position is exact, and its velocity that of constant motion.
     time = np.arange(20) * 0.1
     of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
-    exact = {"lidar": LidarConfig(rate_hz=10, position_sigma_m=1e-6)}
+    exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
     scores = run_block(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
-    errors = error_intervals(scores)
-    assert errors["position_rmse"].value < 1e-5
-    assert errors["velocity_rmse"].value < 1e-4
+    found = values(scores)
+    assert found["position_rmse"].value < 1e-5
+    assert found["velocity_rmse"].value < 1e-4
     assert scores.per_run[0].tolist() == [19, 19, 19]
 
 
@@ -335,9 +337,11 @@ def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
     one, other = run_block(whole, range(6)), run_block(whole, range(3, 6))
     assert run_block(whole, range(3)).scans is None
     for name in TWO:
-        np.testing.assert_allclose(one.traces[name].mean, other.traces[name].mean, rtol=1e-12)
-        np.testing.assert_allclose(one.traces[name].covariance, other.traces[name].covariance, rtol=1e-12, atol=1e-12)
-        assert one.traces[name].mean.shape == (4, 30, 1)
+        np.testing.assert_allclose(one.recorded[name].mean, other.recorded[name].mean, rtol=1e-12)
+        np.testing.assert_allclose(
+            one.recorded[name].covariance, other.recorded[name].covariance, rtol=1e-12, atol=1e-12
+        )
+        assert one.recorded[name].mean.shape == (4, 30, 1)
     for a, b in zip(one.scans, other.scans, strict=True):
         np.testing.assert_array_equal(a.measurement, b.measurement)
 

@@ -1,26 +1,24 @@
 """Targets that move as the trackers assume: consistency and the Cramer-Rao bound have known answers."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 from tests.scenes import fixed_observer, truth
 
-from trackbench.metrics.bound import Prior, cramer_rao
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.results import Result
+from trackbench.metrics.bound import BoundStart, cramer_rao
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar
+from trackbench.results import Result, TrackerResult
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
-from trackbench.truth import Draw, load_truth
+from trackbench.truth import Draw
 from trackbench.types import Array, Truth
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios" / "scripted"
-RADAR = RadarConfig(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.3)
+RADAR = Radar(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.3)
 
 
 def result(name: str, *overrides: str) -> Result:
@@ -28,8 +26,8 @@ def result(name: str, *overrides: str) -> Result:
     return run(loaded, truth_of(loaded))
 
 
-def by_name(of: Result) -> dict[str, dict[str, Any]]:
-    return {tracker["name"]: tracker["metrics"] for tracker in of.json()["trackers"]}
+def by_name(of: Result) -> dict[str, TrackerResult]:
+    return {tracker.name: tracker for tracker in of.summary.trackers}
 
 
 @pytest.mark.parametrize("name", ["own_model", "own_model_ctrv"])
@@ -52,14 +50,15 @@ def test_consistent_at_one_instant_over_several_seeds(name: str) -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_verdicts_are_consistent_and_the_kalman_filter_reaches_the_bound(seed: int) -> None:
     found = by_name(result("own_model", "monte_carlo.runs=200", f"monte_carlo.seed={seed}"))
-    for name, metrics in found.items():
-        assert metrics["nees"]["verdict"] == "consistent", name
-        for sensor, nis in metrics["nis"].items():
-            assert nis is None or nis["mean"] is None or nis["verdict"] == "consistent", (name, sensor)
+    for name, tracker in found.items():
+        assert tracker.nees.verdict == "consistent", name
+        for sensor, nis in tracker.of_sensors("nis").items():
+            assert nis.mean is None or nis.verdict == "consistent", (name, sensor)
     for metric in ("position_efficiency", "velocity_efficiency"):
-        low, high = found["kf_lidar"][metric]["ci95"]
+        efficiency = found["kf_lidar"].metrics[metric]
+        low, high = efficiency.ci95
         # Three standard errors to each side, where the interval has two.
-        assert abs(found["kf_lidar"][metric]["value"] - 1.0) < 1.5 * (high - low) / 2
+        assert abs(efficiency.value - 1.0) < 1.5 * (high - low) / 2
         assert high - low < 0.07
 
 
@@ -67,32 +66,32 @@ def test_verdicts_are_consistent_and_the_kalman_filter_reaches_the_bound(seed: i
 def test_the_wrong_noise_is_told_from_the_right_one(sigma: float, verdict: str) -> None:
     settings = [f"trackers.{name}.acceleration_sigma_mps2={sigma}" for name in ("kf_lidar", "ekf", "ukf")]
     found = by_name(result("own_model", "monte_carlo.runs=100", *settings))
-    assert {metrics["nees"]["verdict"] for metrics in found.values()} == {verdict}
-    assert all(metrics["position_efficiency"]["ci95"][0] > 1.0 for metrics in found.values())
+    assert {tracker.nees.verdict for tracker in found.values()} == {verdict}
+    assert all(tracker.position_efficiency.ci95[0] > 1.0 for tracker in found.values())
 
 
 def test_few_runs_are_not_taken_for_consistency() -> None:
     """One run, and ten short ones, of a filter whose noise is right: nothing is shown either way."""
-    metrics = by_name(result("own_model", "monte_carlo.runs=1"))["ekf"]
-    assert metrics["nees"]["ci95"] is None
-    verdicts = {metrics["nees"]["verdict"], *(nis["verdict"] for nis in metrics["nis"].values())}
+    ekf = by_name(result("own_model", "monte_carlo.runs=1"))["ekf"]
+    assert (ekf.nees.ci95, ekf.nees.reason) == (None, "one run gives no interval")
+    verdicts = {ekf.nees.verdict, *(nis.verdict for nis in ekf.of_sensors("nis").values())}
     assert verdicts == {"undecided"}
     short = by_name(result("own_model", "monte_carlo.runs=10", "truth.duration_s=2"))["ekf"]
-    assert short["nees"]["verdict"] == "undecided"
+    assert short.nees.verdict == "undecided"
 
 
 def test_a_doubled_process_noise_variance_is_told_from_the_right_one() -> None:
     """That of the process: a factor of 1.4 in its standard deviation."""
     twice = [f"trackers.{name}.acceleration_sigma_mps2={2 * 2**0.5}" for name in ("kf_lidar", "ekf", "ukf")]
     found = by_name(result("own_model", "monte_carlo.runs=100", *twice))
-    assert {metrics["nees"]["verdict"] for metrics in found.values()} == {"pessimistic"}
+    assert {tracker.nees.verdict for tracker in found.values()} == {"pessimistic"}
 
 
 def test_the_recorded_run_is_shown_as_it_moved() -> None:
     """Run 3 of the tables is run 3 of the truth, and its estimates are near it."""
     settings = ("monte_carlo.runs=5", "recording.run=3")
     loaded = load_scenario(SCENARIOS / "own_model.yaml", settings)
-    moved = load_truth(loaded.config.truth, Draw(7, "own_model", 5), folder=SCENARIOS)
+    moved = loaded.config.truth.load(Draw(7, "own_model", 5), folder=SCENARIOS)
     tables = run(loaded, moved).tables
     rows = [row for row in tables["truth"].to_pylist() if row["object"] == "ahead"]
     np.testing.assert_array_equal([row["px_m"] for row in rows], moved.truth.px[:, 0, 3])
@@ -112,7 +111,7 @@ def information(sensor: IdealSensor, place: tuple[float, float]) -> Array:
 
 
 def bound(of: Truth, sensor: IdealSensor, rate: float) -> Array:
-    prior = Prior(velocity_sigma=5, position_sigma=1)
+    prior = BoundStart(velocity_sigma=5, position_sigma=1)
     rates = {"sensor": np.full((len(sensor.steps), 1), rate)}
     return cramer_rao(of, [sensor], rates, 2.0, prior, np.array([0]))[0, 0]
 
@@ -135,6 +134,6 @@ def test_a_run_out_of_range_gives_no_information() -> None:
 def test_the_bound_of_a_lidar_does_not_depend_on_the_motion() -> None:
     found = []
     for of in (two_runs((0.0, 200.0)), two_runs((40.0, 0.0))):
-        (lidar,) = ideal_sensors(of, {"sensor": LidarConfig(rate_hz=10, position_sigma_m=0.15)})
+        (lidar,) = ideal_sensors(of, {"sensor": Lidar(rate_hz=10, position_sigma_m=0.15)})
         found.append(bound(of, lidar, 1.0))
     np.testing.assert_allclose(found[0], found[1])

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from trackbench.results import Result
 from trackbench.testing import check_tracker
 
@@ -14,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 
 
+@pytest.mark.docs_pages
 def test_the_readme_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     shutil.copytree(ROOT / "scenarios", tmp_path / "scenarios")
     assert run_page(README, tmp_path) > 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.browser import CHROMIUM, Seen, look
+from tests.browser import Seen, look
 from tests.example_result import make_result
 
 from trackbench.compare import compare, results_in
@@ -12,7 +12,7 @@ from trackbench.report.document.html import to_html
 from trackbench.report.run import run_document
 from trackbench.results import Result
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (apt-get install chromium)")
+pytestmark = pytest.mark.browser
 
 PHONE, DESKTOP = 390, 1280
 BROKEN = """<!doctype html>

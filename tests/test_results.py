@@ -7,13 +7,53 @@ from typing import Any
 
 import pyarrow as pa
 import pytest
+from pydantic import ValidationError
 
 from trackbench import results
 from trackbench.errors import InputError, TrackbenchError
-from trackbench.results import Result
+from trackbench.results import SCHEMA_VERSION, MetricValue, Result, folder, to_json
 
 SMALL = Result.from_json(
-    {"schema_version": 1, "scenario": {"name": "süd"}, "runs": 3, "value": None},
+    {
+        "schema_version": SCHEMA_VERSION,
+        "scenario": {"name": "süd", "description": "", "file": "süd.yaml", "text": "", "overrides": []},
+        "seed": 7,
+        "runs": 3,
+        "versions": {"trackbench": "0.1.0"},
+        "command": "trackbench run süd.yaml",
+        "fingerprints": ["0123456789abcdef"] * 3,
+        "truth": {
+            "source": "scripted",
+            "objects": ["v1"],
+            "steps": 2,
+            "dt": 0.1,
+            "duration_s": 0.1,
+            "audit": {},
+            "cached": False,
+        },
+        "sensors": {"lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10, "preset": None, "detection_rate": 1}},
+        "bound": {"motion": "cv", "acceleration_sigma_mps2": 1, "velocity_sigma_mps": 20},
+        "score": {"settle_s": 0, "divergence_m": 20},
+        "recorded_run": 0,
+        "trackers": [
+            {
+                "name": "ekf",
+                "describe": "ekf, cv",
+                "failed": None,
+                "metrics": {
+                    "position_rmse": {"value": 0.5, "unit": "m", "ci95": [0.4, 0.6]},
+                    "rmse": {"px": {"value": None, "unit": "m", "reason": "none"}},
+                    "nees": {"mean": 4.1, "unit": "1", "dof": 4, "verdict": "consistent"},
+                },
+                "health": {"diverged_runs": 0, "repaired_covariances": 0, "repaired_runs": 0},
+            }
+        ],
+        "ranking": ["ekf"],
+        "differences": [],
+        "expectations": [],
+        "passed": True,
+        "artifacts": {},
+    },
     {
         "steps": pa.table({"time_s": [0.0, 0.1], "error_m": [None, 0.25]}),
         "roads": pa.table({"line": pa.array([], "i8")}),
@@ -32,7 +72,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert loaded.tables.keys() == SMALL.tables.keys()
     assert all(loaded.tables[name].equals(table) for name, table in SMALL.tables.items())
     assert names(tmp_path) == {"run"}
-    assert names(tmp_path / "run") == {"result.json", "report.html", *results.table_files(SMALL)}
+    assert names(tmp_path / "run") == {"result.json", "report.html", *(f"{name}.parquet" for name in SMALL.tables)}
     assert "süd" in (tmp_path / "run" / "result.json").read_text(encoding="utf-8")
 
 
@@ -45,11 +85,31 @@ def test_round_trip_of_a_run(tiny_result: Result, tmp_path: Path) -> None:
         assert loaded.tables[name].equals(table), name
 
 
+def test_metrics_by_attribute_and_by_path() -> None:
+    ekf = SMALL["ekf"]
+    assert (ekf.position_rmse.value, ekf.position_rmse.ci95) == (0.5, (0.4, 0.6))
+    assert ekf.metrics["rmse.px"].reason == "none"
+    assert (ekf.nees.mean, ekf.nees.verdict) == (4.1, "consistent")
+    assert SMALL.json()["trackers"][0]["metrics"]["rmse"]["px"] == {"value": None, "unit": "m", "reason": "none"}
+    with pytest.raises(AttributeError, match="no attribute or metric 'gospa'"):
+        _ = ekf.gospa
+    with pytest.raises(InputError, match="no tracker 'ekg' in this result; did you mean 'ekf'"):
+        _ = SMALL["ekg"]
+
+
+def test_the_fingerprint_of_all_runs_is_that_of_each() -> None:
+    one, other = (SMALL.updated(fingerprints=[each] * 3).summary.fingerprint for each in ("a" * 16, "b" * 16))
+    assert one != other
+    assert len(one) == 16
+    assert one == SMALL.updated(fingerprints=["a" * 16] * 3).summary.fingerprint
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-def test_no_nan_in_json(tmp_path: Path, value: float) -> None:
+def test_no_nan_in_json(value: float) -> None:
+    with pytest.raises(ValidationError, match="finite number"):
+        MetricValue(value=value, unit="m")
     with pytest.raises(ValueError, match="Out of range float"):
-        Result.from_json({"metrics": [{"value": value}]}, {}).save(tmp_path / "run", {})
-    assert names(tmp_path) == set()
+        to_json({"value": value})
 
 
 def test_anyone_can_read_what_is_written(tmp_path: Path) -> None:
@@ -64,7 +124,7 @@ def test_a_writer_that_fails_leaves_the_earlier_result(tmp_path: Path, error: Ba
         raise error
 
     SMALL.save(tmp_path / "run", {})
-    changed = Result.from_json({**SMALL.json(), "runs": 4}, {})
+    changed = SMALL.updated(runs=4)
     with pytest.raises(TrackbenchError if isinstance(error, OSError) else type(error)) as caught:
         changed.save(tmp_path / "run", {"report.html": fail})
     if isinstance(error, OSError):
@@ -80,16 +140,16 @@ def test_an_earlier_result_comes_back_if_the_new_one_cannot_take_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     SMALL.save(tmp_path / "run", {})
-    replace = results.os.replace
+    replace = folder.os.replace
 
     def refuse(source: Any, target: Any) -> None:
         if str(source).endswith(".unfinished") and Path(target).name == "run":
             raise PermissionError(13, "Permission denied")
         replace(source, target)
 
-    monkeypatch.setattr(results.os, "replace", refuse)
+    monkeypatch.setattr(folder.os, "replace", refuse)
     with pytest.raises(TrackbenchError, match=r"cannot write .*/run: Permission denied"):
-        Result.from_json({"runs": 4}, {}).save(tmp_path / "run", {})
+        SMALL.updated(runs=4).save(tmp_path / "run", {})
     monkeypatch.undo()
     assert names(tmp_path) == {"run"}
     assert results.Result.load(tmp_path / "run").json() == SMALL.json()
@@ -130,38 +190,49 @@ def test_text_is_written_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(results.os, "replace", full)
+    monkeypatch.setattr(folder.os, "replace", full)
     with pytest.raises(TrackbenchError, match="No space left on device"):
         results.write_text(tmp_path / "comparison.md", "second\n")
     assert (tmp_path / "comparison.md").read_text() == "first\n"
     assert names(tmp_path) == {"comparison.md"}
 
 
-def damage(folder: Path, file: str, content: bytes) -> None:
-    SMALL.save(folder, {})
-    (folder / file).write_bytes(content)
-
-
 @pytest.mark.parametrize(
-    ("file", "content", "message"),
+    ("content", "message"),
     [
-        ("result.json", b"", "result.json: not a readable result: "),
-        ("result.json", b'{"schema_version": 1', "result.json: not a readable result: "),
-        ("result.json", b"\xff\xfe", "result.json: not a readable result: "),
-        ("result.json", b"[1, 2]", "result.json: schema_version is not 1"),
-        ("result.json", b'{"schema_version": 2}', "schema_version is not 1: this result is of another version"),
-        ("steps.parquet", b"", "not a readable result: .*steps.parquet|Parquet"),
-        ("steps.parquet", b"PAR1 and then nothing PAR1", "not a readable result: "),
+        (b"", "result.json: not a readable result: "),
+        (b'{"schema_version": 1', "result.json: not a readable result: "),
+        (b"\xff\xfe", "result.json: not a readable result: "),
+        (b"[1, 2]", f"result.json: schema_version is not {SCHEMA_VERSION}"),
+        (b'{"schema_version": 1}', f"schema_version is not {SCHEMA_VERSION}: this result is of another version"),
+        (f'{{"schema_version": {SCHEMA_VERSION}}}'.encode(), "not the result of a run: scenario: Field required"),
+        (to_json({**SMALL.json(), "ranking": []}).encode(), "ranking does not name its trackers"),
     ],
-)  # fmt: skip
-def test_damaged_results_are_refused(tmp_path: Path, file: str, content: bytes, message: str) -> None:
-    damage(tmp_path / "run", file, content)
+)
+def test_damaged_results_are_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    SMALL.save(tmp_path / "run", {})
+    (tmp_path / "run" / "result.json").write_bytes(content)
     with pytest.raises(InputError, match=message) as caught:
         results.Result.load(tmp_path / "run")
     assert str(tmp_path / "run") in str(caught.value)
 
 
+@pytest.mark.parametrize("content", [b"", b"PAR1 and then nothing PAR1", None])
+def test_damaged_tables_are_refused_when_they_are_read(tmp_path: Path, content: bytes | None) -> None:
+    SMALL.save(tmp_path / "run", {})
+    file = tmp_path / "run" / "steps.parquet"
+    file.unlink() if content is None else file.write_bytes(content)
+    loaded = results.Result.load(tmp_path / "run")
+    assert loaded.summary == SMALL.summary
+    with pytest.raises(
+        InputError, match=r"no steps\.parquet" if content is None else "not a readable table: "
+    ) as caught:
+        _ = loaded.tables.steps
+    assert str(tmp_path / "run") in str(caught.value)
+
+
 def test_a_folder_without_a_result(tmp_path: Path) -> None:
-    for folder in (tmp_path, tmp_path / "nowhere"):
-        with pytest.raises(InputError, match=r"no result\.json in this folder: it is not the folder of a run"):
-            results.Result.load(folder)
+    with pytest.raises(InputError, match=r"no result\.json in this folder: it is not the folder of a run"):
+        results.Result.load(tmp_path)
+    with pytest.raises(InputError, match="there is no such folder"):
+        results.Result.load(tmp_path / "nowhere")

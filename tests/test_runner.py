@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from trackbench.results import Result, to_json
+from trackbench.results import Difference, Result, to_json
 from trackbench.runner import block, expectations
 from trackbench.scenario.config import Expectation
 
@@ -168,10 +168,10 @@ def test_a_tracker_reads_its_sensors_alone(run_tiny: Run) -> None:
     assert quiet.summary.fingerprint != loud.summary.fingerprint
     assert numbers(tracker(quiet, "ekf")) == numbers(tracker(loud, "ekf"))
     assert numbers(tracker(quiet, "raw")) != numbers(tracker(loud, "raw"))
-    metrics = tracker(quiet, "ekf")["metrics"]
-    assert metrics["nis"]["radar"]["mean"] is None
-    assert metrics["nis"]["radar"]["reason"]
-    assert metrics["nis"]["lidar"]["dof"] == 2
+    nis = quiet["ekf"].of_sensors("nis")
+    assert nis["radar"].value is None
+    assert nis["radar"].reason
+    assert nis["lidar"].dof == 2
     # Its estimates still come at every instant, those of the radar included.
     assert len(column(quiet.tables["estimates"], "px_m", tracker="ekf", object="v1")) == 21
 
@@ -268,12 +268,21 @@ def test_one_run_shows_no_difference(run_tiny: Run) -> None:
 
 
 def test_an_expectation_of_what_is_not_there_fails(tiny_result: Result) -> None:
-    entry = tracker(tiny_result, "raw")
     stated = Expectation(tracker="raw", metric="nis.radar.mean", below=1e9)
-    judged = expectations.judge([stated], {"raw": entry}, {})
-    assert (judged[0]["value"], judged[0]["passed"]) == (None, False)
+    (judged,) = expectations.judge([stated], [tiny_result["raw"]], [])
+    assert (judged.value, judged.passed) == (None, False)
     rival = Expectation(tracker="raw", metric="position_rmse", better_than="failed")
-    assert expectations.judge([rival], {"raw": entry}, {})[0]["passed"] is False
+    assert not expectations.judge([rival], [tiny_result["raw"]], [])[0].passed
+
+
+def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result) -> None:
+    """As the tables show it: whichever of the two is named first, and not where none is shown."""
+    fields = {"a": "raw", "b": "ekf", "metric": "position_rmse", "unit": "m", "value": 0.1, "ci95": (0.01, 0.2)}
+    shown = Difference(**fields, p_value=0.01, better="ekf", verdict="ekf better")
+    not_shown = Difference(**fields, p_value=0.06, better=None, verdict="no difference shown")
+    stated = Expectation(tracker="ekf", metric="position_rmse", better_than="raw")
+    for difference, passed in ((shown, True), (not_shown, False)):
+        assert expectations.judge([stated], [tiny_result["ekf"]], [difference])[0].passed is passed
 
 
 def test_the_chosen_run_is_shown(run_tiny: Run, tiny_result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -356,8 +365,10 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
     for item in result.json()["differences"]:
         if item["metric"] == "position_rmse":
             assert item["value"] == pytest.approx(values[item["a"]] - values[item["b"]], rel=1e-12)
-    found = {(item["a"], item["b"]): item["verdict"] for item in result.json()["differences"] if item["unit"] == "m"}
-    assert found["raw", "ekf"] == "b better"
+    found = {(i["a"], i["b"]): i["verdict"] for i in result.json()["differences"] if i["metric"] == "position_rmse"}
+    compared = ["position_rmse", "velocity_rmse", "course_rmse", "rmse.px", "rmse.py", "rmse.vx", "rmse.vy"]
+    assert list(dict.fromkeys(item.metric for item in result.summary.differences)) == compared
+    assert found["raw", "ekf"] == "ekf better"
     assert result.json()["ranking"][-1] == "raw"
 
 

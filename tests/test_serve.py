@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 
@@ -21,8 +21,7 @@ from tests.udacity import RECORDING, recorded_lines, synthetic_lines, telemetry,
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from trackbench.cli.run import prepare
-from trackbench.runner.run import run
+import trackbench as tb
 
 COMMAND = [sys.executable, "-c", "from trackbench.cli import main; main()", "serve", "udacity"]
 ROOT = Path(__file__).parents[1]
@@ -56,11 +55,15 @@ class Server:
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> int:
         self.process.send_signal(number)
-        try:
-            return self.process.wait(SECONDS)
-        finally:
-            self.process.kill()
-            self.process.stdout.close()
+        return self.process.wait(SECONDS)
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
 
     def log(self) -> str:
         return self._log.read_text()
@@ -75,15 +78,17 @@ def scenario(tmp_path_factory):
 def server(scenario, tmp_path_factory):
     """A server of each tracker, kept as long as the module runs."""
     started: dict[str, Server] = {}
+    with ExitStack() as stack:
 
-    def get(tracker: str) -> Server:
-        if tracker not in started:
-            started[tracker] = Server(scenario, tracker, tmp_path_factory.mktemp("log") / f"{tracker}.log")
-        return started[tracker]
+        def get(tracker: str) -> Server:
+            if tracker not in started:
+                log = tmp_path_factory.mktemp("log") / f"{tracker}.log"
+                started[tracker] = stack.enter_context(Server(scenario, tracker, log))
+            return started[tracker]
 
-    yield get
-    for each in started.values():
-        assert each.end() == 0
+        yield get
+        for each in started.values():
+            assert each.end() == 0
 
 
 def ask(client: ClientConnection, frame: str | bytes) -> str:
@@ -106,9 +111,8 @@ def rmse_of_a_run(folder: Path, name: str, lines: Sequence[str]) -> list[float]:
     """What a run of the scenario finds on the same lines."""
     file = write_scenario(folder)
     (folder / "lines.txt").write_text("\n".join(lines))
-    prepared = prepare(file, [], [name])
-    (tracker,) = run(prepared.loaded, prepared.truth).json()["trackers"]
-    return [tracker["metrics"]["rmse"][component]["value"] for component in ("px", "py", "vx", "vy")]
+    tracker = tb.run(tb.load(file, trackers=[name]))[name]
+    return [tracker.metrics[f"rmse.{component}"].value for component in ("px", "py", "vx", "vy")]
 
 
 @pytest.mark.parametrize("name", RUBRIC)
@@ -241,31 +245,31 @@ def test_a_tracker_that_fails_ends_its_session_alone(name, cause, server):
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
 def test_a_signal_ends_it_with_a_goodbye(number, status, scenario, tmp_path):
-    served = Server(scenario, "ekf", tmp_path / "log")
-    with served.client() as client, socket.create_connection(("127.0.0.1", served.port)):
-        replay(client, LINES[:10])
-        served.process.send_signal(number)
-        with pytest.raises(ConnectionClosed) as closed:
-            client.recv(timeout=SECONDS)
-        assert closed.value.rcvd is not None
-        assert closed.value.rcvd.code == 1001
-        # Although a connection that never said a word is still open.
-        assert served.process.wait(SECONDS) == status
-    assert "Traceback" not in served.log()
-    with pytest.raises(OSError, match="refused"):
-        socket.create_connection(("127.0.0.1", served.port), SECONDS)
+    with Server(scenario, "ekf", tmp_path / "log") as served:
+        with served.client() as client, socket.create_connection(("127.0.0.1", served.port)):
+            replay(client, LINES[:10])
+            served.process.send_signal(number)
+            with pytest.raises(ConnectionClosed) as closed:
+                client.recv(timeout=SECONDS)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 1001
+            # Although a connection that never said a word is still open.
+            assert served.process.wait(SECONDS) == status
+        assert "Traceback" not in served.log()
+        with pytest.raises(OSError, match="refused"):
+            socket.create_connection(("127.0.0.1", served.port), SECONDS)
 
 
 def test_the_page_shows_what_happens(tmp_path):
     page = (ROOT / "docs/projects/udacity-simulator.md").read_text()
     scenario, tracker = re.search(r"\$ trackbench serve udacity --port 4567 --tracker (\S+)#(\S+)\n", page).groups()
-    served = Server(ROOT / scenario, tracker, tmp_path / "log")
     lines = recorded_lines() or LINES
     file = tmp_path / "lines.txt"
     file.write_text("\n".join(lines))
-    example = [sys.executable, ROOT / "docs/examples/replay_udacity.py", file, str(served.port)]
-    done = subprocess.run(example, capture_output=True, text=True, timeout=SECONDS, check=True)
-    assert served.end() == 0
+    with Server(ROOT / scenario, tracker, tmp_path / "log") as served:
+        example = [sys.executable, ROOT / "docs/examples/replay_udacity.py", file, str(served.port)]
+        done = subprocess.run(example, capture_output=True, text=True, timeout=SECONDS, check=True)
+        assert served.end() == 0
     logged = re.search(r"client 1: (\d+) measurements, .*RMSE ([\d.]+) .*", served.log())
     assert logged
     assert int(logged[1]) == len(lines)
@@ -289,7 +293,7 @@ def test_a_port_in_use(server, scenario):
 
 def test_what_cannot_be_served_is_said_in_one_line(scenario):
     assert fails("--tracker", f"{scenario}#eff").endswith("no tracker 'eff' in this scenario; did you mean 'ekf'?\n")
-    assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO.yaml#NAME, not '{scenario}'\n"
+    assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO#NAME, not '{scenario}'\n"
     assert "there is no such file; did you mean 'cyclist.yaml'?" in fails(
         "--tracker", f"{scenario.parent}/cyclis.yaml#ekf"
     )

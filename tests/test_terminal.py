@@ -230,13 +230,16 @@ def test_completion_offers_scenarios_and_their_trackers(tiny: Path, tmp_path: Pa
         shutil.copy(tiny, tmp_path / "scenarios" / f"{name}.yaml")
     both = ["plain,scenarios/deep/two.yaml", "plain,scenarios/one.yaml"]
     assert offered(trackbench, tmp_path, "trackbench", "run", "scen") == both
-    assert offered(trackbench, tmp_path, "trackbench", "check", "ti") == ["file,ti"]
+    assert offered(trackbench, tmp_path, "trackbench", "run", "high") == ["plain,highway", "plain,highway_dense"]
+    assert offered(trackbench, tmp_path, "trackbench", "check", "ti") == ["plain,tiny.yaml"]
+    assert offered(trackbench, tmp_path, "trackbench", "check", "de") == ["file,de"]
     run = ["trackbench", "run", "tiny.yaml", "--trackers"]
     assert offered(trackbench, tmp_path, *run, "") == ["plain,raw", "plain,ekf"]
     assert offered(trackbench, tmp_path, *run, "raw,e") == ["plain,raw,ekf"]
     assert offered(trackbench, tmp_path, "trackbench", "run", "none.yaml", "--trackers", "") == []
     serve = ["trackbench", "serve", "udacity", "--tracker"]
     assert offered(trackbench, tmp_path, *serve, "tiny.yaml#e") == ["plain,tiny.yaml#ekf"]
+    assert offered(trackbench, tmp_path, *serve, "scripted/figure_eight#u") == ["plain,scripted/figure_eight#ukf"]
     assert offered(trackbench, tmp_path, "trackbench", "list", "mo") == ["plain,motion-models"]
 
 

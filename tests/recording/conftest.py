@@ -166,7 +166,7 @@ def _summary() -> Summary:
         runs=RUNS,
         versions={"trackbench": "0.1.0", "numpy": "2.4.0"},
         command="trackbench run synthetic.yaml",
-        fingerprint="0123456789abcdef" * 4,
+        fingerprints=[f"{run:016x}" for run in range(RUNS)],
         truth=TruthSummary(
             source="highway-env",
             env="highway-v0",

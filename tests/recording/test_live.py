@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from trackbench.palette import tracker_colour
 from trackbench.recording import live, painter
+from trackbench.recording.contents import colours_of
 from trackbench.recording.live import Live, Scene
 from trackbench.recording.painter import Painter
 from trackbench.results import Result
@@ -87,6 +89,8 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
         assert [item.number for item in kept] == [7, 8, 9]
     finally:
         stop(viewer)
+        # Which otherwise the thread does.
+        viewer._pipe.close()
 
 
 def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario, LoadedTruth]) -> None:
@@ -137,7 +141,8 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         drawing.finish()
         return read_file(tmp_path / f"{name}.rrd")
 
-    about = Scene("tiny", ["raw", "ekf"], ["radar", "lidar"], 0.2, truth.truth)
+    colours = tracker_colour(["other", "raw", "ekf"])
+    about = Scene("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
     whole = draw("whole", [[about, result]])
@@ -150,13 +155,32 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     for entity, component in entities:
         expected = {time: value for time, value in whole(entity, component).items() if value}
         assert {time: value for time, value in going(entity, component).items() if value} == expected
+    for drawn in (going, whole):
+        assert drawn("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colours["ekf"][1:] + "FF", 16)]
     times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
     assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the trackers have come"
-    for tracker in about.trackers:
-        times = {time for time in half(f"/world/estimates/{tracker}/v1", "Points2D:positions") if time is not None}
-        assert 0.4 in times, "all trackers are there"
-        assert 0.5 not in times
+    for tracker in about.colours:
+        dots = half(f"/world/estimates/{tracker}/v1", "Points2D:positions")
+        assert max(time for time in dots if time is not None) == pytest.approx(0.4)
+        assert len(dots[0.4]) == 1, "at the latest time, which the viewer shows, every tracker is there"
     assert "/data/result" not in half.entities()
+
+
+def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
+    scene: tuple[LoadedScenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+) -> None:
+    monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
+    seen: list[Any] = []
+    run(*scene, on_recorded_run=seen.append)
+    for item in seen[4:]:
+        del item.estimates["ekf"]
+    drawing = Painter("failing")
+    drawing.take([Scene("tiny", tracker_colour(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing.finish()
+    read = read_file(tmp_path / "failing.rrd")
+    raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
+    assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 0, 0]
+    assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 1, 1]
 
 
 def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., Result], tiny: Path) -> None:

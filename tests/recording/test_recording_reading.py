@@ -212,8 +212,8 @@ def test_what_is_found_is_also_json_without_a_value_that_is_no_number(folder: Pa
 
 
 def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[..., Result], tmp_path: Path) -> None:
-    (tmp_path / "broken.py").write_text("class Broken:\n    batched = True\n", encoding="utf-8")
-    result = run_tiny("trackers.broken.use=broken:Broken", folder=tmp_path)
+    (tmp_path / "stepless.py").write_text("class Stepless:\n    batched = True\n", encoding="utf-8")
+    result = run_tiny("trackers.broken.use=stepless:Stepless", folder=tmp_path)
     result.save(tmp_path / "run", {"recording.rrd": lambda path: recording.write(result, path)})
     found = inspect(tmp_path / "run", count=1)
     assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]

@@ -41,10 +41,10 @@ def compare_command(
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Compare trackers within a run, over scenarios, or with an earlier version.
+    """Compare the trackers of finished runs, or versions of them.
 
-    A and B are the folders of a run, or of the runs of several scenarios. The first is the baseline; nothing is run
-    again.
+    A and B are folders of a run, or of the runs of several scenarios. The first is the baseline; nothing is run
+    again. A comparison.json is shown as it was kept.
 
     \b
     Examples:
@@ -56,8 +56,9 @@ def compare_command(
     \b
     Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
     """
-    from trackbench.compare import Limit, compare, find
-    from trackbench.report.comparison import comparison_files, document, require_ending
+    from trackbench.compare import Limit, compare, find, load
+    from trackbench.report.comparison import ENDINGS, comparison_files, document
+    from trackbench.report.document.save import require_ending
     from trackbench.report.document.terminal import print_document
     from trackbench.report.junit import suites_of_comparison, to_xml
 
@@ -65,14 +66,18 @@ def compare_command(
     if junit is not None and not parsed:
         raise InputError("says which regressions there are: give --fail-on-regression too", key="--junit")
     if out is not None:
-        require_ending(out, "--out")
+        require_ending(out, ENDINGS, "--out")
     for path, key in ((junit, "--junit"), (out, "--out")):
         if path is not None:
             results.require_file(path, key)
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
+    if paths[0].suffix == ".json" and paths[0].name != results.SUMMARY:
+        if len(paths) > 1 or metrics or parsed or chosen:
+            raise InputError("a comparison that was kept is shown as it is: name it alone", file=paths[0])
+        found = load(paths[0])
+    else:
+        found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
     for file, content in comparison_files(found, out) if out is not None else ():
-        file.parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(file, content)
     if junit is not None:
         results.write_text(junit, to_xml(suites_of_comparison(found)))

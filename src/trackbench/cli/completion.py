@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from trackbench.cli.listing import FOLDER
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
+from trackbench.scenario.shipped import PATTERN, at_hand
 
 SHELLS = ("bash", "zsh", "fish")
 
@@ -38,9 +38,9 @@ def completion_command(ctx: click.Context, shell: str) -> None:
 
 
 def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """The scenarios in their folder; any file where none begins like this."""
-    found = [str(file) for file in sorted(FOLDER.rglob("*.y*ml"))]
-    begun = [CompletionItem(file) for file in found if file.startswith(incomplete)]
+    """The scenarios by name, and the files of the working directory; any file where none begins like this."""
+    known = [*at_hand(), *sorted(map(str, Path().glob(PATTERN)))]
+    begun = [CompletionItem(name) for name in known if name.startswith(incomplete)]
     return begun or [CompletionItem(incomplete, type="file")]
 
 
@@ -49,22 +49,22 @@ def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incom
     before, comma, begun = incomplete.rpartition(",")
     # While an option at the end of the line has no value, Click leaves all words unread.
     words = ctx.params.get("scenarios") or ctx.args
-    names = dict.fromkeys(name for word in words for name in _trackers(Path(word)))
+    names = dict.fromkeys(name for word in words for name in _trackers(word))
     taken = before.split(",")
     return [before + comma + name for name in names if name.startswith(begun) and name not in taken]
 
 
 def served_trackers(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """``SCENARIO.yaml#NAME``: a scenario, and after the # its trackers."""
+    """``SCENARIO#NAME``: a scenario, and after the # its trackers."""
     path, sign, begun = incomplete.partition("#")
     if not sign:
         return scenario_paths(ctx, _parameter, incomplete)
-    return [CompletionItem(f"{path}#{name}") for name in _trackers(Path(path)) if name.startswith(begun)]
+    return [CompletionItem(f"{path}#{name}") for name in _trackers(path) if name.startswith(begun)]
 
 
-def _trackers(path: Path) -> Iterable[str]:
+def _trackers(named: Path | str) -> Iterable[str]:
     try:
-        loaded = load_scenario(path)
+        loaded = load_scenario(named)
     except InputError:
         return ()
     return (*loaded.sweeps, *loaded.config.trackers)

@@ -52,12 +52,12 @@ def doctor_command(
 ) -> None:
     """Find the faults of a tracker, with evidence.
 
-    TRACKER is SCENARIO.yaml#NAME, module:Class or a published name. It is tried on single measurements and on test
+    TRACKER is SCENARIO#NAME, module:Class or a published name. It is tried on single measurements and on test
     drives, each of which shows one kind of fault, and compared with a reference.
 
     \b
     Examples:
-      trackbench doctor scenarios/highway.yaml#ekf_cv
+      trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
 
     \b

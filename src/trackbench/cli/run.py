@@ -4,75 +4,25 @@ from __future__ import annotations
 
 import json
 import math
-import shlex
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-from rich.console import Console
 
 from trackbench import results
+from trackbench.api.scenario import load
+from trackbench.api.session import MAX_RUNS, Plan, prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.live import live_options, showing
-from trackbench.cli.progress import progress
+from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
-from trackbench.errors import InputError, nearest
-from trackbench.palette import tracker_colours
+from trackbench.errors import InputError
 from trackbench.results import Result
-from trackbench.scenario import LoadedScenario, load_scenario
-from trackbench.scenario.check import check_plugins
-from trackbench.scenario.truth import truth_of
-from trackbench.truth import LoadedTruth
-from trackbench.types import Progress
-
-if TYPE_CHECKING:
-    from trackbench.recording.live import Live
+from trackbench.scenario.shipped import scenario_files
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
-#: Where a run that goes on until its precision is reached stops even so.
-MAX_RUNS = 10_000
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario that nothing can stop any more but its own trackers."""
-
-    loaded: LoadedScenario
-    truth: LoadedTruth
-    command: Callable[[LoadedScenario], str]
-    """What reproduces the result of the scenario with as many runs as were made in the end."""
-
-
-@dataclass(frozen=True)
-class OutputOptions:
-    """What is printed of a run. With ``as_json`` the result is the only thing on stdout."""
-
-    console: Console
-    as_json: bool
-    quiet: bool
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How every scenario is run."""
-
-    out: Path
-    workers: int
-    recording: bool
-    precision: tuple[float, int] | None
-    """The share and the largest number of runs, where the precision decides on their number."""
-    viewer: Live | None
-    colours: Mapping[str, str]
-    """Of every tracker of all the scenarios."""
-
-
-Writer = Callable[[Path], None]
 
 
 @click.command("run")
@@ -81,7 +31,7 @@ Writer = Callable[[Path], None]
     nargs=-1,
     required=True,
     type=click.Path(path_type=Path),
-    metavar="SCENARIO.yaml...",
+    metavar="SCENARIO...",
     shell_complete=scenario_paths,
 )
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
@@ -129,11 +79,12 @@ def run_command(
     **live: Any,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
-    A folder stands for the scenarios in it; several are also compared.
+    SCENARIO is a YAML file, a folder of them, or the name of one that comes
+    with trackbench; several are also compared.
 
     \b
     Examples:
-      trackbench run scenarios/highway.yaml --runs 1000 --workers 2
+      trackbench run highway --runs 1000 --workers 2
       trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
 
     \b
@@ -144,204 +95,33 @@ def run_command(
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
-    overrides = [
-        *settings,
-        *([] if runs is None else [f"monte_carlo.runs={runs}"]),
-        *([] if seed is None else [f"monte_carlo.seed={seed}"]),
-    ]
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    files = list(scenario_files(scenarios))
-    results.require_writable(out)
+    plan = Plan(out, workers, not no_recording, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
-    prepared = [
-        prepare(file, overrides, chosen, precision, of=_place(i, files), quiet=quiet)
-        for i, file in enumerate(files, start=1)
-    ]
-    _require_distinct(prepared)
-    for item in prepared:
-        results.require_replaceable(out / item.loaded.config.name)
-    output = OutputOptions(Console(), as_json, quiet)
-    with showing(**live) as viewer:
-        colours = tracker_colours(name for item in prepared for name in item.loaded.config.trackers)
-        plan = Plan(out, workers, not no_recording, precision, viewer, colours)
-        found = [_run(item, plan, output, _place(i, files)) for i, item in enumerate(prepared, start=1)]
+    loaded = [load(file, settings, runs=runs, seed=seed, trackers=chosen) for file in scenario_files(scenarios)]
+    output = RunOutput(as_json, quiet)
+    prepared = prepare(loaded, plan, output)
+    with showing(**live) as output.viewer:
+        found = run(prepared, plan, output)
         if len(found) > 1:
-            _compare(found, plan, output)
+            output.compared(len(found), out)
         if junit is not None:
             _write_junit(found, junit)
         if as_json:
             summaries: Any = [result.json() for result in found]
             click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
-    raise click.exceptions.Exit(status([result.json() for result in found]))
+    raise click.exceptions.Exit(status(found))
 
 
-def scenario_files(paths: Sequence[Path]) -> Iterator[Path]:
-    """The files that are named, and those in the folders that are named."""
-    for path in paths:
-        if not path.is_dir():
-            yield path
-            continue
-        inside = sorted(path.glob("*.y*ml"))
-        if not inside:
-            raise InputError("there is no scenario file (*.yaml) in this folder", file=path)
-        yield from inside
-
-
-def prepare(
-    file: Path,
-    overrides: Sequence[str],
-    chosen: Sequence[str] | None,
-    precision: tuple[float, int] | None = None,
-    *,
-    of: str = "",
-    quiet: bool = False,
-) -> Prepared:
-    """Read, check and simulate what a scenario needs before any tracker runs.
-
-    Args:
-        file: the scenario.
-        overrides: ``key.path=value`` each.
-        chosen: names of the trackers to run; all unless given.
-        precision: the share and the largest number of runs, where the precision decides on their number.
-        of: which of several scenarios this is, as the progress shows it.
-        quiet: show no progress.
-    """
-    loaded = load_scenario(file, overrides)
-    if precision is not None:
-        from trackbench.runner.until import first_look
-
-        loaded = first_look(loaded, precision[1])
-    if chosen is not None:
-        loaded = _only(loaded, chosen)
-    if precision is not None and len(loaded.config.trackers) < 2:
-        raise InputError("needs two trackers, whose difference it is about", file=file, key="--runs-until")
-    check_plugins(loaded)
-    with progress(f"{of}truth of {loaded.config.name}", "steps", quiet=quiet) as advance:
-        truth = truth_of(loaded, advance)
-    for note in truth.notes:
-        click.echo(note, err=True)
-    only = [] if chosen is None else ["--trackers", ",".join(chosen)]
-
-    def command(made: LoadedScenario) -> str:
-        settings = (x for item in made.overrides for x in ("--set", item))
-        return shlex.join(["trackbench", "run", str(file), *settings, *only])
-
-    return Prepared(loaded, truth, command)
-
-
-def status(summaries: Sequence[dict[str, Any]]) -> int:
+def status(found: Sequence[Result]) -> int:
     """The exit status of finished runs."""
-    if any(tracker["failed"] for summary in summaries for tracker in summary["trackers"]):
+    if any(tracker.failed for result in found for tracker in result.summary.trackers):
         return FAILED_TRACKER
-    return 0 if all(summary["passed"] for summary in summaries) else FAILED_EXPECTATION
-
-
-def _place(number: int, files: Sequence[Path]) -> str:
-    return f"{number} of {len(files)}: " if len(files) > 1 else ""
-
-
-def _only(loaded: LoadedScenario, chosen: Sequence[str]) -> LoadedScenario:
-    """The scenario with some of its trackers, and the expectations that can still be judged.
-
-    The name of a sweep stands for all of its points.
-    """
-    config = loaded.config
-    for name in chosen:
-        if name not in config.trackers and name not in loaded.sweeps:
-            problem = f"no tracker {name!r} in this scenario; {nearest(name, [*config.trackers, *loaded.sweeps])}"
-            raise InputError(problem, key="--trackers", file=loaded.path)
-    wanted = {point for name in chosen for point in loaded.sweeps.get(name, (name,))}
-    kept = {name: tracker for name, tracker in config.trackers.items() if name in wanted}
-    expect = [item for item in config.expect if {item.tracker, item.better_than or item.tracker} <= set(kept)]
-    return replace(loaded, config=config.model_copy(update={"trackers": kept, "expect": expect}))
-
-
-def _require_distinct(prepared: Sequence[Prepared]) -> None:
-    """Two scenarios of one name would overwrite each other."""
-    by_name: dict[str, Path] = {}
-    for item in prepared:
-        name, path = item.loaded.config.name, item.loaded.path
-        if name in by_name:
-            problem = f"{by_name[name]} has the same name {name!r}; give each scenario its own"
-            raise InputError(problem, file=path, key="name")
-        by_name[name] = path
-
-
-def _run(
-    item: Prepared,
-    plan: Plan,
-    output: OutputOptions,
-    of: str,
-) -> Result:
-    from trackbench import recording
-    from trackbench.report.console import print_outcome, print_summary
-    from trackbench.report.document.html import to_html
-    from trackbench.report.document.markdown import to_markdown
-    from trackbench.report.run import run_document
-    from trackbench.runner.run import run
-    from trackbench.runner.until import run_until
-
-    name = item.loaded.config.name
-    observe = None
-    if plan.viewer is not None:
-        plan.viewer.begin(item.loaded, item.truth.truth)
-        observe = plan.viewer.observe
-    # What a tracker prints is no part of the result.
-    with redirect_stdout(sys.stderr), progress(f"{of}{name}", "runs", quiet=output.quiet) as advance:
-        told: Any = {"workers": plan.workers, "progress": advance, "on_recorded_run": observe}
-        if plan.precision is None:
-            result = run(item.loaded, item.truth, command=item.command(item.loaded), **told)
-        else:
-            result = run_until(item.loaded, item.truth, *plan.precision, command=item.command, **told)
-    folder = plan.out / name
-    document = run_document(result, plan.colours)
-    artifacts: dict[str, Writer] = {
-        "report.html": lambda path: results.write_file(to_html(document), path),
-        "report.md": lambda path: results.write_file(to_markdown(document), path),
-    }
-    if plan.recording:
-        artifacts["recording.rrd"] = partial(recording.write, result, colours=plan.colours)
-    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
-    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
-    with progress(f"{of}writing {name}", "files", quiet=output.quiet) as advance:
-        result.save(folder, _counted(artifacts, advance))
-    if plan.viewer is not None:
-        plan.viewer.end(result)
-    if output.as_json:
-        return result
-    if output.quiet:
-        print_outcome(result, output.console)
-        return result
-    print_summary(result, output.console)
-    shown = ", ".join([results.SUMMARY, *artifacts])
-    output.console.print(f"[dim]{folder}/: {shown}[/dim]\n", highlight=False, soft_wrap=True)
-    return result
-
-
-def _counted(artifacts: Mapping[str, Writer], advance: Progress) -> dict[str, Writer]:
-    """The same writers, each of which says which of them it is."""
-
-    def write(number: int, writer: Writer, path: Path) -> None:
-        advance(number, len(artifacts))
-        writer(path)
-
-    return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}
+    return 0 if all(result.summary.passed for result in found) else FAILED_EXPECTATION
 
 
 def _write_junit(found: Sequence[Result], path: Path) -> None:
     from trackbench.report.junit import suite_of_run, to_xml
 
     results.write_text(path, to_xml([suite_of_run(result) for result in found]))
-
-
-def _compare(found: list[Result], plan: Plan, output: OutputOptions) -> None:
-    from trackbench.compare import compare, results_in
-    from trackbench.report.comparison import batch_files
-
-    for file, content in batch_files(compare([results_in(plan.out, found)]), plan.out, plan.colours):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        results.write_bytes(file, content)
-    if not output.as_json and not output.quiet:
-        line = f"Comparison of {len(found)} scenarios: {plan.out / 'comparison.md'}"
-        output.console.print(line, highlight=False, soft_wrap=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import signal
-from pathlib import Path
 
 import click
 
@@ -23,7 +22,7 @@ def serve_command() -> None:
 
     \b
     Example:
-      trackbench serve udacity --tracker scenarios/scripted/figure_eight.yaml#ekf
+      trackbench serve udacity --tracker scripted/figure_eight#ekf
     """
 
 
@@ -31,7 +30,7 @@ def serve_command() -> None:
 @click.option(
     "--tracker",
     required=True,
-    metavar="SCENARIO.yaml#NAME",
+    metavar="SCENARIO#NAME",
     shell_complete=served_trackers,
     help="A tracker of a scenario, whose sensors it reads.",
 )
@@ -48,11 +47,11 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, verb
 
     \b
     Example:
-      trackbench serve udacity --tracker scenarios/scripted/figure_eight.yaml#ekf
+      trackbench serve udacity --tracker scripted/figure_eight#ekf
     """
     path, hash_sign, name = tracker.rpartition("#")
     if not hash_sign or not path or not name:
-        raise InputError(f"write SCENARIO.yaml#NAME, not {tracker!r}", key="--tracker")
+        raise InputError(f"write SCENARIO#NAME, not {tracker!r}", key="--tracker")
 
     if not host:
         # To the operating system, no address means all of them.
@@ -62,7 +61,7 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, verb
     from trackbench.serve.server import serve
     from trackbench.serve.session import served
 
-    found = served(load_scenario(Path(path)), name)
+    found = served(load_scenario(path), name)
     _log(ctx, verbose)
     for kind in {"lidar", "radar"} - set(found.sensors):
         click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)

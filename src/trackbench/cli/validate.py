@@ -8,11 +8,11 @@ from pathlib import Path
 import click
 
 from trackbench.cli.completion import scenario_paths
-from trackbench.cli.run import scenario_files
 from trackbench.cli.verbosity import quiet_option
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
+from trackbench.scenario.shipped import scenario_files, shown_name
 
 
 @click.command("check")
@@ -21,7 +21,7 @@ from trackbench.scenario.schema import json_schema
     nargs=-1,
     required=True,
     type=click.Path(path_type=Path),
-    metavar="SCENARIO.yaml...",
+    metavar="SCENARIO...",
     shell_complete=scenario_paths,
 )
 @quiet_option("Only say what is wrong.")
@@ -30,7 +30,7 @@ def check_command(scenarios: tuple[Path, ...], quiet: bool) -> None:
 
     \b
     Example:
-      trackbench check scenarios/
+      trackbench check my_scenario.yaml
     """
     for file in scenario_files(scenarios):
         loaded = load_scenario(file)
@@ -38,7 +38,7 @@ def check_command(scenarios: tuple[Path, ...], quiet: bool) -> None:
         if quiet:
             continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
-        click.echo(f"{file}: ok{f' ({sweeps})' if sweeps else ''}")
+        click.echo(f"{shown_name(file)}: ok{f' ({sweeps})' if sweeps else ''}")
 
 
 @click.command("schema")

@@ -10,7 +10,7 @@ from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comp
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
-from trackbench.compare.metrics import require_metric
+from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
 from trackbench.compare.ranking import RANKED_BY, Pairings, ranking, scores
 from trackbench.errors import InputError, nearest
 from trackbench.results import Result
@@ -48,8 +48,9 @@ def compare(
     """
     sets = [_set_of(number, item) for number, item in enumerate(results)]
     wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in limits)])) or [RANKED_BY]
-    for metric in wanted:
-        require_metric(metric, "--metric")
+    for limit in limits:
+        require_directed(_metric(limit.metric, OPTION, sets))
+    known = {path: _metric(path, "--metric", sets) for path in (RANKED_BY, *wanted)}
     _require_known(sets, trackers)
     cells, notes = _cells(sets)
     chosen = {
@@ -58,7 +59,7 @@ def compare(
         for number, entry in cell.entries.items()
     }
     if limits:
-        _require_judgeable(sets, cells, chosen, limits)
+        _require_judgeable(sets, cells, chosen)
     single = len(sets) == 1
     matches = [match for cell in cells for match in _matches(cell, chosen, single)]
     if single and len(cells) > 1:
@@ -66,8 +67,10 @@ def compare(
     elif not any(match.pairs for match in matches):
         what = "only one tracker" if single else "no tracker of the same name in the first result and a later one"
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
-    found, missing = differences(matches, wanted, over_scenarios=not single)
-    pairings = Pairings(found if RANKED_BY in wanted else differences(matches, [RANKED_BY], over_scenarios=False)[0])
+    found, missing = differences(matches, [known[path] for path in wanted], over_scenarios=not single)
+    pairings = Pairings(
+        found if RANKED_BY in wanted else differences(matches, [known[RANKED_BY]], over_scenarios=False)[0]
+    )
     scored = [
         score
         for cell in cells
@@ -81,7 +84,7 @@ def compare(
         differences=found,
         overall=overall(found) if not single and len(cells) > 1 else [],
         ranking=ranking(scored, pairings) if single else [],
-        gates=held(limits, found, missing),
+        gates=held(limits, known, found, missing),
         not_compared=missing,
         notes=[*notes, *_notes(cells, matches, chosen, single)],
     )
@@ -94,6 +97,12 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
     if isinstance(item, Result):
         return ResultSet(label, (Entry(label, item),))
     return ResultSet(label, tuple(Entry(f"{label}: {result.name}", result) for result in item))
+
+
+def _metric(path: str, key: str, sets: Sequence[ResultSet]) -> ComparedMetric:
+    """A metric by its path, which may be one of a scenario's plug-ins."""
+    entries = [entry for item in sets for entry in item.entries] if path not in BUILT_IN else []
+    return compared_metric(path, key, [metric for entry in entries for metric in entry.scenario.score.metrics])
 
 
 def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) -> None:
@@ -136,7 +145,7 @@ def _matches(cell: _Cell, chosen: dict[tuple[str, int], list[str]], single: bool
 
 
 def _require_judgeable(
-    sets: Sequence[ResultSet], cells: Sequence[_Cell], chosen: dict[tuple[str, int], list[str]], limits: Sequence[Limit]
+    sets: Sequence[ResultSet], cells: Sequence[_Cell], chosen: dict[tuple[str, int], list[str]]
 ) -> None:
     """Make sure that no regression could pass unseen.
 
@@ -144,8 +153,6 @@ def _require_judgeable(
         InputError: there is no later set, a result without an interval, or a scenario or tracker that a later set
             lacks.
     """
-    for limit in limits:
-        require_directed(limit.metric)
     if len(sets) < 2:
         raise InputError("needs two results: the baseline, and a later one", key=OPTION)
     compared = {cell.scenario: cell for cell in cells}

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from trackbench.compare.entries import Entry
 from trackbench.errors import InputError
 from trackbench.scenario.config import Scenario
-from trackbench.truth import varies
 from trackbench.words import counted
 
 IntArray = NDArray[np.intp]
@@ -34,6 +33,8 @@ class Comparability:
     samples."""
     reason: str
     """Why."""
+    whole: bool = True
+    """Whether the shared runs are all that either has."""
 
 
 def comparability(baseline: Entry, later: Entry) -> Comparability:
@@ -54,7 +55,7 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
     if len(shared) < FEWEST:
         return Comparability(None, _noise(baseline, later))
     which = f"{counted(len(shared), 'run')} of {len(theirs)} here and {len(ours)} there"
-    return Comparability(shared, f"over the {which} with equal fingerprints")
+    return Comparability(shared, f"over the {which} with equal fingerprints", whole=False)
 
 
 def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
@@ -87,7 +88,7 @@ def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any,
 
 def _same_motion_is_due(baseline: Entry, later: Entry) -> bool:
     """Whether the targets must have moved in the same way in the recorded runs."""
-    if not varies(baseline.scenario.truth):
+    if not baseline.scenario.truth.random:
         return True
     ours, theirs = ((s.seed, s.scenario.name, s.recorded_run) for s in (baseline.result.summary, later.result.summary))
     return ours == theirs

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from trackbench.errors import InputError
+from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import Part
@@ -20,8 +21,8 @@ TIMES = ("step_time",)
 #: Significant digits that are kept: what differs from machine to machine is far behind them.
 DIGITS = 4
 
-NO_DIFFERENCE = "no difference shown"
-Verdict = Literal["better", "worse", "larger", "smaller", "no difference shown"]
+#: Of an entrant; ``larger`` and ``smaller`` where neither is better.
+VERDICTS = ("better", "worse", "larger", "smaller", NO_DIFFERENCE)
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
 
 
@@ -98,8 +99,8 @@ class PairDifference(Part):
     """Corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
-    verdict: Verdict
-    """Of the entrant; ``larger`` or ``smaller`` for a metric of which neither is better."""
+    verdict: str
+    """One of ``VERDICTS``."""
 
     @property
     def percent(self) -> float | None:
@@ -139,7 +140,7 @@ class OverallChange(Part):
     metric: str
     entrant: Entrant
     against: Entrant
-    verdicts: dict[Verdict, int]
+    verdicts: dict[str, int]
     """Number of scenarios by verdict."""
     mean_percent: float | None
     """The geometric mean of the ratios less one, in percent; None where a value is not positive."""

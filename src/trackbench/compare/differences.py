@@ -10,13 +10,12 @@ from itertools import combinations
 import numpy as np
 
 from trackbench.compare.comparability import Comparability
-from trackbench.compare.comparison import NO_DIFFERENCE, Entrant, NotCompared, OverallChange, PairDifference, Verdict
+from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
-from trackbench.compare.metrics import METRICS
+from trackbench.compare.metrics import ComparedMetric
+from trackbench.metrics.differences import NO_DIFFERENCE, better_of
 from trackbench.metrics.intervals import Interval, holm, paired, unpaired
 
-#: Level at which a difference is real, after the correction.
-LEVEL = 0.05
 #: Shares of steps with an estimate that differ by more than this belong to errors of different moments.
 COVERAGE = 0.01
 
@@ -52,7 +51,7 @@ def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str,
 
 
 def differences(
-    matches: Sequence[Match], metrics: Sequence[str], *, over_scenarios: bool
+    matches: Sequence[Match], metrics: Sequence[ComparedMetric], *, over_scenarios: bool
 ) -> tuple[list[PairDifference], list[NotCompared]]:
     """Every pair of every match by every metric, and what has no value to compare.
 
@@ -66,36 +65,38 @@ def differences(
         families = [[item for item in part if isinstance(item, PairDifference)] for part in outcomes]
         if over_scenarios:
             families = [[item for family in families for item in family]]
-        found += [item for family in families for item in _corrected(family)]
+        found += [item for family in families for item in _corrected(family, metric)]
     return found, missing
 
 
-def _compare(match: Match, metric: str) -> Iterator[PairDifference | NotCompared]:
+def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | NotCompared]:
     """The pairs of one match, their p-values still as they are alone."""
+    # A metric over a bound has the bound of all runs, which those of a part of them may not be divided by.
+    runs = None if metric.over and not match.how.whole else match.how.shared
     known: dict[tuple[int, str], Interval | None] = {}
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])
         for entry, tracker in sides:
             if (id(entry), tracker) not in known:
-                known[id(entry), tracker] = entry.interval(tracker, metric, match.how.shared)
+                known[id(entry), tracker] = entry.interval(tracker, metric, runs)
         own, other = (known[id(entry), tracker] for entry, tracker in sides)
         entrant, against = match.entrants(pair)
         if own is None or other is None:
             entry, tracker = sides[0] if own is None else sides[1]
             yield NotCompared(
                 scenario=match.scenario,
-                metric=metric,
+                metric=metric.path,
                 entrant=entrant,
                 against=against,
                 reason=f"{tracker} in {entry.label}: {entry.failure(tracker) or 'there is nothing to score'}",
                 of_entrant=other is not None,
             )
             continue
-        result = (unpaired if match.how.shared is None else paired)(own, other)
+        result = (unpaired if runs is None else paired)(own, other)
         yield PairDifference(
             scenario=match.scenario,
-            metric=metric,
-            unit=METRICS[metric].unit,
+            metric=metric.path,
+            unit=metric.unit,
             entrant=entrant,
             against=against,
             value=own.value,
@@ -103,26 +104,26 @@ def _compare(match: Match, metric: str) -> Iterator[PairDifference | NotCompared
             difference=result.value,
             ci95=result.ci95,
             p_value=result.p_value,
-            paired_runs=None if match.how.shared is None else len(match.how.shared),
+            paired_runs=None if runs is None else len(runs),
             verdict=NO_DIFFERENCE,
         )
 
 
-def _corrected(family: Sequence[PairDifference]) -> list[PairDifference]:
+def _corrected(family: Sequence[PairDifference], metric: ComparedMetric) -> list[PairDifference]:
     corrected = holm([item.p_value for item in family])
     return [
-        item.model_copy(update={"p_value": p, "verdict": _verdict(item, p)})
+        item.model_copy(update={"p_value": p, "verdict": _verdict(item.difference, p, metric)})
         for item, p in zip(family, corrected, strict=True)
     ]
 
 
-def _verdict(item: PairDifference, p_value: float) -> Verdict:
-    if p_value >= LEVEL:
-        return "no difference shown"
-    smaller, better = item.difference < 0, METRICS[item.metric].better
-    if not better:
-        return "smaller" if smaller else "larger"
-    return "better" if smaller == (better == "smaller") else "worse"
+def _verdict(difference: float, p_value: float, metric: ComparedMetric) -> str:
+    place = better_of(difference, p_value, metric.better or "larger")
+    if place < 0:
+        return NO_DIFFERENCE
+    if metric.better is None:
+        return "larger" if place == 0 else "smaller"
+    return "better" if place == 0 else "worse"
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:

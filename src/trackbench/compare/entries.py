@@ -12,10 +12,10 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from trackbench import results
-from trackbench.compare.metrics import METRICS, PerRunMetric
+from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
-from trackbench.metrics.intervals import Interval, ratio, root, scaled
-from trackbench.results import Result, TrackerResult
+from trackbench.metrics import Interval
+from trackbench.results import Result
 from trackbench.scenario.config import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.types import Array
@@ -70,18 +70,18 @@ class Entry:
         failed = self.result[tracker].failed
         return None if failed is None else failed.cause
 
-    def interval(self, tracker: str, metric: str, runs: NDArray[np.intp] | None = None) -> Interval | None:
+    def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 
         Args:
             tracker: its name.
-            metric: one of ``METRICS``.
+            metric: what to read.
             runs: the numbers of the runs to take; all unless given.
 
         Raises:
             InputError: the table does not hold the metric, or is not that of this run.
         """
-        kind, entry, table = METRICS[metric], self.result[tracker], self.table("runs")
+        entry, table = self.result[tracker], self.table("runs")
         if entry.failed is not None or len(table) == 0:
             return None
         rows = table.filter(pc.equal(table["tracker"], tracker))
@@ -89,16 +89,23 @@ class Entry:
         if not np.array_equal(self._column(rows, "run"), np.arange(expected)):
             message = f"runs.parquet does not hold the {expected} runs of {tracker}, each once and in order"
             raise InputError(message, file=self.label)
-        value, count = self._column(rows, kind.column), self._column(rows, kind.count)
+        value = self._column(rows, metric.column)
+        count = np.ones(len(value)) if metric.count is None else self._column(rows, metric.count)
         if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(value)):
-            raise InputError(f"runs.parquet: {kind.column} or {kind.count} holds what no run leaves", file=self.label)
-        divisor = _divisor(entry, kind)
-        if divisor is None or not np.any((count > 0) & np.isfinite(value)):
+            raise InputError(
+                f"runs.parquet: {metric.column} or its number of terms holds what no run leaves", file=self.label
+            )
+        bound = self._stated(tracker, metric.over) if metric.over else 1.0
+        found = metric.of_runs(value, count, bound) if bound else None
+        if found is None or not bound:
             return None
-        self._require_agreement(tracker, metric, _interval(value, count, kind, divisor).value)
-        if runs is None:
-            return _interval(value, count, kind, divisor)
-        return _interval(value[runs], count[runs], kind, divisor) if count[runs].sum() > 0 else None
+        self._require_agreement(tracker, metric.path, found.value)
+        return found if runs is None else metric.of_runs(value[runs], count[runs], bound)
+
+    def _stated(self, tracker: str, metric: str) -> float | None:
+        """The value of a metric in the summary."""
+        found = self.result[tracker].metrics.get(metric.removesuffix(".mean"))
+        return None if found is None else found.value
 
     def _column(self, rows: pa.Table, name: str) -> Array:
         if name not in rows.column_names:
@@ -108,10 +115,9 @@ class Entry:
         return values
 
     def _require_agreement(self, tracker: str, metric: str, value: float) -> None:
-        stated = self.result[tracker].metrics.get(metric.removesuffix(".mean"))
-        number = None if stated is None else stated.value
-        if number is None or not abs(number - value) <= AGREEMENT * max(abs(value), 1.0):
-            message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {number}"
+        stated = self._stated(tracker, metric)
+        if stated is None or not abs(stated - value) <= AGREEMENT * max(abs(value), 1.0):
+            message = f"runs.parquet gives {tracker} a {metric} of {value:.6g}, {results.SUMMARY} one of {stated}"
             raise InputError(f"{message}: they are not of the same run", file=self.label)
 
 
@@ -121,19 +127,6 @@ class ResultSet:
 
     label: str
     entries: tuple[Entry, ...]
-
-
-def _interval(value: Array, count: Array, kind: PerRunMetric, divisor: float) -> Interval:
-    terms = np.nan_to_num(value) ** (2 if kind.squared else 1)
-    mean = ratio(np.where(count > 0, terms * count, 0.0), count)
-    return scaled(root(mean) if kind.squared else mean, 1.0 / divisor)
-
-
-def _divisor(entry: TrackerResult, kind: PerRunMetric) -> float | None:
-    if not kind.over:
-        return 1.0
-    found = entry.metrics.get(kind.over)
-    return found.value if found is not None and found.value else None
 
 
 def _require_columns(table: pa.Table, file: str) -> None:

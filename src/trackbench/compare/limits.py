@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
-from trackbench.compare.metrics import METRICS, require_metric
+from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
 
 OPTION = "--fail-on-regression"
@@ -33,25 +33,27 @@ class Limit(NamedTuple):
             percent = float(number.removesuffix("%"))
         except ValueError:
             percent = math.nan
-        require_directed(metric)
         if not 0.0 <= percent < math.inf:
             raise InputError(f"{number!r} is no percentage of 0 or more, as in {metric}:5", key=OPTION)
         return cls(metric, percent)
 
 
-def require_directed(metric: str) -> None:
+def require_directed(metric: ComparedMetric) -> None:
     """Make sure that a metric can become worse.
 
     Raises:
-        InputError: it has no value in each run, or neither a larger nor a smaller one is better.
+        InputError: neither a larger nor a smaller one is better.
     """
-    if not require_metric(metric, OPTION).better:
-        message = f"neither a larger nor a smaller {metric} is better; state expectations instead"
+    if metric.better is None:
+        message = f"neither a larger nor a smaller {metric.path} is better; state expectations instead"
         raise InputError(message, key=OPTION)
 
 
 def held(
-    limits: Sequence[Limit], differences: Sequence[PairDifference], missing: Sequence[NotCompared]
+    limits: Sequence[Limit],
+    metrics: Mapping[str, ComparedMetric],
+    differences: Sequence[PairDifference],
+    missing: Sequence[NotCompared],
 ) -> list[GateResult]:
     """Each limit held against each tracker of each later set in each scenario.
 
@@ -60,13 +62,15 @@ def held(
     interval still touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is
     undecided.
     """
-    return [result for limit in limits for result in _held(limit, differences, missing)]
+    return [result for limit in limits for result in _held(limit, metrics[limit.metric], differences, missing)]
 
 
-def _held(limit: Limit, differences: Sequence[PairDifference], missing: Sequence[NotCompared]) -> Iterator[GateResult]:
+def _held(
+    limit: Limit, metric: ComparedMetric, differences: Sequence[PairDifference], missing: Sequence[NotCompared]
+) -> Iterator[GateResult]:
     for item in differences:
         if item.metric == limit.metric:
-            yield _result(limit, item.scenario, item.entrant, _outcome(item, limit), _text(item, limit))
+            yield _result(limit, item.scenario, item.entrant, _outcome(item, limit, metric), _text(item, limit))
     for gap in missing:
         if gap.metric == limit.metric:
             outcome: GateOutcome = "error" if gap.of_entrant else "undecided"
@@ -79,11 +83,11 @@ def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome,
     )
 
 
-def _outcome(item: PairDifference, limit: Limit) -> GateOutcome:
+def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> GateOutcome:
     if item.percent is None:
         # Nothing is a percentage of zero: any real worsening is more.
         return "failed" if item.verdict == "worse" else "passed"
-    sign = 1.0 if METRICS[item.metric].better == "smaller" else -1.0
+    sign = 1.0 if metric.better == "smaller" else -1.0
     if item.verdict == "worse" and sign * item.percent > limit.percent:
         return "failed"
     worst = max(sign * end for end in item.percent_ci95 or (item.percent,))

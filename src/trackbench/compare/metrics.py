@@ -1,48 +1,77 @@
-"""The metrics that have a value in each run, and where the runs' table keeps them."""
+"""The metrics that are compared: those that have a value in each run."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+
+import numpy as np
 
 from trackbench.errors import InputError, nearest
+from trackbench.metrics import registry, stored
+from trackbench.metrics.intervals import Interval, ratio, scaled
+from trackbench.metrics.protocol import Direction, Metric
+from trackbench.types import Array
+
+#: Metrics that are another one over a bound, of which there is one value for all runs.
+_OVER = {
+    "position_efficiency": ("position_rmse", "position_bound"),
+    "velocity_efficiency": ("velocity_rmse", "velocity_bound"),
+}
+_NEES = "nees.mean"
+BUILT_IN = {*stored.ROOT_MEAN_SQUARES, *_OVER, _NEES}
 
 
 @dataclass(frozen=True)
-class PerRunMetric:
+class ComparedMetric:
     """A metric of which ``runs.parquet`` holds the value of each run."""
 
-    column: str
-    count: str
-    """Column with the number of terms of each run's value."""
+    path: str
     unit: str
-    squared: bool = True
-    """Whether the value is a root mean square; else it is a mean."""
-    better: Literal["smaller", "larger", ""] = "smaller"
-    over: str = ""
-    """Metric that it is divided by, of which there is one value for all runs."""
+    better: Direction | None
+    """Which values are better; None where neither is."""
+
+    @property
+    def over(self) -> str:
+        """The bound that it is divided by, empty where it is by none."""
+        return _OVER.get(self.path, ("", ""))[1]
+
+    @property
+    def column(self) -> str:
+        """Of its values."""
+        return "nees_mean" if self.path == _NEES else stored.run_column(self._numerator)
+
+    @property
+    def count(self) -> str | None:
+        """Column of the number of terms of each; None where every run counts alike."""
+        return "count" if self.path == _NEES else stored.count_column(self._numerator)
+
+    @property
+    def _numerator(self) -> str:
+        return _OVER.get(self.path, (self.path, ""))[0]
+
+    def of_runs(self, values: Array, count: Array | None, bound: float) -> Interval | None:
+        """The metric of some runs; None where there is nothing to compare.
+
+        Args:
+            values: ``(runs,)`` the column.
+            count: ``(runs,)`` the number of terms of each, if it has one.
+            bound: what it is divided by; 1 where it is by none.
+        """
+        if self.path == _NEES and count is not None:
+            return ratio(np.nan_to_num(values) * count, count) if count.sum() > 0 else None
+        found = stored.from_runs(self._numerator, values, count)
+        return None if found is None else scaled(found, 1.0 / bound)
 
 
-METRICS = {
-    "position_rmse": PerRunMetric("position_rmse_m", "count", "m"),
-    "velocity_rmse": PerRunMetric("velocity_rmse_mps", "count", "m/s"),
-    "course_rmse": PerRunMetric("course_rmse_deg", "course_count", "deg"),
-    "rmse.px": PerRunMetric("px_rmse_m", "count", "m"),
-    "rmse.py": PerRunMetric("py_rmse_m", "count", "m"),
-    "rmse.vx": PerRunMetric("vx_rmse_mps", "count", "m/s"),
-    "rmse.vy": PerRunMetric("vy_rmse_mps", "count", "m/s"),
-    "position_efficiency": PerRunMetric("position_rmse_m", "count", "1", over="position_bound"),
-    "velocity_efficiency": PerRunMetric("velocity_rmse_mps", "count", "1", over="velocity_bound"),
-    "nees.mean": PerRunMetric("nees_mean", "count", "1", squared=False, better=""),
-}
-
-
-def require_metric(metric: str, key: str) -> PerRunMetric:
-    """A metric by its path.
+def compared_metric(path: str, key: str, own: Sequence[Metric] = ()) -> ComparedMetric:
+    """A metric by its path; ``own`` are those of the scenario's plug-ins.
 
     Raises:
-        InputError: it has no value in each run.
+        InputError: it has no value in each run; ``key`` is the option that names it.
     """
-    if metric not in METRICS:
-        raise InputError(f"{metric!r} is not compared run by run; {nearest(metric, METRICS)}", key=key)
-    return METRICS[metric]
+    named = {*BUILT_IN, *(metric.name for metric in own)}
+    found = {item.path: item for item in registry.known(own) if item.path in named}
+    if path not in found:
+        raise InputError(f"{path!r} is not compared run by run; {nearest(path, found)}", key=key)
+    return ComparedMetric(path, found[path].unit, found[path].better)

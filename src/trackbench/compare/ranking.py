@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from trackbench.compare.comparison import NO_DIFFERENCE, Entrant, EntrantScore, PairDifference, RankedTracker
+from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference, RankedTracker
 from trackbench.compare.entries import Entry
+from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.types import Array
 
 RESAMPLES = 10_000

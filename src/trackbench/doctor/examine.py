@@ -32,7 +32,7 @@ from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.root_causes import rank
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
-from trackbench.sensing.config import Mount, Sensor
+from trackbench.models.sensors import Mount, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, no_progress

@@ -1,1 +1,34 @@
 """Estimates and truth to numbers with a unit, an interval and a verdict."""
+
+from trackbench.metrics.builtin import BUILT_IN, BuiltInMetric
+from trackbench.metrics.evaluate import Evaluation, Sums, evaluate, health, merge_sums, no_metrics
+from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, OwnMetric, Scope, Target
+from trackbench.metrics.scorer import Scorer
+from trackbench.metrics.sums import Bound, Scores
+
+__all__ = [
+    "BUILT_IN",
+    "Bound",
+    "BuiltInMetric",
+    "Chunk",
+    "Evaluation",
+    "Fault",
+    "Field",
+    "Innovation",
+    "Interval",
+    "Metric",
+    "OwnMetric",
+    "Scope",
+    "Scorer",
+    "Scores",
+    "Sums",
+    "Target",
+    "evaluate",
+    "health",
+    "merge_sums",
+    "no_metrics",
+    "ratio",
+    "root",
+    "scaled",
+]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench import linalg
+from trackbench.metrics.sums import NO_BOUND, Bound
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
@@ -17,7 +18,7 @@ UNKNOWN_POSITION = 1e6
 
 
 @dataclass(frozen=True)
-class Prior:
+class BoundStart:
     """What is known of a target before its first measurement."""
 
     velocity_sigma: float
@@ -38,7 +39,7 @@ def cramer_rao(
     sensors: list[IdealSensor],
     rates: dict[str, Array],
     acceleration_sigma: float,
-    prior: Prior,
+    start: BoundStart,
     instants: Indices,
 ) -> Array:
     """Bound of the covariance of px, py, vx, vy for targets that move with white acceleration, along the truth.
@@ -56,15 +57,15 @@ def cramer_rao(
         sensors: those that the tracker reads.
         rates: per sensor ``(measurements, objects)`` share of the runs with a detection.
         acceleration_sigma: m/s^2 per axis, constant from one instant to the next.
-        prior: what is known before the first measurement.
+        start: what is known before the first measurement.
         instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted.
 
     Returns:
         ``(instants, objects, 4)`` variances, NaN before the first measurement of an object.
     """
-    motion = ConstantVelocity(acceleration_sigma)
+    motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
-    sigma = [prior.position_sigma or UNKNOWN_POSITION] * 2 + [prior.velocity_sigma] * 2
+    sigma = [start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2
     covariance = np.repeat(np.diag(np.square(sigma))[None], len(truth.ids), axis=0)
     known = np.zeros(len(truth.ids), dtype=bool)
     result = np.full((len(instants), len(truth.ids), 4), np.nan)
@@ -75,7 +76,7 @@ def cramer_rao(
         f = motion.jacobian(target[:, step], dt)
         moved = f @ covariance @ f.T + process_noise(motion, target[:, step], dt)
         covariance = np.where(known[:, None, None], moved, covariance)
-        if prior.position_sigma is not None:
+        if start.position_sigma is not None:
             known |= truth.alive[step]
         for sensor in sensors:
             k = int(np.searchsorted(sensor.steps, step))
@@ -87,6 +88,15 @@ def cramer_rao(
             known |= rate > 0.0
         result[row] = np.where(known[:, None], np.einsum("oii->oi", covariance), np.nan)
     return result
+
+
+def rms_bound(variances: Array, weight: Array) -> Bound:
+    """The bound of the RMSE, from variances ``(instants, objects, 4)`` and the number of estimates at each."""
+    use = (weight > 0) & np.isfinite(variances).all(axis=2)
+    if not use.any():
+        return NO_BOUND
+    mean = (variances[use] * weight[use][:, None]).sum(axis=0) / weight[use].sum()
+    return Bound(float(np.sqrt(mean[:2].sum())), float(np.sqrt(mean[2:].sum())))
 
 
 def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:

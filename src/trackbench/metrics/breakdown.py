@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from trackbench.metrics.conditions import BAND_EDGES, BANDS, MANOEUVRES
 from trackbench.metrics.intervals import reach_of_ratio
-from trackbench.metrics.scores import ERROR_FIELDS, ClassSums
+from trackbench.metrics.sums import ERROR_FIELDS, ClassSums
+from trackbench.results import Breakdown, ConditionScores, MetricValue
 from trackbench.types import Array
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
@@ -32,8 +33,6 @@ _BAND = _MANOEUVRE + len(MANOEUVRES)
 _CELL = _BAND + BANDS
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
-
-Json = dict[str, Any]
 
 
 def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
@@ -59,23 +58,25 @@ def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
     return ClassSums(spread(sums), spread(sums**2), spread(sums * sums[0]), spread((sums[:1] > 0).astype(float)))
 
 
-def breakdown(sums: ClassSums) -> Json:
-    """The ``breakdown`` of one tracker, as it goes into the result; what did not occur is left out."""
+def breakdown(sums: ClassSums) -> Breakdown:
+    """The scores of one tracker by condition; what did not occur is left out."""
     if not sums.total[0, 0]:
-        return {"all": {"count": 0, "runs": 0}, "manoeuvre": {}, "range": {}}
-    manoeuvres = {name: _MANOEUVRE + i for i, name in enumerate(MANOEUVRES)}
-    return {
-        "all": _entry(sums, 0),
-        "manoeuvre": {name: _entry(sums, column) for name, column in manoeuvres.items() if sums.total[0, column]},
-        "range": {
-            band_name(band): {**_edges(band), **_entry(sums, _BAND + band)}
-            for band in range(BANDS)
-            if sums.total[0, _BAND + band]
+        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={})
+    occurred = np.flatnonzero(sums.total[0])
+    return Breakdown(
+        all=_scores(sums, 0),
+        manoeuvre={
+            name: _scores(sums, column) for column, name in enumerate(MANOEUVRES, _MANOEUVRE) if column in occurred
         },
-    }
+        range={
+            band_name(band): _scores(sums, _BAND + band, *_edges(band))
+            for band in range(BANDS)
+            if _BAND + band in occurred
+        },
+    )
 
 
-def cells(sums: ClassSums) -> Iterator[Json]:
+def cells(sums: ClassSums) -> Iterator[dict[str, Any]]:
     """Each manoeuvre in each range band that occurred, as a row of a table."""
     for cell in np.flatnonzero(sums.total[0, _CELL:]):
         manoeuvre, band = divmod(int(cell), BANDS)
@@ -83,8 +84,8 @@ def cells(sums: ClassSums) -> Iterator[Json]:
         count = total.pop("count")
         yield {
             "manoeuvre": MANOEUVRES[manoeuvre],
-            "range_from_m": _edges(band)["from_m"],
-            "range_to_m": _edges(band)["to_m"],
+            "range_from_m": _edges(band).start,
+            "range_to_m": _edges(band).end,
             "count": count,
             "position_rmse_m": (total["position"] / count) ** 0.5,
             "velocity_rmse_mps": (total["velocity"] / count) ** 0.5,
@@ -94,43 +95,51 @@ def cells(sums: ClassSums) -> Iterator[Json]:
 
 def band_name(band: int) -> str:
     """ "20 to 50 m"."""
-    low, high = _edges(band).values()
+    low, high = _edges(band)
     if high is None:
         return f"above {low:g} m"
     return f"{low:g} to {high:g} m"
 
 
-def _edges(band: int) -> dict[str, float | None]:
+class _Edges(NamedTuple):
+    start: float | None
+    end: float | None
+
+
+def _edges(band: int) -> _Edges:
     edges = (0.0, *BAND_EDGES, None)
-    return {"from_m": edges[band], "to_m": edges[band + 1]}
+    return _Edges(edges[band], edges[band + 1])
 
 
-def _entry(sums: ClassSums, column: int) -> Json:
-    found: Json = {"count": int(sums.total[0, column]), "runs": int(sums.runs[0, column])}
-    for row, name in enumerate(FIELDS):
-        if name == "count":
-            continue
-        mean = float(sums.total[row, column] / sums.total[0, column])
-        reach = reach_of_ratio(
-            total=sums.total[row, column],
-            count=sums.total[0, column],
-            square=sums.square[row, column],
-            product=sums.product[row, column],
-            count_square=sums.square[0, column],
-            runs=found["runs"],
-        )
-        if name in DOF:
-            found[name] = {"mean": mean, "unit": "1", **_interval(mean, reach), "dof": DOF[name]}
-        else:
-            error = math.sqrt(mean)
-            unit = "m" if name == "position" else "m/s"
-            # The root's interval by the delta method.
-            slope = 0.5 / error if error > 0 else 0.0
-            found[f"{name}_rmse"] = {"value": error, "unit": unit, **_interval(error, slope * reach)}
-    return found
+def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: float | None = None) -> ConditionScores:
+    values = {
+        name if name in DOF else f"{name}_rmse": _value(sums, row, column, name)
+        for row, name in enumerate(FIELDS)
+        if name != "count"
+    }
+    count, runs = int(sums.total[0, column]), int(sums.runs[0, column])
+    return ConditionScores(count=count, runs=runs, from_m=from_m, to_m=to_m, **values)
 
 
-def _interval(value: float, reach: float) -> Json:
+def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
+    mean = float(sums.total[row, column] / sums.total[0, column])
+    reach = reach_of_ratio(
+        total=sums.total[row, column],
+        count=sums.total[0, column],
+        square=sums.square[row, column],
+        product=sums.product[row, column],
+        count_square=sums.square[0, column],
+        runs=int(sums.runs[0, column]),
+    )
+    if name in DOF:
+        return _with_reach(mean, reach, unit="1", dof=DOF[name])
+    error = math.sqrt(mean)
+    # The root's interval by the delta method.
+    slope = 0.5 / error if error > 0 else 0.0
+    return _with_reach(error, slope * reach, unit="m" if name == "position" else "m/s")
+
+
+def _with_reach(value: float, reach: float, **more: Any) -> MetricValue:
     if math.isnan(reach):
-        return {"ci95": None, "reason": "fewer than two runs give no interval"}
-    return {"ci95": [max(value - reach, 0.0), value + reach]}
+        return MetricValue(value=value, reason="fewer than two runs give no interval", **more)
+    return MetricValue(value=value, ci95=(max(value - reach, 0.0), value + reach), **more)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy import stats
 
 from trackbench import linalg
 from trackbench.types import Array, Estimate, Mask
@@ -50,6 +49,8 @@ def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Arr
 
 def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     """Two-sided 95 % bounds of the mean of ``count`` independent chi-square variables of ``dof`` degrees of freedom."""
+    from scipy import stats
+
     n = np.maximum(np.asarray(count, dtype=float), 1.0)
     low, high = (stats.chi2.ppf(q, n * dof) / n for q in (0.025, 0.975))
     return low, high
@@ -58,6 +59,8 @@ def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
 @cache
 def point95(dof: int) -> float:
     """The 95 % point of chi-square."""
+    from scipy import stats
+
     return float(stats.chi2.ppf(0.95, dof))
 
 

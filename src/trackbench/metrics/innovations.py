@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.metrics.consistency import point95
-from trackbench.metrics.scores import LAG_FIELDS, LAGS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, OVERFLOW, NisScores
+from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, OVERFLOW, NisScores
 from trackbench.types import Array, Mask
 
 

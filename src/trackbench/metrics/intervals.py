@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
+from trackbench.results import MetricValue
 from trackbench.types import Array
 
 #: Relative difference of two values below which it is one of arithmetic, not of what was measured.
 ROUNDING = 1e-9
+ONE_RUN = "one run gives no interval"
 
 
 class Interval(NamedTuple):
@@ -21,6 +22,12 @@ class Interval(NamedTuple):
     influence: Array
     """``(runs,)`` what each run adds to the value, to first order; its mean is zero."""
     ci95: tuple[float, float] | None
+
+    def as_value(self, unit: str) -> MetricValue:
+        """As it stands in a result."""
+        if self.ci95 is None:
+            return MetricValue(value=self.value, unit=unit, reason=ONE_RUN)
+        return MetricValue(value=self.value, unit=unit, ci95=self.ci95)
 
 
 def ratio(total: Array, count: Array) -> Interval:
@@ -52,7 +59,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
         return float("nan")
     mean = total / count
     squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
-    return float(stats.t.ppf(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
+    return float(_t95(runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
 
 
 def scaled(interval: Interval, factor: float) -> Interval:
@@ -61,7 +68,7 @@ def scaled(interval: Interval, factor: float) -> Interval:
     return Interval(interval.value * factor, interval.influence * factor, ci)
 
 
-class Difference(NamedTuple):
+class Contrast(NamedTuple):
     """A difference of two values."""
 
     value: float
@@ -70,13 +77,13 @@ class Difference(NamedTuple):
     """Two-sided, of the hypothesis that there is no difference; 1 with fewer than two runs."""
 
 
-def paired(a: Interval, b: Interval) -> Difference:
+def paired(a: Interval, b: Interval) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
     influence = a.influence - b.influence
     return _tested(a, b, _standard_error(influence), len(influence) - 1)
 
 
-def unpaired(a: Interval, b: Interval) -> Difference:
+def unpaired(a: Interval, b: Interval) -> Contrast:
     """``a - b`` where the runs of one have nothing to do with those of the other, by Welch's t test on the influences.
 
     Source: Welch (1947), "The generalization of Student's problem when several different population variances are
@@ -92,16 +99,18 @@ def unpaired(a: Interval, b: Interval) -> Difference:
     return _tested(a, b, float(np.sqrt(total)), freedom)
 
 
-def _tested(a: Interval, b: Interval, error: float | None, freedom: float) -> Difference:
+def _tested(a: Interval, b: Interval, error: float | None, freedom: float) -> Contrast:
     """The difference with its interval and p-value, from its standard error."""
+    from scipy import stats
+
     value = a.value - b.value
     if error is None:
-        return Difference(value, None, 1.0)
-    reach = float(stats.t.ppf(0.975, freedom)) * error
+        return Contrast(value, None, 1.0)
+    reach = _t95(freedom) * error
     ci95 = (value - reach, value + reach)
     if abs(value) <= ROUNDING * max(abs(a.value), abs(b.value)):
-        return Difference(value, ci95, 1.0)
-    return Difference(value, ci95, float(2 * stats.t.sf(abs(value) / error, freedom)) if error > 0 else 0.0)
+        return Contrast(value, ci95, 1.0)
+    return Contrast(value, ci95, float(2 * stats.t.sf(abs(value) / error, freedom)) if error > 0 else 0.0)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -124,5 +133,13 @@ def _interval(value: float, influence: Array) -> Interval:
     error = _standard_error(influence)
     if error is None:
         return Interval(value, influence, None)
-    reach = float(stats.t.ppf(0.975, len(influence) - 1)) * error
+    reach = _t95(len(influence) - 1) * error
     return Interval(value, influence, (value - reach, value + reach))
+
+
+def _t95(freedom: float) -> float:
+    """The 97.5 % point of Student's t."""
+    # Takes half a second to import, which a scenario that is only checked need not wait for.
+    from scipy import stats
+
+    return float(stats.t.ppf(0.975, freedom))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from trackbench.palette import tracker_colours
@@ -42,7 +42,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
 
     Args:
         result: of the run.
-        colours: of its trackers, by name; those of the run alone unless given.
+        colours: see :func:`colours_of`.
     """
     summary = result.summary
     return Contents(
@@ -51,9 +51,15 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         recorded_run=str(summary.recorded_run),
         duration_s=summary.truth.duration_s,
         targets=len(summary.truth.objects),
-        colours=colours or tracker_colours(tracker.name for tracker in summary.trackers),
+        colours=colours_of((tracker.name for tracker in summary.trackers), colours),
         sensors=summary.sensors,
         tables=result.tables,
         ranking=text.ranking(result),
         about=text.about(result),
     )
+
+
+def colours_of(trackers: Iterable[str], colours: Mapping[str, str] | None) -> dict[str, str]:
+    """The colour of each tracker: from those of several runs, which may have others as well, or else in order."""
+    names = list(trackers)
+    return tracker_colours(names) if colours is None else {name: colours[name] for name in names}

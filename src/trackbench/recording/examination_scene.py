@@ -41,21 +41,16 @@ def send_scene(stream: Stream, run: EvidenceRun) -> None:
         known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
         time, at, p = run.time[known], mean[:2, known], covariance[:, :, known]
         _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
-        entity, once = path(*world, name, "covariance"), np.ones(len(time), dtype=int)
-        send_ellipses(stream, entity, time, once, at[0], at[1], (p[0, 0], p[0, 1], p[1, 1]), COLOURS[name], 15.0)
-    _send_measurements(stream, run)
+        send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name], 15.0)
+    for sensor, colour in sensor_colours(dict.fromkeys(scan.sensor for scan in run.scans)).items():
+        scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
+        time = np.array([scan.time for scan in scans])
+        at = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2).T
+        send_points(stream, path(*measurements(run.drive, sensor)), time, at, colour, 2.0, 10.0)
 
 
 def _send_path(stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float) -> None:
     """The position over time, and the whole path."""
-    send_points(stream, path(*place), time, np.ones(len(time), dtype=int), position[0], position[1], colour, size, 20.0)
+    send_points(stream, path(*place), time, position, colour, size, 20.0)
     line = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(0.75), draw_order=5.0)
     stream.static(path(*place, "path"), line)
-
-
-def _send_measurements(stream: Stream, run: EvidenceRun) -> None:
-    for sensor, colour in sensor_colours(dict.fromkeys(scan.sensor for scan in run.scans)).items():
-        scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
-        x, y = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2).T
-        time, entity = np.array([scan.time for scan in scans]), path(*measurements(run.drive, sensor))
-        send_points(stream, entity, time, np.ones(len(time), dtype=int), x, y, colour, 2.0, 10.0)

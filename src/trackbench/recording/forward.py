@@ -14,9 +14,9 @@ from urllib.parse import urlsplit
 from trackbench.recording.painter import Painter
 from trackbench.recording.viewer import PATIENCE, listens
 
-#: A viewer that takes nothing for so long is given up, s.
+#: A viewer that accepts no data for this long is given up, s.
 STALLED = 20
-#: Deliveries that are kept while the viewer does not take them; then the run is told to keep its own.
+#: Deliveries that are kept while the viewer accepts none; then no more are read, and the queue of the run fills.
 KEPT = 500
 
 

@@ -9,16 +9,13 @@ from typing import Any
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.metrics.summary import ROOT_MEAN_SQUARES
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.recording.moments import EstimateMoment, SceneMoment, scene_at, worst
 from trackbench.recording.reader import Recorded, read
 from trackbench.recording.recorded_run import recorded_run
 from trackbench.recording.rescore import rescored
 from trackbench.recording.tables import Columns, columns, split
 from trackbench.results import Result, Summary, TrackerResult
-
-#: What the columns of the table of runs end with, by unit.
-SUFFIX = {"m": "_m", "m/s": "_mps", "deg": "_deg"}
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class SensorContents:
 
 
 @dataclass(frozen=True)
-class Check:
+class ScoreCheck:
     """How the scores computed afresh compare with those that the run itself wrote beside the recording."""
 
     file: str
@@ -49,7 +46,7 @@ class Inspection:
     sensors: dict[str, SensorContents]
     scored: list[TrackerResult]
     """The trackers that did not fail, with the scores of the recorded run alone."""
-    checked: Check | None
+    checked: ScoreCheck | None
     """None where there is nothing to compare with."""
     at: SceneMoment | None
     worst: dict[str, list[EstimateMoment]] | None
@@ -126,22 +123,20 @@ def _sensor(rows: Columns) -> SensorContents:
     return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
 
 
-def _checked(found: Recorded, scored: list[TrackerResult]) -> Check | None:
+def _checked(found: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
     folder = found.file if found.file.is_dir() else found.file.parent
     try:
         beside = Result.load(folder)
     except InputError:
         return None
     summary = found.result.summary
-    if "runs" not in beside.tables or beside.summary.fingerprint != summary.fingerprint:
+    if "runs" not in beside.tables or beside.summary.fingerprints != summary.fingerprints:
         return None
     runs = columns(beside.tables.runs)
     differences = [0.0]
     for tracker in scored:
         (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker.name) & (runs["run"] == summary.recorded_run))
         pairs = [(tracker.nees.value, runs["nees_mean"][row])]
-        for name, (_, _, unit) in ROOT_MEAN_SQUARES.items():
-            column = f"{name.removeprefix('rmse.').removesuffix('_rmse')}_rmse{SUFFIX[unit]}"
-            pairs.append((tracker.metrics[name].value, runs[column][row]))
+        pairs += [(tracker.metrics[name].value, runs[of.column][row]) for name, of in ROOT_MEAN_SQUARES.items()]
         differences += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
-    return Check(str(folder / "runs.parquet"), float(max(differences)))
+    return ScoreCheck(str(folder / "runs.parquet"), float(max(differences)))

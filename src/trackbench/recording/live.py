@@ -1,8 +1,8 @@
-"""A run shown while it goes on: what is observed goes to a process of its own, which talks to the viewer.
+"""A run shown while it goes on: its recorded run is sent to another process, which draws it in the viewer.
 
-Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it lives in
-another process, to which a thread of this one writes. The run only puts references into a queue that forgets the
-oldest: whatever becomes of the thread, the process or the viewer, the run does not wait for it.
+Rerun's connection may wait for ever for a viewer that is gone or slow, and cannot be interrupted. So it is in another
+process, to which a thread of this one writes. The run only appends to a queue of limited length, which drops the oldest
+entries: the run never waits for the thread, the process or the viewer.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import IO, Any
 
+from trackbench.recording.contents import colours_of
 from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
 from trackbench.scenario import LoadedScenario
@@ -25,7 +27,7 @@ from trackbench.types import Scan, Truth
 WAITING = 10_000
 #: Pause between two deliveries, s.
 PERIOD = 0.05
-#: For how long the end of all runs may wait until everything is handed over, s.
+#: How long :meth:`Live.close` waits until everything is sent, s.
 PARTING = 2.0
 
 
@@ -34,10 +36,9 @@ class Scene:
     """What is known of a run before the first tracker has taken a step."""
 
     name: str
-    trackers: list[str]
+    colours: Mapping[str, str]
+    """By tracker."""
     sensors: list[str]
-    hold: float
-    """For how long an estimate is shown when none follows, s."""
     truth: Truth
     """Of the recorded run alone."""
 
@@ -53,12 +54,12 @@ class _Show:
 
 
 class Live:
-    """Takes what is observed of one run after another; never waits and never raises."""
+    """Sends the recorded run of one scenario after another; never waits and never raises."""
 
     def __init__(self, url: str) -> None:
         """``url``: of the viewer, ``rerun+http://HOST:PORT/proxy``."""
         self.lost = False
-        """Whether the way to the viewer ended before everything was handed over."""
+        """Whether the other process ended before everything was sent."""
         self._shows: deque[_Show] = deque()
         self._latest: _Show | None = None
         self._closing = threading.Event()
@@ -71,18 +72,18 @@ class Live:
         self._thread = threading.Thread(target=self._deliver, daemon=True)
         self._thread.start()
 
-    def begin(self, loaded: LoadedScenario, truth: Truth) -> None:
-        """A run starts; until the next one does, what is observed is of this one."""
+    def begin(self, loaded: LoadedScenario, truth: Truth, colours: Mapping[str, str] | None = None) -> None:
+        """A run starts; what follows belongs to it until the next one starts.
+
+        Args:
+            loaded: the scenario.
+            truth: its truth.
+            colours: of its trackers, by name, where they are those of several scenarios.
+        """
         scenario = loaded.config
-        self._latest = _Show(
-            Scene(
-                name=scenario.name,
-                trackers=list(scenario.trackers),
-                sensors=list(scenario.sensors),
-                hold=max(1.0 / sensor.rate_hz for sensor in scenario.sensors.values()),
-                truth=_of_run(truth, scenario.recording.run),
-            )
-        )
+        colours = colours_of(scenario.trackers, colours)
+        truth = _of_run(truth, scenario.recording.run)
+        self._latest = _Show(Scene(scenario.name, colours, list(scenario.sensors), truth))
         self._shows.append(self._latest)
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:
@@ -91,17 +92,19 @@ class Live:
             self._latest.observed.append(observed)
 
     def end(self, result: Result) -> None:
-        """The run is complete: its whole recording follows, and fills what was forgotten."""
+        """The run is complete: send its whole recording, which also has what the queue dropped."""
         if self._latest is not None:
             self._latest.result = result
 
     def close(self) -> None:
-        """Hand over what waits, within a short time; the other process goes on alone to pass it on."""
+        """Send what is left, within a short time; the other process ends by itself when it has drawn it."""
         self._closing.set()
         self._thread.join(PARTING)
         if self._thread.is_alive():
             self.lost = True
             self._process.kill()
+        # Nobody waits for it, but its end is taken note of.
+        threading.Thread(target=self._process.wait, daemon=True).start()
 
     def _deliver(self) -> None:
         try:

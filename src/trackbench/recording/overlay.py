@@ -77,7 +77,7 @@ def _about(named: Mapping[str, Result]) -> list[str]:
     for label, result in named.items():
         summary = result.summary
         of = f"run {summary.recorded_run} of {summary.runs}, seed {summary.seed}"
-        lines.append(f"- **{label}**: {of}, measurements `{text.fingerprint(summary)}`; `{summary.command}`")
+        lines.append(f"- **{label}**: {of}, measurements `{summary.fingerprint}`; `{summary.command}`")
     if len({result.summary.fingerprint for result in named.values()}) > 1:
         lines += ["", "The scores are over different measurements: a small difference between two may be chance."]
     return lines

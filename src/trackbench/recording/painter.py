@@ -1,4 +1,4 @@
-"""Draws a run while it goes on, a handful of instants at a time, and whole when it is complete."""
+"""Draws a run while it goes on, some instants at a time, and its whole recording at the end."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 
-from trackbench.palette import sensor_colours, tracker_colours
+from trackbench.palette import sensor_colours
 from trackbench.recording import layout, scene, series, views
 from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import application, send
 from trackbench.results import Result
 from trackbench.runner.block import RecordedEstimates, RecordedInstant
-from trackbench.runner.tables import estimates_table, measurements_table, roads_table, truth_table
-from trackbench.types import Scan
+from trackbench.runner.recorded_tables import estimates_table, measurements_table, roads_table, truth_table
+from trackbench.types import Gaussian, Scan
 
 
 class Painter:
@@ -29,7 +29,7 @@ class Painter:
         self._run: _Run | None = None
 
     def take(self, batch: Iterable[Scene | list[Scan] | RecordedInstant | Result]) -> None:
-        """Draw what was observed, in the order in which it was."""
+        """Draw parts of runs, in their order."""
         for _, items in groupby(batch, key=type):
             alike = list(items)
             instants = [item for item in alike if isinstance(item, RecordedInstant)]
@@ -43,7 +43,7 @@ class Painter:
             self.finish()
             self._run = _Run(self._url, item)
         elif isinstance(item, Result) and self._run is not None:
-            send(self._run.recording, item)
+            self._run.complete(item)
         elif isinstance(item, list) and self._run is not None:
             self._run.sense(item)
 
@@ -59,7 +59,6 @@ class _Run:
 
     def __init__(self, url: str, about: Scene) -> None:
         self._about = about
-        self._trackers, self._sensors = tracker_colours(about.trackers), sensor_colours(about.sensors)
         self._motion = truth_table(about.truth, 0)
         self._measurements = pa.table({})
         self._steps = np.empty(0, dtype=np.intp)
@@ -72,7 +71,11 @@ class _Run:
         self._stream = Stream(self.recording)
         scene.send_roads(self._stream, roads_table(about.truth))
         views.send_scales(self._stream, windows)
-        views.send_legends(self._stream, windows, self._trackers)
+        views.send_legends(self._stream, windows, about.colours)
+
+    def complete(self, result: Result) -> None:
+        """The whole recording."""
+        send(self.recording, result, self._about.colours)
 
     def sense(self, scans: list[Scan]) -> None:
         """The measurements, which are drawn as far as the trackers have come."""
@@ -81,34 +84,30 @@ class _Run:
         self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
 
     def estimate(self, instants: list[RecordedInstant]) -> None:
-        """The estimates of all trackers at some instants."""
+        """The estimates of all trackers at some instants; one that has failed has none."""
         if not len(self._steps):
             return
         truth, nothing = self._about.truth, pa.table({})
-        self._advance(float(truth.time[self._steps[instants[-1].number]]))
-        for tracker in self._trackers:
-            known = [(item.number, item.estimates[tracker]) for item in instants if tracker in item.estimates]
-            if not known:
-                continue
-            numbers, gaussians = zip(*known, strict=True)
-            mean, covariance = (np.moveaxis(np.array(part), 0, -2) for part in zip(*gaussians, strict=True))
-            steps = self._steps[list(numbers)]
-            estimates = estimates_table({tracker: RecordedEstimates(mean, covariance)}, truth, steps, 0)
-            scene.send_estimates(self._stream, estimates, self._motion, self._trackers, self._about.hold)
-            series.send_recorded_run(self._stream, estimates, nothing, nothing, self._trackers)
+        none = Gaussian(np.full((4, len(truth.ids)), np.nan), np.full((4, 4, len(truth.ids)), np.nan))
+        steps = self._steps[[item.number for item in instants]]
+        self._advance(float(truth.time[steps[-1]]))
+        recorded = {}
+        for tracker in self._about.colours:
+            found = [item.estimates.get(tracker, none) for item in instants]
+            mean = np.stack([estimate.mean for estimate in found], axis=1)
+            recorded[tracker] = RecordedEstimates(mean, np.stack([estimate.covariance for estimate in found], axis=2))
+        estimates = estimates_table(recorded, truth, steps, 0)
+        scene.send_estimates(self._stream, estimates, self._motion, self._about.colours)
+        series.send_recorded_run(self._stream, estimates, nothing, nothing, self._about.colours)
 
     def _advance(self, time: float) -> None:
         """Vehicles and measurements up to a time."""
         if time <= self._drawn:
             return
-        for table, draw in ((self._motion, self._vehicles), (self._measurements, self._points)):
-            new = table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
-            if new.num_rows:
-                draw(new)
+        vehicles, measurements = (
+            table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
+            for table in (self._motion, self._measurements)
+        )
+        scene.send_vehicles(self._stream, vehicles)
+        scene.send_measurements(self._stream, measurements, sensor_colours(self._about.sensors))
         self._drawn = time
-
-    def _vehicles(self, rows: pa.Table) -> None:
-        scene.send_vehicles(self._stream, rows)
-
-    def _points(self, rows: pa.Table) -> None:
-        scene.send_measurements(self._stream, rows, self._sensors)

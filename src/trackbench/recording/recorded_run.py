@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.metrics.scorer import Target
+from trackbench.metrics import Target
 from trackbench.recording.tables import Columns, columns, split
 from trackbench.results import Result
 from trackbench.types import Array, Mask
@@ -15,7 +15,7 @@ STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
 
 
 @dataclass(frozen=True)
-class Track:
+class RecordedTrack:
     """One tracker's estimates."""
 
     mean: Array
@@ -36,7 +36,7 @@ class RecordedRun:
 
     objects: tuple[str, ...]
     target: Target
-    tracks: dict[str, Track]
+    tracks: dict[str, RecordedTrack]
     """By tracker, those that did not fail."""
 
     @property
@@ -67,7 +67,7 @@ def recorded_run(result: Result) -> RecordedRun:
     return RecordedRun(objects, target, {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()})
 
 
-def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> Track:
+def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> RecordedTrack:
     def column(name: str) -> Array:
         values = np.full((len(time), len(objects)), np.nan)
         for i, key in enumerate(objects):
@@ -76,7 +76,7 @@ def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> T
         return values
 
     covariance = [[column(f"p_{min(a, b)}{max(a, b)}") for b in range(4)] for a in range(4)]
-    return Track(
+    return RecordedTrack(
         mean=np.stack([column(name) for name in STATE]),
         covariance=np.stack([np.stack(row) for row in covariance]),
         position_error=column("position_error_m"),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.metrics.scorer import Fault, Scorer
-from trackbench.metrics.summary import Bound, metrics
-from trackbench.recording.recorded_run import RecordedRun, Track
+from trackbench.metrics import Fault, Scorer, evaluate, health
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
 from trackbench.recording.tables import Columns, split
 from trackbench.results import Health, Result, TrackerResult
 from trackbench.types import Array, Estimate, Mask, Scan
@@ -22,7 +22,6 @@ NOT_RECORDED = (
     "velocity_efficiency",
     "step_time",
 )
-NO_BOUND = Bound(float("nan"), float("nan"))
 
 
 def rescored(result: Result, recorded: RecordedRun) -> list[TrackerResult]:
@@ -60,28 +59,28 @@ def _innovations(rows: dict[str, Columns], recorded: RecordedRun, dof: int) -> d
 
 
 def _scored(
-    tracker: TrackerResult, track: Track, recorded: RecordedRun, innovations: dict[str, dict[int, Array]]
+    tracker: TrackerResult, track: RecordedTrack, recorded: RecordedRun, innovations: dict[str, dict[int, Array]]
 ) -> TrackerResult:
     counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
     alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int8)
-    scorer = Scorer(recorded.target, alike, counts, keep_spread=False)
+    scorer = Scorer(recorded.target, alike, counts)
     for instant, time in enumerate(recorded.target.time):
         estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
         for sensor, items in innovations.items():
             if instant in items:
                 white = items[instant]
                 scan = _scan(float(time), sensor, np.isfinite(white[0]))
-                scorer.innovation(instant, scan, estimate._replace(whitened_innovation=white))
+                scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
         scorer.estimate(estimate)
-    scores = scorer.scores(seconds=float("nan"), steps=0)
-    known = metrics(scores, NO_BOUND, runs=1)
+    sums = scorer.close()
+    known = evaluate(sums).values
     return TrackerResult(
         name=tracker.name,
         describe=tracker.describe,
         failed=tracker.failed,
-        metrics={name: value for name, value in known.items() if name.partition(".")[0] not in NOT_RECORDED},
-        health=Health(diverged_runs=int(scores.diverged.sum())),
+        metrics={path: value for path, value in known.items() if path.partition(".")[0] not in NOT_RECORDED},
+        health=Health(diverged_runs=health(sums[ESTIMATES.name]).diverged_runs),
     )
 
 

@@ -43,6 +43,8 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
 
 def send_vehicles(stream: Stream, truth: pa.Table) -> None:
     """The observer and the targets, as oriented boxes with an arrow for the heading, and their names."""
+    if not truth.num_rows:
+        return
     for (name, role), rows in split(truth, "object", "role").items():
         observer = role == "observer"
         colour = OBSERVER_COLOUR if observer else TRUTH_COLOUR
@@ -73,30 +75,37 @@ def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[s
     for (sensor,), rows in split(measurements, "sensor").items():
         valid = rows["valid"].astype(bool)
         time, count = np.unique(rows["time_s"][valid], return_counts=True)
-        x, y = rows["x_m"][valid], rows["y_m"][valid]
-        send_points(stream, path(*MEASUREMENTS, sensor), time, count, x, y, colours[sensor], 1.5, 20.0)
+        at = np.stack([rows["x_m"], rows["y_m"]])[:, valid]
+        send_points(stream, path(*MEASUREMENTS, sensor), time, at, colours[sensor], 1.5, 20.0, count)
 
 
 def send_estimates(
-    stream: Stream, estimates: pa.Table, truth: pa.Table, colours: Mapping[str, str], hold: float
+    stream: Stream, estimates: pa.Table, truth: pa.Table, colours: Mapping[str, str], hold: float | None = None
 ) -> None:
     """Each tracker's estimate and 95 % ellipse of every target.
 
     Args:
-        hold: how long an estimate stays in the picture when none follows, s.
+        stream: the recording.
+        estimates: table of all trackers.
+        truth: table of the recorded run.
+        colours: by tracker.
+        hold: how long an estimate stays in the picture when none follows, s; None while a run goes on, when nothing
+            is known of what follows the last one.
     """
     vehicles = split(truth, "object")
     for (tracker, name), found in split(estimates, "tracker", "object").items():
         known = np.isfinite(found["px_m"]) & np.isfinite(found["py_m"])
         rows = {key: values[known] for key, values in found.items()}
-        truth_rows = vehicles[name,]
-        gone = truth_rows["time_s"][~truth_rows["alive"].astype(bool)]
-        time, count = _with_ends(rows["time_s"], gone, hold, truth_rows["time_s"][-1])
+        time, count = found["time_s"], known.astype(int)
+        if hold is not None:
+            truth_rows = vehicles[name,]
+            gone = truth_rows["time_s"][~truth_rows["alive"].astype(bool)]
+            time, count = _with_ends(rows["time_s"], gone, hold, truth_rows["time_s"][-1])
         entity = path(*ESTIMATES, tracker, name)
-        x, y, colour = rows["px_m"], rows["py_m"], colours[tracker]
-        send_points(stream, entity, time, count, x, y, colour, 2.5, 30.0)
-        covariance = rows["p_00"], rows["p_01"], rows["p_11"]
-        send_ellipses(stream, f"{entity}/covariance", time, count, x, y, covariance, colour, 25.0)
+        at, colour = np.stack([rows["px_m"], rows["py_m"]]), colours[tracker]
+        covariance = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])
+        send_points(stream, entity, time, at, colour, 2.5, 30.0, count)
+        send_ellipses(stream, f"{entity}/covariance", time, at, covariance, colour, 25.0, count)
 
 
 def _labels(stream: Stream, rows: Columns) -> None:

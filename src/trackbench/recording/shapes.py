@@ -27,7 +27,14 @@ def ellipse(p_00: Array, p_01: Array, p_11: Array) -> tuple[Array, Array]:
 
 
 def send_points(
-    stream: Stream, entity: str, time: Array, count: Count, x: Array, y: Array, colour: str, size: float, order: float
+    stream: Stream,
+    entity: str,
+    time: Array,
+    at: Array,
+    colour: str,
+    size: float,
+    order: float,
+    count: Count | None = None,
 ) -> None:
     """Dots.
 
@@ -35,14 +42,14 @@ def send_points(
         stream: the recording.
         entity: their path.
         time: ``(times,)`` s.
-        count: ``(times,)`` how many dots there are at each time.
-        x: ``(dots,)`` m.
-        y: ``(dots,)`` m.
+        at: ``(2, dots)`` m.
         colour: "#RRGGBB".
         size: radius in pixels.
         order: of drawing; the highest is on top.
+        count: ``(times,)`` how many dots there are at each time; one unless given.
     """
-    stream.columns(entity, time, rr.Points2D.columns(positions=np.stack([x, y], axis=1)).partition(count))
+    dots = rr.Points2D.columns(positions=at.T)
+    stream.columns(entity, time, dots if count is None else dots.partition(count))
     stream.static(entity, rr.Points2D.from_fields(colors=rgba(colour), radii=pixels(size), draw_order=order))
 
 
@@ -50,20 +57,16 @@ def send_ellipses(
     stream: Stream,
     entity: str,
     time: Array,
-    count: Count,
-    x: Array,
-    y: Array,
-    covariance: tuple[Array, Array, Array],
+    at: Array,
+    covariance: Array,
     colour: str,
     order: float,
+    count: Count | None = None,
 ) -> None:
-    """The 95 % ellipses of positions, whose ``covariance`` is p_00, p_01 and p_11; the rest as :func:`send_points`."""
-    half, rotation = ellipse(*covariance)
-    batches = (
-        pose(x, y, rotation),
-        rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half)),
-    )
-    stream.columns(entity, time, *(batch.partition(count) for batch in batches))
+    """The 95 % ellipses of positions with their covariances ``(2, 2, dots)`` m^2; the rest as :func:`send_points`."""
+    half, rotation = ellipse(covariance[0, 0], covariance[0, 1], covariance[1, 1])
+    batches = pose(at[0], at[1], rotation), rr.Ellipses2D.columns(half_sizes=half, centers=np.zeros_like(half))
+    stream.columns(entity, time, *(batch if count is None else batch.partition(count) for batch in batches))
     stream.static(entity, rr.Ellipses2D.from_fields(colors=rgba(colour), line_radii=pixels(0.75), draw_order=order))
 
 

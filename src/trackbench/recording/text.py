@@ -52,7 +52,7 @@ def about(result: Result) -> str:
         "",
         truth(summary),
         f"- shown: Monte-Carlo run {summary.recorded_run} of {summary.runs}, seed {summary.seed}",
-        f"- measurements: fingerprint `{fingerprint(summary)}`",
+        f"- measurements: fingerprint `{summary.fingerprint}`",
         *legend(summary.trackers, summary.sensors),
         *("", "### Again", "", f"`{summary.command}`", ""),
         ", ".join(f"{name} {version}" for name, version in summary.versions.items()),
@@ -65,11 +65,6 @@ def truth(summary: Summary) -> str:
     found = summary.truth
     source = " ".join(str(part) for part in (found.source, (found.model_extra or {}).get("env")) if part)
     return f"- truth: {source}, {counted(len(found.objects), 'target')}, {found.duration_s:g} s"
-
-
-def fingerprint(summary: Summary) -> str:
-    """The first digits of the measurements' fingerprint."""
-    return summary.fingerprint.removeprefix("sha256:")[:16]
 
 
 def legend(trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummary]) -> Iterator[str]:

@@ -117,19 +117,18 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         TrackbenchError: it cannot be written.
     """
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that it is whole or not there.
+    """Write a file under a temporary name and rename it, so that it is whole or not there; and the folder it is in.
 
     Raises:
         TrackbenchError: it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.unfinished")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         temporary.write_bytes(content)
         os.replace(temporary, path)
         log.info("wrote %s", path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
@@ -63,11 +63,24 @@ class BoundSummary(Part):
     velocity_sigma_mps: float
 
 
+class OwnMetricSummary(Part):
+    """A metric that is not built in."""
+
+    name: str
+    unit: str
+    meaning: str
+    better: Literal["smaller", "larger"] | None
+    compared: bool
+    """Whether trackers are compared by it, run by run."""
+    per_sensor: bool
+
+
 class ScoreSummary(Part):
-    """Which errors count."""
+    """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float
     divergence_m: float
+    metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 
 class Failure(Part):
@@ -154,7 +167,10 @@ class Difference(Part):
     ci95: tuple[float, float] | None
     p_value: float
     """Corrected for the number of differences of the metric."""
+    better: str | None
+    """The tracker that is shown to be better."""
     verdict: str
+    """The same in words."""
 
 
 class ExpectationResult(Part):

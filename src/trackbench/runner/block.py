@@ -11,11 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.metrics import BUILT_IN, Fault, Metric, Scorer, Scores, Sums, Target
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
-from trackbench.metrics.scorer import Fault, Scorer, Target
-from trackbench.metrics.scores import Scores
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
+from trackbench.results import Failure
 from trackbench.runner.adapters import TrackFault, adapt, cause_of, masked
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.scans import IdealSensor, Measurements, sense
@@ -43,6 +44,7 @@ class Work:
     settle: float
     divergence: float
     recorded_run: int
+    metrics: tuple[Metric, ...] = BUILT_IN
 
     def blocks(self) -> list[range]:
         """The runs in blocks, which depend on the numbers of runs and objects alone."""
@@ -52,19 +54,6 @@ class Work:
     def instants(self) -> Indices:
         """Indices of the truth's steps at which any sensor takes a measurement."""
         return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why and where a tracker could not go on."""
-
-    cause: str
-    step: int
-    """Number of the instant, from 0."""
-    time_s: float
-    sensor: str | None
-    run: int | None
-    object: str | None
 
 
 @dataclass
@@ -97,12 +86,20 @@ class Block:
     """What a block of runs leaves behind."""
 
     runs: range
-    scores: dict[str, Scores | Failure]
+    sums: dict[str, Sums | Failure]
+    """By tracker."""
     recorded: dict[str, RecordedEstimates]
     scans: list[Scan] | None
     """Those of the recorded run, if it is in this block; batch axis ``(objects,)``."""
     detections: dict[str, Array]
     digests: list[bytes]
+
+    @property
+    def scores(self) -> dict[str, Scores | Failure]:
+        """By tracker, the sums that the built-in metrics share."""
+        return {
+            name: found if isinstance(found, Failure) else found[ESTIMATES.name] for name, found in self.sums.items()
+        }
 
 
 def run_block(
@@ -134,9 +131,9 @@ def run_block(
             known = {name: found for name, found in zip(tracker_runs, estimates, strict=True) if found is not None}
             on_recorded_run(RecordedInstant(number, known))
             progress((number + 1) / instants * len(runs), len(runs))
-    scores = {name: tracker_run.scores for name, tracker_run in tracker_runs.items()}
+    sums = {name: tracker_run.sums for name, tracker_run in tracker_runs.items()}
     recorded = {name: item.recorded for name, item in tracker_runs.items() if item.recorded is not None}
-    return Block(runs, scores, recorded, scans, measurements.detections, measurements.digests)
+    return Block(runs, sums, recorded, scans, measurements.detections, measurements.digests)
 
 
 class TrackerRun:
@@ -159,7 +156,7 @@ class TrackerRun:
         self._kept = kept
         objects, instants = len(work.truth.ids), len(target.time)
         self._none = Estimate(np.full((4, objects * len(runs)), np.nan), np.full((4, 4, objects * len(runs)), np.nan))
-        self.scores: Scores | Failure
+        self.sums: Sums | Failure
         """Once all instants have been taken."""
         self.recorded: RecordedEstimates | None = None
         if kept is not None:
@@ -173,18 +170,17 @@ class TrackerRun:
         Yields:
             At each instant its estimate of the recorded run, None where that is in another block.
         """
-        self.scores = yield from self._instants()
+        self.sums = yield from self._instants()
 
-    def _instants(self) -> Generator[Gaussian | None, None, Scores | Failure]:
+    def _instants(self) -> Generator[Gaussian | None, None, Sums | Failure]:
         work = self._work
         config = work.trackers[self._name]
         counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
         read = [sensor for sensor in work.sensors if config.sensors is None or sensor.name in config.sensors]
         classes = conditions(work.truth, work.instants(), read, self._runs)
-        scorer = Scorer(self._target, classes, counts, keep_spread=self._runs.start == 0)
+        scorer = Scorer(self._target, classes, counts, self._runs.start == 0, work.metrics)
         named = config.sensors_used
         instant, scan = 0, self._measurements.scans[0]
-        seconds, steps = 0.0, 0
         try:
             stepper = adapt(config, work.folder, self._none.mean.shape[1], self._primed)
             for instant, (_, group) in enumerate(groupby(self._measurements.scans, key=lambda item: item.time)):
@@ -193,23 +189,23 @@ class TrackerRun:
                     given = scan if named is None or scan.sensor in named else masked(scan)
                     begin = time.perf_counter()
                     answer = stepper.step(given)
-                    seconds += time.perf_counter() - begin
-                    steps += given.valid.size
+                    seconds = time.perf_counter() - begin
                     latest = answer or self._none
-                    scorer.innovation(instant, given, latest)
+                    scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
                 scorer.estimate(latest)
                 yield self._keep(instant, latest)
-            scores = scorer.scores(seconds, steps)
+            sums = scorer.close()
         except Fault as fault:
             return self._failure(fault.cause, fault.instant, None, fault.member)
         except TrackFault as fault:
             return self._failure(cause_of(fault.cause), instant, scan.sensor, fault.member)
         except (Exception, SystemExit) as error:
             return self._failure(cause_of(error), instant, scan.sensor, None)
+        scores = sums[ESTIMATES.name]
         if scores.present.sum() > 0 and scores.per_step[0].sum() == 0:
             return self._failure("it gave no estimate at all", instant, None, None)
-        return scores
+        return sums
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""
@@ -228,16 +224,17 @@ class TrackerRun:
 
         fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
         motion = Kinematics(*(at_start(values) for values in fields))
+        size = max(6, len(tracker.filter.motion.components))
         normal = np.stack(
             [
-                stream(work.seed, work.scenario, run, "initial state").standard_normal((6, len(objects)))
+                stream(work.seed, work.scenario, run, "initial state").standard_normal((size, len(objects)))
                 for run in self._runs
             ],
             axis=-1,
         )
         when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
         times = np.broadcast_to(when[:, None], shape).reshape(-1)
-        return tracker.with_prior(times, motion, normal.reshape(6, -1))
+        return tracker.with_prior(times, motion, normal.reshape(size, -1))
 
     def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
         """What the recorded run has of an estimate."""

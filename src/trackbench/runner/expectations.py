@@ -2,78 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-from trackbench.metrics.intervals import Interval, paired
+from trackbench.metrics.registry import HEALTH
+from trackbench.results import Difference, ExpectationResult, TrackerResult
 from trackbench.scenario.config import Expectation
-
-Json = dict[str, Any]
-
-#: Paths that begin so are found beside the metrics.
-HEALTH = "health."
 
 
 def judge(
-    expectations: Sequence[Expectation],
-    trackers: Mapping[str, Json],
-    intervals: Mapping[str, Mapping[str, Interval]],
-) -> list[Json]:
-    """Each expectation with its value and whether it holds.
-
-    Args:
-        expectations: as the scenario states them.
-        trackers: the entries of the result, by name.
-        intervals: the errors of each tracker that did not fail, for paired comparisons.
-    """
-    return [_judge(item, trackers[item.tracker], intervals) for item in expectations]
+    expectations: Sequence[Expectation], trackers: Sequence[TrackerResult], differences: Sequence[Difference]
+) -> list[ExpectationResult]:
+    """Each expectation with its value and whether it holds."""
+    by_name = {tracker.name: tracker for tracker in trackers}
+    return [_judge(item, by_name[item.tracker], differences) for item in expectations]
 
 
-def _judge(item: Expectation, entry: Json, intervals: Mapping[str, Mapping[str, Interval]]) -> Json:
-    value = _find(entry, item.metric)
-    judged: Json = {"tracker": item.tracker, "metric": item.metric}
-    operator, limit, passed = _verdict(item, value, intervals)
-    words = operator.replace("_", " ")
+def _judge(item: Expectation, tracker: TrackerResult, differences: Sequence[Difference]) -> ExpectationResult:
+    value = value_at(tracker, item.metric)
+    operator, limit, passed = _verdict(item, value, differences)
     shown = f"{limit:g}" if isinstance(limit, float) else limit
-    return {
-        **judged,
-        "operator": operator,
-        "limit": limit,
-        "value": value,
-        "passed": passed,
-        "text": f"{item.tracker} {item.metric} {words} {shown}",
-    }
+    return ExpectationResult(
+        tracker=item.tracker,
+        metric=item.metric,
+        operator=operator,
+        limit=limit,
+        value=value,
+        passed=passed,
+        text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}",
+    )
 
 
 def _verdict(
-    item: Expectation, value: Any, intervals: Mapping[str, Mapping[str, Interval]]
+    item: Expectation, value: float | str | None, differences: Sequence[Difference]
 ) -> tuple[str, str | float, bool]:
     """The operator, its limit and whether the value meets it."""
     if item.better_than is not None:
-        return "better_than", item.better_than, _better(item, intervals)
+        return "better_than", item.better_than, _better(item, differences)
     if item.equals is not None:
         return "is", item.equals, value == item.equals
+    number = value if isinstance(value, float | int) else None
     if item.below is not None:
-        return "below", item.below, value is not None and value < item.below
+        return "below", item.below, number is not None and number < item.below
     assert item.above is not None
-    return "above", item.above, value is not None and value > item.above
+    return "above", item.above, number is not None and number > item.above
 
 
-def _find(entry: Json, path: str) -> Any:
-    """The value at a dotted path of the metrics, or with a leading ``health.`` of the health."""
-    node: Any = entry["health"] if path.startswith(HEALTH) else entry["metrics"]
-    for part in path.removeprefix(HEALTH).split("."):
-        if not isinstance(node, dict):
-            return None
-        node = node.get(part)
-    return node.get("value", node.get("mean")) if isinstance(node, dict) else node
+def value_at(tracker: TrackerResult, path: str) -> float | str | None:
+    """The value at a path that an expectation may name; None where there is none."""
+    if path.startswith(HEALTH):
+        found: float | None = getattr(tracker.health, path.removeprefix(HEALTH))
+        return found
+    if path in tracker.metrics:
+        return tracker.metrics[path].value
+    name, _, field = path.rpartition(".")
+    value: float | str | None = getattr(tracker.metrics.get(name), field, None)
+    return value
 
 
-def _better(item: Expectation, intervals: Mapping[str, Mapping[str, Interval]]) -> bool:
-    """Whether the error is smaller by more than chance explains (95 %, paired over the runs)."""
-    assert item.better_than is not None
-    own, other = (intervals.get(name, {}).get(item.metric) for name in (item.tracker, item.better_than))
-    if own is None or other is None:
-        return False
-    difference = paired(own, other)
-    return difference.value < 0.0 and difference.p_value < 0.05
+def _better(item: Expectation, differences: Sequence[Difference]) -> bool:
+    """Whether the tracker is shown to be better: by the same difference, corrected, as the tables show."""
+    pair = {item.tracker, item.better_than}
+    return any(
+        found.better == item.tracker
+        for found in differences
+        if found.metric == item.metric and {found.a, found.b} == pair
+    )

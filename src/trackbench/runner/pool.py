@@ -11,8 +11,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 
 from trackbench.errors import TrackbenchError
+from trackbench.plugins import searched
 from trackbench.runner.block import Block, OnRecordedRun, Work, run_block
 from trackbench.types import Progress, no_progress
 
@@ -57,7 +59,7 @@ def run_blocks(
         with _uninterrupted():
             for _ in range(min(workers, len(pieces))):
                 ours, theirs = context.Pipe()
-                process = context.Process(target=_serve, args=(theirs,))
+                process = context.Process(target=_serve, args=(theirs, work.folder))
                 process.start()
                 theirs.close()
                 processes.append(process)
@@ -127,13 +129,15 @@ def _now_and_then(progress: Progress) -> Progress:
     return call
 
 
-def _serve(pipe: Connection) -> None:
+def _serve(pipe: Connection, folder: Path | None) -> None:
     """A worker process: runs the pieces that it is given until it is told to end, or the other side has ended."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     # What a tracker prints is no part of the result.
     sys.stdout = sys.stderr
     try:
-        work, observed = pipe.recv()
+        # The work may hold classes of the user's own, from a module beside the scenario.
+        with searched(folder):
+            work, observed = pipe.recv()
         while True:
             runs = pipe.recv()
             try:

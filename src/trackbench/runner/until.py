@@ -7,17 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from trackbench.errors import InputError
+from trackbench.metrics import evaluate, merge_sums
 from trackbench.metrics.intervals import paired
-from trackbench.metrics.scores import Scores, merge
-from trackbench.metrics.summary import error_intervals
-from trackbench.results import PrecisionReached, Result
+from trackbench.results import Failure, PrecisionReached, Result
+from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun
 from trackbench.runner.pool import run_blocks
-from trackbench.runner.run import assemble, work_of
+from trackbench.runner.run import work_of
 from trackbench.scenario import LoadedScenario
-from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truth_of
-from trackbench.truth import LoadedTruth, most_runs, varies
+from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
 #: Fewer runs do not show their own spread well enough to stop by it.
@@ -67,7 +66,7 @@ def run_until(
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
-        truth = truth_of(loaded) if varies(loaded.config.truth) else truth
+        truth = truth_of(loaded) if loaded.config.truth.random else truth
     result = assemble(loaded, truth, work, blocks, command(loaded))
     return result.updated(precision=found)
 
@@ -78,35 +77,30 @@ def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
     Raises:
         InputError: it cannot have so many runs, or so many runs of random motion as there may be do not fit the memory.
     """
-    most = most_runs(loaded.config.truth)
+    most = loaded.config.truth.most_runs()
     if most is not None and max_runs > most:
         message = f"random motion is kept for all runs at once; at most {most} fit"
         raise InputError(message, file=loaded.path, key="--max-runs")
     runs = min(max_runs, max(FIRST_RUNS, loaded.config.recording.run + 1))
-    return scenario_of(loaded.text, loaded.path, _overrides(loaded, runs))
+    return _with_runs(loaded, runs)
 
 
 def _with_runs(loaded: LoadedScenario, runs: int) -> LoadedScenario:
-    """The same scenario with more runs."""
+    """The same scenario with another number of runs."""
     monte_carlo = loaded.config.monte_carlo.model_copy(update={"runs": runs})
     config = loaded.config.model_copy(update={"monte_carlo": monte_carlo})
-    return replace(loaded, config=config, overrides=_overrides(loaded, runs))
-
-
-def _overrides(loaded: LoadedScenario, runs: int) -> tuple[str, ...]:
     kept = [item for item in loaded.overrides if item.partition("=")[0].strip() != RUNS]
-    return (*kept, f"{RUNS}={runs}")
+    return replace(loaded, config=config, overrides=(*kept, f"{RUNS}={runs}"))
 
 
 def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
     """How well the leading difference is known after these blocks."""
     known = {}
     for name in trackers:
-        outcomes = [block.scores[name] for block in blocks]
-        scores = [outcome for outcome in outcomes if isinstance(outcome, Scores)]
-        interval = error_intervals(merge(scores)).get("position_rmse") if len(scores) == len(outcomes) else None
-        if interval is not None:
-            known[name] = interval
+        outcomes = [block.sums[name] for block in blocks]
+        sums = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
+        if len(sums) == len(outcomes) and "position_rmse" in (intervals := evaluate(merge_sums(sums)).intervals):
+            known[name] = intervals["position_rmse"]
     if len(known) < 2:
         return PrecisionReached(
             target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None

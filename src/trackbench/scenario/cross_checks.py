@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
 from trackbench.errors import nearest
+from trackbench.metrics.registry import MetricPath, by_path
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.presets import presets
 from trackbench.scenario import recorded_checks
-from trackbench.scenario.metric_names import METRICS, Metric, metrics_by_path
-from trackbench.sensing.presets import presets
 from trackbench.trackers.config import FilterConfig
-from trackbench.truth.config import HighwayTruth, RecordingTruth, ScriptedTruth
+from trackbench.truth import SteppedTruth
+from trackbench.truth.config import RecordingTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Expectation, Scenario
@@ -24,7 +25,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
     if isinstance(scenario.truth, RecordingTruth):
         yield from recorded_checks.problems(scenario, scenario.truth)
-    else:
+    if isinstance(scenario.truth, SteppedTruth):
         yield from _times(scenario, scenario.truth)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
@@ -38,7 +39,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
             yield Problem(("expect", index, *problem.at), problem.message)
 
 
-def _times(scenario: Scenario, truth: HighwayTruth | ScriptedTruth) -> Iterator[Problem]:
+def _times(scenario: Scenario, truth: SteppedTruth) -> Iterator[Problem]:
     if scenario.score.settle_s >= truth.duration_s:
         longest = f"truth.duration_s, which is {truth.duration_s:g}"
         yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
@@ -104,21 +105,23 @@ def _expectation(scenario: Scenario, expectation: Expectation) -> Iterator[Probl
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"
         yield Problem(("tracker",), f"{message}; {nearest(expectation.tracker, scenario.trackers)}")
-    metrics = metrics_by_path(scenario.sensors)
+    metrics = by_path(scenario.sensors, scenario.score.metrics)
     metric = metrics.get(expectation.metric)
     if metric is None:
         message = f"there is no metric {expectation.metric!r}; {nearest(expectation.metric, metrics)}"
         yield Problem(("metric",), message)
         return
-    sensor = expectation.metric.split(".")[1] if "<sensor>" in metric.path else None
+    sensor = expectation.metric.split(".")[1] if metric.per_sensor else None
     read = tracker.sensors if tracker is not None else None
     if read is not None and sensor is not None and sensor not in read:
         message = f"tracker {expectation.tracker} does not read {sensor}; it reads {', '.join(read)}"
         yield Problem(("metric",), message)
-    yield from _limit(scenario, expectation, metric)
+    yield from _limit(scenario, expectation, metric, metrics)
 
 
-def _limit(scenario: Scenario, expectation: Expectation, metric: Metric) -> Iterator[Problem]:
+def _limit(
+    scenario: Scenario, expectation: Expectation, metric: MetricPath, metrics: Mapping[str, MetricPath]
+) -> Iterator[Problem]:
     word, rival = expectation.equals, expectation.better_than
     for operator in ("below", "above"):
         if metric.words and getattr(expectation, operator) is not None:
@@ -135,9 +138,9 @@ def _limit(scenario: Scenario, expectation: Expectation, metric: Metric) -> Iter
         yield Problem(("better_than",), message)
     elif rival == expectation.tracker:
         yield Problem(("better_than",), "a tracker cannot be better than itself; name another one")
-    if not metric.paired:
-        paired = ", ".join(entry.path for entry in METRICS if entry.paired)
-        yield Problem(("better_than",), f"trackers are not compared by {expectation.metric}; only by {paired}")
+    if not metric.compared:
+        compared = ", ".join(path for path, entry in metrics.items() if entry.compared)
+        yield Problem(("better_than",), f"trackers are not compared by {expectation.metric}; only by {compared}")
 
 
 def _whole(value: float) -> bool:

@@ -8,15 +8,18 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from trackbench.errors import InputError, InputErrors, nearest
+from trackbench.config import KeyPath
+from trackbench.config.explain import explain
+from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.config import Scenario
-from trackbench.scenario.explain import explain
 from trackbench.scenario.overrides import apply_overrides
-from trackbench.scenario.source import Document, KeyPath, dotted, parse
+from trackbench.scenario.shipped import find_scenario
+from trackbench.scenario.source import Document, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
+from trackbench.words import counted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LoadedScenario:
     """A valid scenario and where it came from."""
 
@@ -30,6 +33,12 @@ class LoadedScenario:
     """The plain values that were validated, each with its place."""
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """By the name of each tracker with a sweep, the names of its points."""
+    selected: tuple[str, ...] = ()
+    """The trackers that were selected of those in the file; empty where all are there."""
+
+    def __repr__(self) -> str:
+        runs = counted(self.config.monte_carlo.runs, "run")
+        return f"<scenario {self.config.name}: {counted(len(self.config.trackers), 'tracker')}, {runs}>"
 
     def locate(self, error: InputError) -> InputError:
         """The same error with the file and line of its key."""
@@ -41,19 +50,20 @@ class LoadedScenario:
         return error.located(file=origin.file, line=origin.line)
 
 
-def load_scenario(path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
+def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> LoadedScenario:
     """Read, override and validate a scenario file.
 
-    What needs highway-env or a plug-in to be known is left to ``check``.
+    What needs highway-env or a tracker to be known is left to ``check``.
 
     Args:
-        path: the YAML file.
+        named: the YAML file, or the name of a scenario that comes with the package.
         overrides: ``key.path=value`` each; the value is read as YAML.
 
     Raises:
         InputError: the file cannot be read or is not YAML.
         InputErrors: everything that is wrong in it, in the order of its lines.
     """
+    path = find_scenario(named)
     return scenario_of(_read(path), path, overrides)
 
 
@@ -67,7 +77,7 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedS
         raise InputError(message, file=path, line=document.origin(()).line)
     document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:
-        config = Scenario.model_validate(document.value)
+        config = Scenario.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
         problems = explain(invalid.errors(include_url=False), Scenario)
         raise _in_file_order(document, problems) from None
@@ -79,10 +89,6 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedS
 def _read(path: Path) -> str:
     try:
         raw = path.read_bytes()
-    except FileNotFoundError:
-        names = [entry.name for entry in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
-        hint = f"; {nearest(path.name, names)}" if names else ""
-        raise InputError(f"there is no such file{hint}", file=path) from None
     except IsADirectoryError:
         raise InputError("this is a folder; name a scenario file in it", file=path) from None
     except (OSError, ValueError) as error:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.compare.comparison import NO_DIFFERENCE, ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.compare.comparison import VERDICTS, ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
@@ -13,8 +14,6 @@ from trackbench.words import counted
 
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
 _GATE_TONES: Mapping[str, Tone] = {"failed": "bad", "error": "bad", "undecided": "warn"}
-#: Order in which verdicts are counted.
-_VERDICTS = ("better", "worse", "larger", "smaller", NO_DIFFERENCE)
 
 
 def lead(comparison: Comparison) -> str:
@@ -24,10 +23,10 @@ def lead(comparison: Comparison) -> str:
 
 def _counts(items: Sequence[PairDifference]) -> str:
     found = [item.verdict for item in items]
-    return ", ".join(f"{found.count(verdict)} {verdict}" for verdict in _VERDICTS if verdict in found)
+    return ", ".join(f"{found.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in found)
 
 
-def blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block]:
+def blocks(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str]) -> Iterator[Block]:
     """The results, the differences by metric, and the limits."""
     several = len(comparison.scenarios) > 1
     if several:
@@ -35,23 +34,27 @@ def blocks(comparison: Comparison, reports: Mapping[str, str]) -> Iterator[Block
     else:
         yield Items(tuple(_result(comparison, result) for result in comparison.scenarios[0].results))
     for metric, items in comparison.by_metric():
-        yield Section(f"{metric}, {items[0].unit}", tuple(_section(comparison, metric, items)))
+        yield Section(f"{metric}, {items[0].unit}", tuple(_section(comparison, colours, metric, items)))
     if comparison.gates:
         yield Section("Limits", (*_gates(comparison),))
     if several:
         yield Section("Scenarios", (_scenarios(comparison, reports),))
 
 
-def _section(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Iterator[Block]:
+def _section(
+    comparison: Comparison, colours: Mapping[str, str], metric: str, items: Sequence[PairDifference]
+) -> Iterator[Block]:
     several = len(comparison.scenarios) > 1
     if several:
         yield _overall(comparison, [item for item in comparison.overall if item.metric == metric])
         yield _changes(comparison, metric, items)
-    table, figure = _differences(comparison, metric, items), difference_figure(metric, items, _label(comparison))
-    explained = Paragraph(_explanation(items))
-    yield from (
-        (Section("Each difference", (table, explained), folded=True), figure) if several else (table, explained, figure)
-    )
+    table, explained = _differences(comparison, metric, items), Paragraph(_explanation(items))
+    figure = difference_figure(metric, items, _labels(comparison, items), colours)
+    figures = () if all(item.identical for item in items) else (figure,)
+    if several:
+        yield from (*figures, Section("Each difference", (table, explained), folded=True))
+    else:
+        yield from (table, explained, *figures)
 
 
 def _result(comparison: Comparison, result: ComparedResult) -> Item:
@@ -78,40 +81,38 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
     """Every difference of a metric."""
     places = _places(items)
     several = len(comparison.scenarios) > 1
-    columns = [
-        *([Column("scenario", left=True)] if several else []),
-        Column("tracker", left=True),
-        Column("against", left=True),
+    columns = (
+        Column("scenario" if several else "tracker", left=True),
+        Column("tracker" if several else "against", left=True),
         Column("value"),
         Column("difference"),
         Column("%", "of the value that it is held against"),
-        Column("p", "corrected"),
         Column("verdict", left=True),
-    ]
-    rows = [
-        (
-            *([Cell(item.scenario)] if several else []),
-            Cell(name(comparison, item.entrant), strong=True),
-            Cell(name(comparison, item.against, item.entrant)),
-            Cell(fixed(item.value, places)),
-            Cell("0 in every run" if item.identical else _with_reach(item, places)),
-            Cell(_percent(item.percent)),
-            Cell("<0.001" if item.p_value < 0.001 else fixed(item.p_value, 3)),
-            Cell(item.verdict, tone=TONES.get(item.verdict, "")),
+    )
+    rows = []
+    for item in items:
+        tracker = Cell(name(comparison, item.entrant), tracker=item.entrant.tracker)
+        against = name(comparison, item.against, item.entrant)
+        rows.append(
+            (
+                *((Cell(item.scenario), tracker) if several else (tracker, Cell(against))),
+                Cell(fixed(item.value, places)),
+                Cell("0 in every run" if item.identical else _with_reach(item, places)),
+                Cell(_percent(item.percent)),
+                Cell(item.verdict, tone=TONES.get(item.verdict, "")),
+            )
         )
-        for item in items
-    ]
-    return Table(f"differences-{metric.replace('.', '-')}", tuple(columns), tuple(rows))
+    return Table(f"differences-{metric.replace('.', '-')}", columns, tuple(rows))
 
 
 def _overall(comparison: Comparison, items: Sequence[OverallChange]) -> Table:
     """Each entrant over all scenarios: in how many it is better, and the mean change."""
-    verdicts = [verdict for verdict in _VERDICTS if any(verdict in item.verdicts for item in items)]
+    verdicts = [verdict for verdict in VERDICTS if any(verdict in item.verdicts for item in items)]
     rows = [
         (
-            Cell(name(comparison, item.entrant), strong=True),
+            Cell(name(comparison, item.entrant), tracker=item.entrant.tracker),
             Cell(name(comparison, item.against, item.entrant)),
-            *(Cell(str(item.verdicts.get(verdict, 0))) for verdict in verdicts),  # type: ignore[call-overload]
+            *(Cell(str(item.verdicts.get(verdict, 0))) for verdict in verdicts),
             Cell(_percent(item.mean_percent)),
         )
         for item in items
@@ -193,8 +194,11 @@ def _percent(value: float | None) -> str:
     return ("+" if value > 0 else "") + fixed(value, 1 if abs(value) < 10 else 0)
 
 
-def _label(comparison: Comparison) -> Mapping[Entrant, str]:
-    return {item.entrant: name(comparison, item.entrant) for item in comparison.differences}
+def _labels(comparison: Comparison, items: Sequence[PairDifference]) -> list[str]:
+    """What each difference is of."""
+    place = "{0.scenario}, " if len(comparison.scenarios) > 1 else ""
+    against = " against {0.against.tracker}" if len(comparison.sets) == 1 else ""
+    return [f"{place}{{1}}{against}".format(item, name(comparison, item.entrant)) for item in items]
 
 
 def name(comparison: Comparison, entrant: Entrant, other: Entrant | None = None) -> str:

@@ -9,8 +9,6 @@ from trackbench.palette import tracker_colours
 from trackbench.report.comparison import differences, ranking
 from trackbench.report.document import Block, Document, Item, Items, Section
 from trackbench.report.document.styles import tracker_styles
-from trackbench.report.numbers import joined
-from trackbench.words import counted
 
 
 def document(
@@ -28,15 +26,16 @@ def document(
         reports: path of the report of each result, relative to the document, by the result's label.
         times: whether times of computing are in it, which are others on each machine.
     """
+    colours = colours or tracker_colours(comparison.trackers)
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
-        blocks = [*ranking.blocks(comparison, reports or {}, times=times)]
+        blocks = [*ranking.blocks(comparison, colours, reports or {}, times=times)]
         title, lead = "Comparison of trackers", ranking.lead(comparison)
     else:
-        blocks = [*differences.blocks(comparison, reports or {})]
+        blocks = [*differences.blocks(comparison, colours, reports or {})]
         names = [scenario.name for scenario in comparison.scenarios]
-        over = joined(names) if len(names) < 3 else counted(len(names), "scenario")
-        title, lead = f"Comparison over {over}", differences.lead(comparison)
-    styles = tracker_styles(colours or tracker_colours(comparison.trackers))
+        over = f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
+        title, lead = f"Comparison{over}", differences.lead(comparison)
+    styles = tracker_styles(colours)
     return Document(
         kind="comparison",
         title=title,

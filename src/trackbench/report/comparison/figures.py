@@ -9,8 +9,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Rectangle
 
-from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.palette import TRACKER_COLOURS
+from trackbench.compare import Comparison, PairDifference
 from trackbench.report.document import Figure
 from trackbench.report.document.drawing import INK, MUTED
 from trackbench.report.numbers import fixed
@@ -23,10 +22,9 @@ _DARKEST = 0.55
 #: Times the median from which on all cells are the darkest, and the least such value.
 _SATURATED, _LEAST = 2.0, 2.0
 _ON_LIGHT = "#1c2126"
-_COLOUR = TRACKER_COLOURS[5]
 
 
-def rank_figure(comparison: Comparison) -> Figure:
+def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
     """Mean rank of each tracker with its interval."""
     ordered = comparison.ranking[::-1]
 
@@ -34,8 +32,8 @@ def rank_figure(comparison: Comparison) -> Figure:
         axes = canvas.add_subplot(xlabel="mean rank over the scenarios, 1 is best")
         for y, item in enumerate(ordered):
             low, high = item.ci95 or (item.mean_rank, item.mean_rank)
-            axes.plot([low, high], [y, y], color=_COLOUR, linewidth=5, alpha=0.35)
-            axes.plot([item.mean_rank], [y], marker="o", markersize=8, color=_COLOUR)
+            axes.plot([low, high], [y, y], color=colours[item.tracker], linewidth=5, alpha=0.35)
+            axes.plot([item.mean_rank], [y], marker="o", markersize=8, color=colours[item.tracker])
         axes.set_yticks(range(len(ordered)), [item.tracker for item in ordered])
         axes.set(xlim=(0.8, len(ordered) + 0.2), ylim=(-0.6, len(ordered) - 0.4))
         axes.grid(visible=False, axis="y")
@@ -99,33 +97,32 @@ def efficiency_figure(comparison: Comparison) -> Figure:
     )
 
 
-def difference_figure(metric: str, items: Sequence[PairDifference], names: Mapping[Entrant, str]) -> Figure:
-    """Each difference in percent with its interval."""
-    drawn = [item for item in items if item.percent is not None][::-1]
-    several = len({item.scenario for item in items}) > 1
-    alike = len({item.against for item in items}) > 1 and len({item.entrant.set for item in items} | {0}) == 1
-
-    def label(item: PairDifference) -> str:
-        text = f"{names[item.entrant]} against {item.against.tracker}" if alike else names[item.entrant]
-        return f"{item.scenario}, {text}" if several else text
+def difference_figure(
+    metric: str, items: Sequence[PairDifference], labels: Sequence[str], colours: Mapping[str, str]
+) -> Figure:
+    """Each difference in percent with its interval; one that is zero in every run, or against zero, is left out."""
+    drawn = [
+        (label, item.percent, item.percent_ci95 or (item.percent,) * 2, colours[item.entrant.tracker])
+        for label, item in zip(labels, items, strict=True)
+        if item.percent is not None and not item.identical
+    ]
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=f"difference in {metric}, %")
         axes.axvline(0.0, color=INK, linewidth=1)
-        for y, item in enumerate(drawn):
-            low, high = item.percent_ci95 or (item.percent, item.percent)
-            axes.plot([low, high], [y, y], color=_COLOUR, linewidth=5, alpha=0.35)
-            axes.plot([item.percent], [y], marker="o", markersize=6, color=_COLOUR)
-        axes.set_yticks(range(len(drawn)), [label(item) for item in drawn])
-        axes.set_ylim(-0.6, len(drawn) - 0.4)
+        for y, (_, value, ends, colour) in enumerate(drawn):
+            axes.plot(ends, [y, y], color=colour, linewidth=5, alpha=0.35)
+            axes.plot([value], [y], marker="o", markersize=6, color=colour)
+        axes.set_yticks(range(len(drawn)), [label for label, *_ in drawn])
+        axes.set_ylim(len(drawn) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
 
-    shown = ", ".join(f"{label(item)} {item.percent:+.1f} %" for item in drawn[::-1][:12])
     return Figure(
         name=f"differences-{metric.replace('.', '-')}",
         title=f"Differences in {metric}",
-        caption="Dots are differences in percent of the value that each is held against, bars their 95 % intervals.",
-        alternative=f"Differences in {metric} with their 95 % intervals: {shown}",
+        caption="Dots are differences in percent of the value that each is held against, bars their 95 % intervals. "
+        "What is the same in every run is left out.",
+        alternative=f"Differences in {metric}: " + ", ".join(f"{label} {value:+.1f} %" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),
         width=_WIDTH,

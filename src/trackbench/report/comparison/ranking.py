@@ -43,9 +43,11 @@ def lead(comparison: Comparison) -> str:
     return f"{text}That lead is {certainty}: it holds in {percent(first.first_share)} of the draws of scenarios."
 
 
-def blocks(comparison: Comparison, reports: Mapping[str, str], *, times: bool) -> Iterator[Block]:
+def blocks(
+    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
+) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
-    yield Section("Overall", (_overall(comparison), Paragraph(_METHOD), rank_figure(comparison)))
+    yield Section("Overall", (_overall(comparison), Paragraph(_METHOD), rank_figure(comparison, colours)))
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:

@@ -13,7 +13,6 @@ from trackbench.report.document.model import (
     Cell,
     Code,
     Document,
-    Figure,
     Item,
     Items,
     Paragraph,
@@ -29,7 +28,7 @@ _WIDEST = 40
 
 
 def print_document(document: Document, console: Console) -> None:
-    """Everything but the figures, of which it says what they show.
+    """Everything but the figures.
 
     A table wider than the console goes on under itself, with its left columns again.
     """
@@ -79,8 +78,6 @@ def _print(block: Block, console: Console) -> None:
             console.print(Text(block.text.rstrip("\n"), style="dim"), highlight=False, soft_wrap=True)
         case Table():
             print_table(block, console)
-        case Figure():
-            _say(console, Text.assemble((f"{block.title}: ", "bold"), block.alternative))
 
 
 def _say(console: Console, text: Text) -> None:

@@ -1,0 +1,73 @@
+"""The documentation as a site, made by Sphinx: `make docs`. Each page is a Markdown file beside this one."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
+from sphinx.ext.napoleon import GoogleDocstring
+
+sys.path.insert(0, str(Path(__file__).parent / "site"))
+
+project = "trackbench"
+extensions = ["mathml", "myst_parser", "sphinx.ext.autodoc"]
+exclude_patterns = ["site"]
+
+#: The menu: by heading, the pages in their order.
+MENU = {
+    "Start": ["Quick start <self>"],
+    "Scenarios": ["scenario-file", "sensors", "sensor-presets"],
+    "Trackers": ["motion-models", "filters", "own-tracker", "adaptors"],
+    "Results": ["metrics", "reading-a-report", "reading-a-recording", "compare"],
+    "Tools": ["command-line", "doctor", "doctor-rates"],
+    "Published projects": [
+        "projects/range-3km",
+        "projects/udacity-fusion",
+        "projects/udacity-ukf",
+        "projects/udacity-simulator",
+    ],
+    "Python": ["python", "api"],
+}
+
+# Markdown as GitHub reads it.
+myst_enable_extensions = ["dollarmath"]
+myst_fence_as_directive = ["math"]
+myst_heading_anchors = 4
+
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "exclude-members": "__init__, __new__"}
+autodoc_type_aliases = {"Array": "Array", "Mask": "Mask", "Indices": "Indices"}
+autodoc_class_signature = "separated"
+
+html_theme = "furo"
+html_title = "trackbench"
+html_math_renderer = "mathml"
+html_static_path = ["site/static"]
+html_css_files = ["trackbench.css"]
+html_copy_source = False
+html_use_index = False
+html_show_copyright = False
+# Excerpts would be fetched from the pages found, which a browser forbids to pages that are read from a disk.
+html_show_search_summary = False
+
+
+def setup(app: Sphinx) -> None:
+    """Called by Sphinx."""
+    app.connect("source-read", _add_menu)
+    app.connect("autodoc-process-docstring", _read_sections)
+
+
+def _add_menu(_app: Sphinx, page: str, source: list[str]) -> None:
+    """The menu goes onto the first page, where GitHub need not show it."""
+    if page == "index":
+        for heading, pages in MENU.items():
+            listed = "\n".join(pages)
+            source[0] += f"\n\n```{{toctree}}\n:hidden:\n:caption: {heading}\n\n{listed}\n```\n"
+
+
+def _read_sections(_app: Sphinx, what: str, _name: str, _object: Any, _options: Any, lines: list[str]) -> None:
+    """Args, Returns and Raises of a docstring become lists; that of an attribute is text, colons and all."""
+    if what != "attribute":
+        lines[:] = GoogleDocstring(lines).lines()

@@ -1,0 +1,61 @@
+"""Comparing results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from trackbench import results
+from trackbench.api.display import Report
+from trackbench.compare import Limit, comparison, find
+from trackbench.compare import compare as compare_sets
+from trackbench.report.comparison import document
+from trackbench.words import counted
+
+#: A result, or the folder of one or of several.
+Compared = results.Result | Path | str
+
+
+class ReportableComparison(comparison.Comparison):
+    """What a comparison found. A notebook shows it as a page, ``print`` as text."""
+
+    def report(self) -> Report:
+        """The comparison as ``trackbench compare`` shows it."""
+        return Report(document(self, times=True))
+
+    def __repr__(self) -> str:
+        found = f"{counted(len(self.scenarios), 'scenario')}, {counted(len(self.differences), 'difference')}"
+        return f"<comparison of {' and '.join(self.sets)}: {found}>"
+
+    def __str__(self) -> str:
+        return str(self.report())
+
+    def _repr_html_(self) -> str:
+        return self.report()._repr_html_()
+
+
+def compare(
+    baseline: Compared | Sequence[results.Result],
+    *others: Compared | Sequence[results.Result],
+    metrics: Sequence[str] = (),
+    trackers: Sequence[str] | None = None,
+    limits: Mapping[str, float] | None = None,
+) -> ReportableComparison:
+    """Compare the trackers of one result with each other, or of several, each with that of the first.
+
+    Results on the same measurements are compared run by run, others as independent samples.
+
+    Args:
+        baseline: a result; a list of results of several scenarios; or the folder of either.
+        others: the same, each held against the baseline.
+        metrics: what to compare by; ``position_rmse`` unless given.
+        trackers: names of those to compare; all unless given.
+        limits: by metric, by how many percent the later trackers may be worse; ``passed`` says whether none is.
+
+    Raises:
+        InputError: there is no such result, or they cannot be compared.
+    """
+    allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
+    sets = [find(Path(item)) if isinstance(item, Path | str) else item for item in (baseline, *others)]
+    found = compare_sets(sets, metrics=metrics, trackers=trackers, limits=allowed)
+    return ReportableComparison.model_validate(dict(found))

@@ -1,0 +1,96 @@
+"""Reports and figures that show themselves in a notebook and are saved by the ending of a file."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+from trackbench import results
+from trackbench.report.document import Cell, Document, Figure, Table
+from trackbench.report.document.files import text
+from trackbench.report.document.html import to_html
+from trackbench.report.document.save import files_by_ending, require_ending
+
+#: Of a report in a notebook, pixels; it scrolls.
+HEIGHT = 640
+FIGURE_ENDINGS = (".svg", ".pdf")
+
+
+class Report:
+    """A report. A notebook shows it as a page, ``print`` as text."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+
+    def __repr__(self) -> str:
+        return f"<{self.document.kind} {self.document.title}>"
+
+    def __str__(self) -> str:
+        return text(self.document)
+
+    def _repr_html_(self) -> str:
+        # A page has styles of its own, which the notebook's must not meet.
+        page = escape(to_html(self.document), quote=True)
+        return f'<iframe srcdoc="{page}" width="100%" height="{HEIGHT}" style="border: 0"></iframe>'
+
+    def save(self, path: Path | str) -> None:
+        """Write it in the format of the file's ending.
+
+        Args:
+            path: ``.html``, ``.md``, ``.txt`` or ``.tex`` for the report (with LaTeX, its tables and figures go into
+                folders beside it); ``.csv`` for its tables; ``.svg`` or ``.pdf`` for its figures. Several tables or
+                figures each get a file, named after this one: ``x-ranking.csv``.
+
+        Raises:
+            InputError: the ending is none of these.
+            TrackbenchError: the file cannot be written.
+        """
+        file = Path(path)
+        require_ending(file)
+        for name, content in files_by_ending(self.document, file):
+            results.write_bytes(name, content)
+
+
+class ReportFigure:
+    """A figure of a report, which a notebook shows."""
+
+    def __init__(self, figure: Figure) -> None:
+        self.figure = figure
+
+    def __repr__(self) -> str:
+        return f"<figure {self.figure.name}: {self.figure.title}>"
+
+    def _repr_svg_(self) -> str:
+        from trackbench.report.document.drawing import svg_file
+
+        return svg_file(self.figure)
+
+    def save(self, path: Path | str) -> None:
+        """Write it, with its legend, as ``.svg`` or ``.pdf``.
+
+        Raises:
+            InputError: the ending is another one.
+            TrackbenchError: the file cannot be written.
+        """
+        from trackbench.report.document.drawing import pdf_file, svg_file
+
+        file = Path(path)
+        require_ending(file, FIGURE_ENDINGS)
+        results.write_bytes(file, pdf_file(self.figure) if file.suffix == ".pdf" else svg_file(self.figure).encode())
+
+
+def table_html(table: Table) -> str:
+    """A table for a notebook, whose styles it takes."""
+    heads = "".join(
+        f'<th title="{escape(column.explanation)}">{escape(column.heading)}</th>' for column in table.columns
+    )
+    rows = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in table.rows)
+    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
+    return f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+
+
+def _cell(cell: Cell) -> str:
+    shown = escape(cell.text)
+    main = f"<b>{shown}</b>" if cell.strong or cell.tracker else shown
+    details = "".join(f"<br><small>{escape(detail)}</small>" for detail in cell.details)
+    return f'<td title="{escape(cell.reason)}">{main}{details}</td>'

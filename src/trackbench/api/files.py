@@ -1,0 +1,72 @@
+"""The folder that a run leaves: result, tables, reports, recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from trackbench import results
+from trackbench.results import Result
+from trackbench.types import Progress
+
+Writer = Callable[[Path], None]
+
+
+def save(
+    result: Result, folder: Path, progress: Progress, colours: Mapping[str, str], *, recording: bool = True
+) -> Result:
+    """Write the folder of a run with everything that is in it.
+
+    Args:
+        result: of the run.
+        folder: its name; an earlier result under it is replaced.
+        progress: called with the number of files written and of all.
+        colours: of its trackers.
+        recording: whether the Rerun recording is among them.
+
+    Returns:
+        The result, which names the files.
+
+    Raises:
+        TrackbenchError: the folder cannot be written; nothing is left under its name.
+    """
+    from trackbench import recording as rerun
+    from trackbench.report.document.html import to_html
+    from trackbench.report.document.markdown import to_markdown
+    from trackbench.report.run import run_document
+
+    document = run_document(result, colours)
+    artifacts: dict[str, Writer] = {
+        "report.html": lambda path: results.write_file(to_html(document), path),
+        "report.md": lambda path: results.write_file(to_markdown(document), path),
+    }
+    if recording:
+        artifacts["recording.rrd"] = partial(rerun.write, result, colours=colours)
+    files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
+    result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
+    result.save(folder, _counted(artifacts, progress))
+    return result
+
+
+def save_comparison(found: Sequence[Result], out: Path, colours: Mapping[str, str]) -> None:
+    """Write the comparison of several scenarios beside their folders.
+
+    Raises:
+        TrackbenchError: a file cannot be written.
+    """
+    from trackbench.compare import compare, results_in
+    from trackbench.report.comparison import batch_files
+
+    for file, content in batch_files(compare([results_in(out, found)]), out, colours):
+        results.write_bytes(file, content)
+
+
+def _counted(artifacts: Mapping[str, Writer], progress: Progress) -> dict[str, Writer]:
+    """The same writers, each of which says which of them it is."""
+
+    def write(number: int, writer: Writer, path: Path) -> None:
+        progress(number, len(artifacts))
+        writer(path)
+
+    return {name: partial(write, number, writer) for number, (name, writer) in enumerate(artifacts.items())}

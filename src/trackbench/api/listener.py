@@ -1,0 +1,56 @@
+"""What a run tells of itself while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trackbench.results import Result
+from trackbench.scenario import LoadedScenario
+from trackbench.truth import LoadedTruth
+from trackbench.types import Progress, no_progress
+
+if TYPE_CHECKING:
+    from trackbench.runner.block import OnRecordedRun
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario that nothing can stop any more but its own trackers."""
+
+    scenario: LoadedScenario
+    truth: LoadedTruth
+
+
+class Listener:
+    """Is told of the work; this one says nothing to anybody."""
+
+    @contextmanager
+    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+        """Around a piece of work that takes its time.
+
+        Args:
+            work: what it is.
+            unit: what is counted.
+
+        Yields:
+            A function that is called with how much is done and how much there is.
+        """
+        yield no_progress
+
+    def note(self, text: str) -> None:
+        """What a user should know of the truth."""
+
+    def begin(self, item: Prepared) -> OnRecordedRun | None:
+        """A scenario's runs begin.
+
+        Returns:
+            A function that is called with the recorded run while it is made; it should return at once.
+        """
+        return None
+
+    def end(self, result: Result, folder: Path | None) -> None:
+        """A scenario's runs have ended, and its folder is complete if it has one."""

@@ -1,0 +1,78 @@
+"""Running scenarios."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import overload
+
+from trackbench.api import session
+from trackbench.api.listener import Listener
+from trackbench.api.result import ReportableResult
+from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.scenario import LoadedScenario
+from trackbench.types import Progress, no_progress
+
+
+@overload
+def run(
+    scenario: LoadedScenario | Named,
+    *,
+    workers: int = 1,
+    out: Path | str | None = None,
+    recording: bool = True,
+    progress: Progress = no_progress,
+) -> ReportableResult: ...
+@overload
+def run(
+    scenario: list[LoadedScenario | Named],
+    *,
+    workers: int = 1,
+    out: Path | str | None = None,
+    recording: bool = True,
+    progress: Progress = no_progress,
+) -> list[ReportableResult]: ...
+def run(
+    scenario: LoadedScenario | Named | list[LoadedScenario | Named],
+    *,
+    workers: int = 1,
+    out: Path | str | None = None,
+    recording: bool = True,
+    progress: Progress = no_progress,
+) -> ReportableResult | list[ReportableResult]:
+    """Score every tracker of a scenario over its Monte-Carlo runs.
+
+    The result is the same for any number of workers, to the last bit, but for the times. With several workers, a script
+    calls this under ``if __name__ == "__main__":``, since each of them imports it.
+
+    Args:
+        scenario: what :func:`load` gave or takes; or a list, which gives a list of results.
+        workers: number of processes.
+        out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
+            Several are also compared there. Nothing is written unless given.
+        recording: whether the Rerun recording is among the files.
+        progress: called with the number of runs done and of all of a scenario.
+
+    Raises:
+        InputError: something is wrong in a scenario, or nothing can be written to ``out``.
+        TrackbenchError: the folder cannot be written, or a worker died.
+    """
+    given = scenario if isinstance(scenario, list) else [scenario]
+    plan = session.Plan(None if out is None else Path(out), workers, recording)
+    listener = _Counter(progress)
+    prepared = session.prepare([loaded_scenario(item) for item in given], plan, listener)
+    found = [ReportableResult.of(result) for result in session.run(prepared, plan, listener)]
+    return found if isinstance(scenario, list) else found[0]
+
+
+class _Counter(Listener):
+    """Passes on how many runs are done."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    @contextmanager
+    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+        """Of the runs alone."""
+        yield self._progress if unit == "runs" else no_progress

@@ -1,0 +1,65 @@
+"""Loading a scenario: of a file, of the package, or of a text or mapping at hand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from trackbench.errors import InputError
+from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario.load import scenario_of
+from trackbench.scenario.select import select_trackers
+
+#: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
+Named = Path | str | Mapping[str, Any]
+#: As which a text at hand is read: what it names is looked for in the working directory.
+AT_HAND = Path("scenario.yaml")
+
+
+def load(
+    scenario: Named,
+    set: Mapping[str, Any] | Iterable[str] = (),
+    *,
+    runs: int | None = None,
+    seed: int | None = None,
+    trackers: Iterable[str] | None = None,
+) -> LoadedScenario:
+    """A scenario, read and validated; nothing is simulated.
+
+    Args:
+        scenario: a YAML file; the name of a scenario that comes with trackbench, such as ``highway``; the text of a
+            scenario file (with a line break); or the same as a mapping.
+        set: keys to change: ``{"sensors.lidar.rate_hz": 5}`` or ``["sensors.lidar.rate_hz=5"]``.
+        runs: number of Monte-Carlo runs instead of the scenario's.
+        seed: of the noise, instead of the scenario's.
+        trackers: names of those to keep; all unless given.
+
+    Raises:
+        InputError: there is no such scenario, or something in it is wrong; with file, line and key.
+    """
+    overrides = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else [*set]
+    given = {"monte_carlo.runs": runs, "monte_carlo.seed": seed}
+    overrides += [f"{key}={_yaml(value, key)}" for key, value in given.items() if value is not None]
+    if isinstance(scenario, Mapping):
+        loaded = scenario_of(_yaml(scenario), AT_HAND, overrides)
+    elif isinstance(scenario, str) and "\n" in scenario:
+        loaded = scenario_of(scenario, AT_HAND, overrides)
+    else:
+        loaded = load_scenario(scenario, overrides)
+    return loaded if trackers is None else select_trackers(loaded, [*trackers])
+
+
+def loaded_scenario(scenario: LoadedScenario | Named) -> LoadedScenario:
+    """A scenario that is loaded already, or is loaded as it is."""
+    return scenario if isinstance(scenario, LoadedScenario) else load(scenario)
+
+
+def _yaml(value: Any, key: str | None = None) -> str:
+    """A value as YAML, of which JSON is a part that says what is text."""
+    try:
+        # Numbers and arrays of NumPy have tolist().
+        return json.dumps(value, default=lambda item: item.tolist(), indent=None if key else 2, allow_nan=False)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"cannot be written as YAML: {error}", key=key) from None

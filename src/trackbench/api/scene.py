@@ -1,0 +1,51 @@
+"""What a scenario's trackers are held against, and what they get: the truth and the scans."""
+
+from __future__ import annotations
+
+from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.errors import InputError
+from trackbench.runner.run import work_of
+from trackbench.scenario import LoadedScenario
+from trackbench.scenario.truth import truth_of
+from trackbench.sensing import scans
+from trackbench.types import Scan, Truth
+
+
+def truth(scenario: LoadedScenario | Named) -> Truth:
+    """The motion of every target and of the observer, simulated unless it is in the cache.
+
+    Args:
+        scenario: what :func:`load` gave or takes.
+
+    Raises:
+        InputError: something is wrong in the scenario, or a recording cannot be read.
+    """
+    return truth_of(loaded_scenario(scenario)).truth
+
+
+def sense(scenario: LoadedScenario | Named, runs: range = range(1)) -> list[Scan]:
+    """The scans of some runs, in the order of their times: what each tracker gets, bit for bit.
+
+    Args:
+        scenario: what :func:`load` gave or takes.
+        runs: their numbers, from 0.
+
+    Returns:
+        Scans of which ``measurement`` is ``(m, objects, runs)`` and ``valid`` is ``(objects, runs)``; the objects are
+        those of the truth's ``ids``.
+
+    Raises:
+        InputError: something is wrong in the scenario, or it has no such run.
+    """
+    loaded = loaded_scenario(scenario)
+    there = loaded.config.monte_carlo.runs
+    for run in runs:
+        if run not in range(there):
+            raise InputError(f"there is no run {run}; choose from 0 to {there - 1}", key="runs", file=loaded.path)
+    found = truth_of(loaded)
+    work = work_of(loaded, found)
+    shape = (len(found.truth.ids), len(runs))
+    return [
+        scan._replace(measurement=scan.measurement.reshape(-1, *shape), valid=scan.valid.reshape(shape))
+        for scan in scans.sense(work.sensors, work.seed, work.scenario, runs).scans
+    ]

@@ -1,0 +1,73 @@
+"""What ``trackbench run`` prints, and shows in a viewer."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from rich.console import Console
+
+from trackbench import results
+from trackbench.api.listener import Listener, Prepared
+from trackbench.cli.progress import progress
+from trackbench.results import Result
+from trackbench.types import Progress
+
+if TYPE_CHECKING:
+    from trackbench.recording.live import Live
+    from trackbench.runner.block import OnRecordedRun
+
+
+class RunOutput(Listener):
+    """Bars while work goes on, and the outcome of each scenario; with ``as_json`` neither prints to stdout."""
+
+    def __init__(self, as_json: bool, quiet: bool) -> None:
+        self._as_json = as_json
+        self._quiet = quiet
+        self._console = Console()
+        self.viewer: Live | None = None
+        """Where the runs are shown while they go on."""
+
+    @contextmanager
+    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+        """A bar; what a tracker prints is no part of the result, and goes to stderr."""
+        with redirect_stdout(sys.stderr), progress(work, unit, quiet=self._quiet) as advance:
+            yield advance
+
+    def note(self, text: str) -> None:
+        """On stderr."""
+        click.echo(text, err=True)
+
+    def begin(self, item: Prepared) -> OnRecordedRun | None:
+        """The viewer follows."""
+        if self.viewer is None:
+            return None
+        self.viewer.begin(item.scenario, item.truth.truth)
+        return self.viewer.observe
+
+    def end(self, result: Result, folder: Path | None) -> None:
+        """The table, or one line."""
+        from trackbench.report.console import print_outcome, print_summary
+
+        if self.viewer is not None:
+            self.viewer.end(result)
+        if self._as_json:
+            return
+        if self._quiet:
+            print_outcome(result, self._console)
+            return
+        print_summary(result, self._console)
+        written = [file for file in result.summary.artifacts.values() if not file.endswith(".parquet")]
+        self._say(f"[dim]{folder}/: {', '.join([results.SUMMARY, *written])}[/dim]\n")
+
+    def compared(self, scenarios: int, out: Path) -> None:
+        """Where the comparison of several scenarios is."""
+        if not self._as_json and not self._quiet:
+            self._say(f"Comparison of {scenarios} scenarios: {out / 'comparison.md'}")
+
+    def _say(self, text: str) -> None:
+        self._console.print(text, highlight=False, soft_wrap=True)

@@ -1,0 +1,159 @@
+"""Sums the errors and innovations of a tracker, for all built-in metrics in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.metrics.breakdown import class_sums
+from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.protocol import Chunk, Scope, reject
+from trackbench.metrics.sums import ERROR_FIELDS, OVERFLOW, Scores, merge
+from trackbench.trackers.answers import TOO_LARGE
+from trackbench.types import Array, Mask
+
+#: Below this true speed the course means nothing, m/s.
+MOVING = 1.0
+#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
+SMALLEST_DETERMINANT = 1e-14
+
+
+class EstimateSums:
+    """The accumulator of the built-in metrics."""
+
+    name = "built-in"
+
+    def init(self, scope: Scope) -> _Summing:
+        return _Summing(scope)
+
+    def update(self, sums: _Summing, chunk: Chunk) -> _Summing:
+        sums.add(chunk)
+        return sums
+
+    def close(self, sums: _Summing) -> Scores:
+        return sums.scores()
+
+    def merge(self, blocks: Sequence[Scores]) -> Scores:
+        return merge(blocks)
+
+
+ESTIMATES = EstimateSums()
+
+
+class _Summing:
+    """The sums of a block that is under way."""
+
+    def __init__(self, scope: Scope) -> None:
+        self._scope = scope
+        instants = len(scope.target.time)
+        self._per_step = np.zeros((len(ERROR_FIELDS), instants))
+        self._found, found = np.unique(scope.classes, return_inverse=True)
+        self._class = found.reshape(scope.classes.shape)
+        self._per_class = np.zeros((len(ERROR_FIELDS), len(self._found), scope.runs))
+        self._weight = np.zeros((instants, scope.objects))
+        self._diverged = np.zeros(scope.runs, dtype=bool)
+        self._repaired = np.zeros(scope.runs)
+        self._spread = np.full((2, instants), np.nan)
+        self._innovations = {
+            name: Innovations(count, scope.objects, scope.runs, scope.chunk)
+            for name, count in scope.measurements.items()
+        }
+        self._seconds, self._steps = 0.0, 0
+
+    def add(self, chunk: Chunk) -> None:
+        """Add some instants.
+
+        Raises:
+            Fault: an error is too large to be summed.
+        """
+        for sensor, innovations in chunk.innovations.items():
+            for innovation in innovations:
+                self._innovations[sensor].add(innovation.whitened, innovation.used)
+        self._repaired += chunk.repaired
+        self._seconds += chunk.seconds
+        self._steps += chunk.steps
+        here, error, scored, shape = chunk.instants, chunk.error, chunk.scored, self._shape(chunk)
+        vx, vy = chunk.truth[2], chunk.truth[3]
+        moving = scored & np.broadcast_to(vx * vx + vy * vy > MOVING**2, shape).reshape(scored.shape)
+        values = np.empty((len(ERROR_FIELDS), *scored.shape))
+        values[0] = 1.0
+        with np.errstate(all="ignore"):
+            squares = np.multiply(error, error, out=values[1:5])
+            # The first two whitened components are those of the position by itself.
+            values[8] = chunk.whitened[0] * chunk.whitened[0] + chunk.whitened[1] * chunk.whitened[1]
+            values[9] = _nees_of_velocity(squares, error[2] * error[3], chunk.covariance)
+        values[5] = chunk.nees
+        values[6] = moving
+        np.multiply(chunk.course_error, chunk.course_error, out=values[7])
+        if not scored.all():
+            np.copyto(values, 0.0, where=~scored)
+        np.copyto(values[7], 0.0, where=~moving)
+        if not values.max() < OVERFLOW:
+            reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW), here.start)
+        self._per_step[:, here] = values @ np.ones(scored.shape[1])
+        self._add_by_class(values, self._class[here])
+        self._weight[here] = values[0].reshape(shape).sum(axis=2)
+        square = values[1] + values[2]
+        self._diverged |= self._by_run((square > self._scope.target.divergence**2).any(axis=0)) > 0
+        if self._scope.first:
+            self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
+
+    def scores(self) -> Scores:
+        """The sums of everything added."""
+        return Scores(
+            per_step=self._per_step,
+            per_run=self._per_class.sum(axis=1),
+            weight=self._weight,
+            present=self._by_run(self._scope.expected.sum(axis=0)),
+            diverged=self._diverged.astype(float),
+            repaired=self._repaired,
+            nis={name: item.scores() for name, item in self._innovations.items()},
+            classes=class_sums(self._per_class, self._found),
+            spread=self._spread,
+            seconds=self._seconds,
+            steps=self._steps,
+        )
+
+    def _shape(self, chunk: Chunk) -> tuple[int, int, int]:
+        return len(chunk.time), self._scope.objects, self._scope.runs
+
+    def _by_run(self, batch: Array) -> Array:
+        """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
+        return np.asarray(batch.reshape(*batch.shape[:-1], self._scope.objects, self._scope.runs).sum(axis=-2))
+
+    def _add_by_class(self, values: Array, classes: npt.NDArray[np.intp]) -> None:
+        """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
+        runs = self._scope.runs
+        present = np.flatnonzero(np.bincount(classes.reshape(-1)))
+        if classes.shape[-1] == 1:
+            member = (present[:, None] == classes.reshape(-1)).astype(float)
+            self._per_class[:, present] += member @ values.reshape(len(values), -1, runs)
+            return
+        places = (classes * runs + np.arange(runs)).reshape(-1)
+        for total, value in zip(self._per_class, values, strict=True):
+            total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
+
+
+def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
+    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
+    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
+    variances = a * d
+    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
+    return np.asarray((d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant)
+
+
+def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:
+    """``(shares, steps)`` values below which each share of those in use lies, interpolated; NaN where none is.
+
+    Args:
+        shares: 0 to 1.
+        values: ``(steps, batch)``.
+        use: ``(steps, batch)``.
+    """
+    rank = np.asarray(shares)[:, None] * np.maximum(use.sum(axis=1) - 1, 0)
+    ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
+    ordered = np.sort(values if use.all() else np.where(use, values, np.nan), axis=1)
+    low, high = ordered[np.arange(len(ordered)), ends]
+    return np.asarray(low + (rank % 1.0) * (high - low))

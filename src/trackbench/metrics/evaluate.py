@@ -1,0 +1,141 @@
+"""The metrics of one tracker from its sums."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from trackbench.metrics.builtin import BUILT_IN
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.intervals import Interval
+from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
+from trackbench.metrics.sums import Scores
+from trackbench.results import Health, MetricValue
+from trackbench.types import Array
+
+#: By accumulator, what is kept of a tracker's estimates.
+Sums = dict[str, Any]
+
+
+@dataclass
+class Evaluation:
+    """The metrics of one tracker."""
+
+    values: dict[str, MetricValue] = field(default_factory=dict)
+    """By dotted path."""
+    intervals: dict[str, Interval] = field(default_factory=dict)
+    """Of those that are means over runs, with what each run adds."""
+    own: list[str] = field(default_factory=list)
+    """Paths of those that are not built in."""
+    broken: dict[str, str] = field(default_factory=dict)
+    """By name, why a metric raised."""
+
+    def per_run(self, path: str, runs: int) -> Array:
+        """``(runs,)`` values whose mean is the metric; NaN where it is no mean over runs."""
+        found = self.intervals.get(path)
+        return np.full(runs, np.nan) if found is None else found.value + found.influence
+
+
+def evaluate(sums: Sums, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
+    """The metrics from the sums of all runs."""
+    found = Evaluation()
+    for metric in metrics:
+        own = sums[metric.accumulator.name]
+        values = _values(metric, own) if metric in BUILT_IN else _guarded(_values, metric, own)
+        if isinstance(values, Broken):
+            found.broken[metric.name] = values.cause
+            values = {metric.name: (metric.no_value(values.cause), None)}
+        for path, (value, interval) in values.items():
+            found.values[path] = value
+            if interval is not None:
+                found.intervals[path] = interval
+            if metric not in BUILT_IN:
+                found.own.append(path)
+    return found
+
+
+def no_metrics(reason: str, metrics: Sequence[Metric] = BUILT_IN) -> dict[str, MetricValue]:
+    """The metrics of a tracker that has no sums."""
+    return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
+
+
+def health(scores: Scores) -> Health:
+    """What went wrong without ending the run."""
+    return Health(
+        diverged_runs=int(scores.diverged.sum()),
+        repaired_covariances=int(scores.repaired.sum()),
+        repaired_runs=int((scores.repaired > 0).sum()),
+    )
+
+
+def accumulators(metrics: Sequence[Metric]) -> dict[str, Accumulator]:
+    """What sums for these metrics, each once; one that raises breaks its own metrics alone."""
+    found = {metric.accumulator.name: metric.accumulator for metric in metrics}
+    return {name: item if item is ESTIMATES else Guarded(item) for name, item in found.items()}
+
+
+def merge_sums(blocks: Sequence[Sums], metrics: Sequence[Metric] = BUILT_IN) -> Sums:
+    """The sums of consecutive blocks of runs as one."""
+    return {name: item.merge([block[name] for block in blocks]) for name, item in accumulators(metrics).items()}
+
+
+@dataclass(frozen=True)
+class Broken:
+    """In the place of the sums of a metric that raised."""
+
+    cause: str
+
+
+class Guarded:
+    """Sums of a plug-in, which are ``Broken`` once it raises."""
+
+    def __init__(self, accumulator: Accumulator) -> None:
+        self._accumulator = accumulator
+        self.name = accumulator.name
+
+    def init(self, scope: Scope) -> Any:
+        return _guarded(self._accumulator.init, scope)
+
+    def update(self, sums: Any, chunk: Chunk) -> Any:
+        return _guarded(self._accumulator.update, sums, chunk)
+
+    def close(self, sums: Any) -> Any:
+        return _guarded(self._accumulator.close, sums)
+
+    def merge(self, blocks: Sequence[Any]) -> Any:
+        broken = next((block for block in blocks if isinstance(block, Broken)), None)
+        return broken or _guarded(self._accumulator.merge, blocks)
+
+
+def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
+    broken = next((one for one in arguments if isinstance(one, Broken)), None)
+    if broken is not None:
+        return broken
+    try:
+        return call(*arguments)
+    except Fault:
+        raise
+    except (Exception, SystemExit) as error:
+        return Broken(" ".join(f"{type(error).__name__}: {error}".split()))
+
+
+def _values(metric: Metric, sums: Any) -> dict[str, tuple[MetricValue, Interval | None]]:
+    """By path."""
+    outcome = metric.finish(sums)
+    each = outcome if isinstance(outcome, Mapping) else {"": outcome}
+    return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric) for name, one in each.items()}
+
+
+def _value(outcome: Outcome, metric: Metric) -> tuple[MetricValue, Interval | None]:
+    """An outcome as it stands in a result, null with a reason where it is no number; and what each run adds to it."""
+    if isinstance(outcome, MetricValue):
+        return outcome, None
+    interval = outcome if isinstance(outcome, Interval) else None
+    number = outcome.value if isinstance(outcome, Interval) else outcome
+    if number is None or not math.isfinite(number):
+        return metric.no_value("it is not a number"), None
+    return interval.as_value(metric.unit) if interval else MetricValue(value=float(number), unit=metric.unit), interval

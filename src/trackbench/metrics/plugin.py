@@ -1,0 +1,32 @@
+"""Metrics of other packages, and those beside a scenario."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from trackbench.metrics.builtin import BUILT_IN
+from trackbench.metrics.protocol import Metric
+from trackbench.plugins import Registry
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def _lacks(found: Any) -> str | None:
+    if not isinstance(found, type) or not issubclass(found, Metric):
+        return "it must be a subclass of trackbench.metrics.OwnMetric"
+    missing = [name for name in ("name", "unit", "meaning") if not hasattr(found, name)]
+    missing += sorted(getattr(found, "__abstractmethods__", ()))
+    if missing:
+        return f"it lacks {' and '.join(missing)}"
+    if not NAME.fullmatch(found.name):
+        return f"its name {found.name!r} may have a to z, 0 to 9 and _ alone"
+    if found.name in {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}:
+        return f"its name {found.name!r} is that of a built-in one"
+    if found.better not in ("smaller", "larger", None):
+        return f'better must be "smaller", "larger" or None, not {found.better!r}'
+    return None
+
+
+#: The metrics beside the built-in ones, by the names that scenarios use.
+METRICS: Registry[type[Metric]] = Registry("trackbench.metrics", "metric", _lacks)

@@ -1,0 +1,222 @@
+"""What a metric is: how it is named and judged, what it sums over the estimates, and what it makes of the sums."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from trackbench.config import Config
+from trackbench.metrics.conditions import Classes
+from trackbench.metrics.intervals import Interval
+from trackbench.results import MetricValue
+from trackbench.types import Array, Mask
+
+Direction = Literal["smaller", "larger"]
+#: What ``finish`` may give for one path; None where there is no value.
+Outcome = Interval | MetricValue | float | None
+
+
+class Target(NamedTuple):
+    """What the estimates of a block of runs are held against, at each instant of a scan."""
+
+    time: Array
+    """``(instants,)`` s."""
+    state: Array
+    """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
+    alive: Mask
+    """``(instants, objects)``"""
+    start: Array
+    """``(objects, runs)`` from when each track is scored, s; infinity where the object was never detected."""
+    divergence: float
+    """m"""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """A block of runs, as a metric knows it before the first estimate."""
+
+    target: Target
+    classes: Classes
+    """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`."""
+    measurements: Mapping[str, int]
+    """How many instants each sensor has."""
+    first: bool
+    """Whether it is the first block."""
+    chunk: int
+    """Largest number of instants in a chunk."""
+
+    @property
+    def objects(self) -> int:
+        return len(self.target.start)
+
+    @property
+    def runs(self) -> int:
+        return int(self.target.start.shape[1])
+
+    @property
+    def expected(self) -> Mask:
+        """``(instants, objects * runs)`` where an object is there and its track settled."""
+        target = self.target
+        expected = target.alive[:, :, None] & (target.time[:, None, None] >= target.start)
+        return expected.reshape(len(target.time), -1)
+
+
+class Innovation(NamedTuple):
+    """What a tracker made of one measurement."""
+
+    instant: int
+    whitened: Array | None
+    """``(m, batch)`` innovation in units of its own standard deviations; None where the tracker gives none."""
+    used: Mask
+    """``(batch,)`` where the measurement is valid and the estimate is scored."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """The estimates of one tracker at some successive instants.
+
+    The batch has a member for each object and run; the runs of an object are next to each other. The arrays are those
+    of the scorer: they may not be changed, and hold other values after ``update``.
+    """
+
+    instants: slice
+    time: Array
+    """``(instants,)`` s."""
+    truth: Array
+    """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
+    error: Array
+    """``(4, instants, batch)`` estimate minus truth."""
+    course_error: Array
+    """``(instants, batch)`` rad, wrapped."""
+    covariance: Array
+    """``(4, 4, instants, batch)``"""
+    nees: Array
+    """``(instants, batch)``"""
+    whitened: Array
+    """``(4, instants, batch)`` ``L^-1`` times the error, where the covariance is ``L L^T``."""
+    scored: Mask
+    """``(instants, batch)`` where the estimate counts; elsewhere the other arrays may hold anything."""
+    innovations: Mapping[str, Sequence[Innovation]]
+    """By sensor, in order of time."""
+    repaired: Array
+    """``(runs,)`` number of covariances that were repaired."""
+    seconds: float
+    """Time spent in the tracker."""
+    steps: int
+    """Number of steps of single objects that it took."""
+
+    @property
+    def runs(self) -> int:
+        return len(self.repaired)
+
+    def by_run(self, values: Array | float) -> Array:
+        """``(runs,)`` sums of values ``(instants, batch)`` over what is scored; of 1, the number of estimates."""
+        total = np.where(self.scored, values, 0.0).sum(axis=0)
+        return np.asarray(total.reshape(-1, self.runs).sum(axis=0))
+
+
+class Fault(Exception):
+    """An estimate that cannot be scored."""
+
+    def __init__(self, cause: str, instant: int, member: int) -> None:
+        super().__init__(cause)
+        self.cause = cause
+        self.instant = instant
+        self.member = member
+
+
+def reject(cause: str, wrong: Mask, first: int) -> None:
+    """Raise a Fault if an estimate ``(instants, batch)`` is wrong; ``first`` is the number of the first instant."""
+    if np.any(wrong):
+        step, member = np.argwhere(wrong)[0]
+        raise Fault(cause, first + int(step), int(member))
+
+
+class Accumulator(Protocol):
+    """Sums over the estimates of one tracker, as :class:`OwnMetric`. Metrics that name the same one share its sums."""
+
+    @property
+    def name(self) -> str: ...
+
+    def init(self, scope: Scope) -> Any: ...
+
+    def update(self, sums: Any, chunk: Chunk) -> Any: ...
+
+    def close(self, sums: Any) -> Any: ...
+
+    def merge(self, blocks: Sequence[Any]) -> Any: ...
+
+
+class Field(NamedTuple):
+    """A part of a metric that an expectation may name."""
+
+    name: str
+    meaning: str
+    words: tuple[str, ...] = ()
+    """The values of a verdict; empty for a number."""
+
+
+class Metric(Config):
+    """One metric of a tracker. The pydantic fields of a subclass are its options in a scenario."""
+
+    name: ClassVar[str]
+    """Dotted path in a tracker's metrics."""
+    unit: ClassVar[str]
+    """ "1" for a number without a unit."""
+    meaning: ClassVar[str]
+    """In one line."""
+    better: ClassVar[Direction | None] = None
+    """Which values are better; None where neither is."""
+    compared: ClassVar[bool] = True
+    """Whether trackers are compared by it, run by run, where one direction is better."""
+    per_sensor: ClassVar[bool] = False
+    """Whether each sensor has a value."""
+    fields: ClassVar[tuple[Field, ...]] = ()
+    """What an expectation may name beside the value."""
+    value_name: ClassVar[str] = ""
+    """How an expectation names the value; empty where it is the metric itself."""
+
+    @property
+    @abstractmethod
+    def accumulator(self) -> Accumulator:
+        """What sums for this metric."""
+
+    @abstractmethod
+    def finish(self, sums: Any) -> Outcome | Mapping[str, Outcome]:
+        """The value from the merged sums of all runs; by sensor if each has one.
+
+        A mean over runs is an :class:`~trackbench.metrics.Interval`: its confidence interval, and the differences
+        between trackers, follow from what each run adds to it.
+        """
+
+    def no_value(self, reason: str) -> MetricValue:
+        """What stands in a result where there is none."""
+        return MetricValue(unit=self.unit, reason=reason)
+
+
+class OwnMetric(Metric):
+    """A metric with sums of its own, such as one of a plug-in. The sums may be any value that can be pickled."""
+
+    @property
+    def accumulator(self) -> Accumulator:
+        return self
+
+    @abstractmethod
+    def init(self, scope: Scope) -> Any:
+        """The sums before the first chunk of a block of runs."""
+
+    @abstractmethod
+    def update(self, sums: Any, chunk: Chunk) -> Any:
+        """The sums with one more chunk; they may be changed in place."""
+
+    def close(self, sums: Any) -> Any:
+        """What is kept of a block after its last chunk."""
+        return sums
+
+    @abstractmethod
+    def merge(self, blocks: Sequence[Any]) -> Any:
+        """The sums of consecutive blocks of runs as one."""

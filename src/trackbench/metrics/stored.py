@@ -1,0 +1,28 @@
+"""Metrics from the table of runs of a stored result."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.metrics.builtin import BUILT_IN, RootMeanSquare
+from trackbench.metrics.intervals import Interval, ratio
+from trackbench.types import Array
+
+ROOT_MEAN_SQUARES = {metric.name: metric for metric in BUILT_IN if isinstance(metric, RootMeanSquare)}
+
+
+def run_column(path: str) -> str:
+    """Where the table of runs holds what each run has of a metric."""
+    return ROOT_MEAN_SQUARES[path].column if path in ROOT_MEAN_SQUARES else f"{path}_per_run"
+
+
+def count_column(path: str) -> str | None:
+    """Where it holds the number of terms of each run; None where every run counts alike."""
+    return ROOT_MEAN_SQUARES[path].count if path in ROOT_MEAN_SQUARES else None
+
+
+def from_runs(path: str, values: Array, count: Array | None = None) -> Interval | None:
+    """A metric from its columns ``(runs,)`` of the table of runs; None where no run bears on it."""
+    if path in ROOT_MEAN_SQUARES and count is not None:
+        return ROOT_MEAN_SQUARES[path].of_runs(values, count)
+    return ratio(values, np.ones(len(values))) if np.isfinite(values).all() else None

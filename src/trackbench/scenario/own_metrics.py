@@ -1,0 +1,67 @@
+"""``score.metrics``: metrics beside the built-in ones, each looked up while the scenario is validated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import PlainValidator, ValidationError, ValidationInfo, WithJsonSchema
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from trackbench.config import PROBLEM, KeyPath
+from trackbench.config.explain import explain
+from trackbench.errors import InputError, nearest
+from trackbench.metrics import Metric
+from trackbench.metrics.plugin import METRICS
+
+KEYS = ("use", "options")
+
+
+def _made(value: Any, info: ValidationInfo) -> Metric:
+    if isinstance(value, Metric):
+        return value
+    given = {"use": value} if isinstance(value, str) else value
+    if not isinstance(given, dict) or not isinstance(given.get("use"), str):
+        raise _problem('a name, a "module:Class" or a mapping with use is needed')
+    unknown = next((str(key) for key in given if key not in KEYS), None)
+    if unknown is not None:
+        raise _at([((unknown,), f"is not known here; {nearest(unknown, KEYS)}")])
+    options = given.get("options") or {}
+    if not isinstance(options, dict):
+        raise _at([(("options",), "a mapping of keys to values is needed")])
+    try:
+        metric = METRICS.get(given["use"], (info.context or {}).get("folder"))
+        return metric.model_validate(options)
+    except InputError as error:
+        raise _problem(error.message) from None
+    except ValidationError as invalid:
+        problems = explain(invalid.errors(include_url=False), metric)
+        raise _at([(("options", *path), message) for path, message in problems]) from None
+
+
+def _problem(message: str) -> PydanticCustomError:
+    return PydanticCustomError(PROBLEM, "{message}", {"message": message})
+
+
+def _at(problems: list[tuple[KeyPath, str]]) -> ValidationError:
+    lines = [InitErrorDetails(type=_problem(message), loc=path, input=None) for path, message in problems]
+    return ValidationError.from_exception_data("metrics", lines)
+
+
+#: A metric by its published name or ``"module:Class"``, or as a mapping with its options.
+AnyMetric = Annotated[
+    Metric,
+    PlainValidator(_made),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {
+                    "type": "object",
+                    "properties": {"use": {"type": "string"}, "options": {"type": "object"}},
+                    "required": ["use"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]

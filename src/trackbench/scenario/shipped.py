@@ -1,0 +1,80 @@
+"""The scenarios that come with the package, by name: ``highway``, ``scripted/own_model``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from pathlib import Path
+
+from trackbench.errors import InputError
+
+FOLDER = Path(__file__).parents[1] / "scenarios"
+#: Endings ``.yaml`` and ``.yml``.
+PATTERN = "*.y*ml"
+
+
+def shipped() -> dict[str, Path]:
+    """The file of each scenario by its name: the path in the package's folder without the ending."""
+    return {_name(file): file for file in sorted(FOLDER.rglob(PATTERN))}
+
+
+def at_hand() -> dict[str, Path]:
+    """The shipped scenarios by name, and those in the folder ``scenarios`` of the working directory by path."""
+    own = Path("scenarios")
+    files = [] if own.resolve() == FOLDER.resolve() else sorted(own.rglob(PATTERN))
+    return shipped() | {str(file): file for file in files}
+
+
+def find_scenario(named: Path | str) -> Path:
+    """The file or folder that a name stands for: a path, or else that of a scenario that comes with the package.
+
+    Raises:
+        InputError: it is neither; with the nearest of both.
+    """
+    path = Path(named)
+    if os.path.exists(path):
+        return path
+    name = path.as_posix()
+    files = shipped()
+    if name in files:
+        return files[name]
+    if any(known.startswith(f"{name}/") for known in files):
+        return FOLDER / path
+    raise InputError(f"there is no such file{_nearest(path, files)}", file=path)
+
+
+def scenario_files(named: Iterable[Path | str]) -> Iterator[Path]:
+    """The file of each scenario that is named, and those in each folder that is named.
+
+    Raises:
+        InputError: there is no such file or folder, or no scenario in it.
+    """
+    for item in named:
+        path = find_scenario(item)
+        if not path.is_dir():
+            yield path
+            continue
+        inside = sorted(path.glob(PATTERN))
+        if not inside:
+            raise InputError("there is no scenario file (*.yaml) in this folder", file=path)
+        yield from inside
+
+
+def shown_name(file: Path) -> str:
+    """A scenario's file as a user names it."""
+    return _name(file) if file.is_relative_to(FOLDER) else str(file)
+
+
+def _name(file: Path) -> str:
+    return file.relative_to(FOLDER).with_suffix("").as_posix()
+
+
+def _nearest(missing: Path, files: Iterable[str]) -> str:
+    """The nearest file beside the one that is missing, and the nearest scenario of the package."""
+    names = {name.rpartition("/")[2]: name for name in files}
+    beside = [entry.name for entry in missing.parent.glob(PATTERN)] if os.path.isdir(missing.parent) else []
+    found = [repr(name) for name in get_close_matches(missing.name, beside, n=1, cutoff=0.5)]
+    for last in get_close_matches(missing.stem, names, n=1):
+        found.append(f"{names[last]!r}, which comes with trackbench")
+    return f"; did you mean {' or '.join(found)}?" if found else ""

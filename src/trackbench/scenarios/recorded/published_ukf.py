@@ -1,0 +1,82 @@
+"""The UKF of the published Udacity projects with the two faults that their radar-only numbers rest on.
+
+It averages the azimuths of the sigma points as plain numbers, also across the direction of -x, where they jump by
+2 pi; and where the covariance is not positive definite after that, its Cholesky factor is what Eigen's LLT leaves
+behind when it stops at the first pivot that is not positive, which goes unnoticed unless it is asked. Not for use:
+it shows what a published number rests on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.filters import Belief, SigmaPointFilter, Update, classic
+from trackbench.filters.base import correct
+from trackbench.models.motion import ConstantTurnRateVelocity
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.types import Array, Estimate, Scan
+from trackbench.units import difference
+
+
+@dataclass(frozen=True)
+class FaultyUkf(SigmaPointFilter):
+    """The augmented UKF on CTRV, but for the mean of the azimuths and the Cholesky factor."""
+
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        return super().predict(belief._replace(factor=stopped_cholesky(belief.covariance)), dt)
+
+    def update(self, belief: Belief, scan: Scan) -> Update:
+        motion, sensor, points = self.motion, SENSOR_MODELS[scan.kind], belief.points
+        if points is None:
+            return super().update(belief, scan)
+        _, _, centre, other = self.rule.weights((points.shape[1] - 1) // 2)
+        weights = np.full(points.shape[1], other)
+        weights[0] = centre
+        seen = sensor.measure(motion.to_cartesian(points), scan.sensor_pose, scan.sensor_velocity)
+        expected = np.einsum("s,ms...->m...", weights, seen)
+        deviations = difference(seen, expected[:, None], sensor.angular)
+        state_deviations = difference(points, belief.mean[:, None], motion.angular)
+        s = np.einsum("s,is...,js...->ij...", weights, deviations, deviations)
+        s += linalg.expand(scan.noise_covariance, s)
+        cross = np.einsum("s,is...,js...->ij...", weights, deviations, state_deviations)
+        innovation = difference(scan.measurement, expected, sensor.angular)
+        return correct(belief, innovation, s, cross, scan.valid, motion.angular)
+
+
+class FaultyTracker(FilterTracker):
+    """States a covariance that is positive definite, and says where it had to be made so."""
+
+    def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
+        state, estimate = super().step(state, scan)
+        definite = linalg.ensure_definite(estimate.covariance)
+        return state, estimate._replace(covariance=definite.covariance, repaired=definite.repaired)
+
+
+def stopped_cholesky(matrix: Array) -> Array:
+    """``(n, n, ...)`` lower factor, left as it is from the first pivot on that is not positive."""
+    size = len(matrix)
+    lanes = np.moveaxis(matrix.reshape(size, size, -1), -1, 0).copy()
+    for a in lanes:
+        for k in range(size):
+            pivot = a[k, k] - a[k, :k] @ a[k, :k]
+            if pivot <= 0.0:
+                break
+            a[k, k] = np.sqrt(pivot)
+            a[k + 1 :, k] = (a[k + 1 :, k] - a[k + 1 :, :k] @ a[k, :k]) / a[k, k]
+    return np.moveaxis(np.tril(lanes), 0, -1).reshape(matrix.shape)
+
+
+def faulty_ukf(
+    acceleration_sigma_mps2: float, yaw_acceleration_sigma_radps2: float, sensors: list[str], initial: dict[str, object]
+) -> FaultyTracker:
+    """The tracker, with the options that a built-in UKF has."""
+    motion = ConstantTurnRateVelocity(
+        acceleration_sigma_mps2=acceleration_sigma_mps2, yaw_acceleration_sigma_radps2=yaw_acceleration_sigma_radps2
+    )
+    start = InitialConfig.model_validate(initial)
+    return FaultyTracker(FaultyUkf(motion, classic(None)), start, sensors=sensors)

@@ -1,0 +1,253 @@
+"""A metric of one's own: in the result, in expectations and tables, and alone if it raises."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from trackbench.errors import InputError
+from trackbench.metrics.stored import from_runs, run_column
+from trackbench.results import Result
+from trackbench.runner import block
+from trackbench.scenario import load_scenario
+from trackbench.scenario.schema import json_schema
+
+Run = Callable[..., Result]
+Write = Callable[[Path, str], str]
+
+CODE = """
+import numpy as np
+from trackbench.metrics import BuiltInMetric, Field, OwnMetric, ratio
+
+class Square(OwnMetric):
+    '''The mean square error of the position: that of position_rmse, squared.'''
+    name, unit, meaning, better = "square", "m^2", "mean square error of the position", "smaller"
+    def init(self, scope):
+        return np.zeros((2, scope.runs))
+    def update(self, sums, chunk):
+        return sums + [chunk.by_run(1.0), chunk.by_run(chunk.error[0] ** 2 + chunk.error[1] ** 2)]
+    def merge(self, blocks):
+        return np.concatenate(blocks, axis=1)
+    def finish(self, sums):
+        return ratio(sums[1], sums[0])
+
+class Within(Square):
+    '''Share of the estimates that are near the truth.'''
+    name, unit, meaning, better = "within", "1", "share of the estimates that are near the truth", "larger"
+    limit_m: float = 0.5
+    def update(self, sums, chunk):
+        near = np.hypot(chunk.error[0], chunk.error[1]) < self.limit_m
+        return sums + [chunk.by_run(1.0), chunk.by_run(near)]
+
+class Largest(OwnMetric):
+    '''The largest innovation of each sensor, in standard deviations: a value that is no mean.'''
+    name, unit, meaning, per_sensor = "largest", "1", "largest innovation", True
+    def init(self, scope):
+        return dict.fromkeys(scope.measurements, 0.0)
+    def update(self, sums, chunk):
+        for sensor, innovations in chunk.innovations.items():
+            for one in innovations:
+                if one.whitened is not None and one.used.any():
+                    sums[sensor] = max(sums[sensor], np.linalg.norm(one.whitened[:, one.used], axis=0).max())
+        return sums
+    def merge(self, blocks):
+        return {sensor: max(block[sensor] for block in blocks) for sensor in blocks[0]}
+    def finish(self, sums):
+        return {sensor: value or None for sensor, value in sums.items()}
+
+class Lost(BuiltInMetric):
+    '''From the sums of the built-in metrics.'''
+    name, unit, meaning = "estimates", "1", "number of estimates"
+    def finish(self, sums):
+        return sums.per_run[0].sum()
+"""
+
+
+@pytest.fixture(scope="module")
+def module(tmp_path_factory: pytest.TempPathFactory, write_module: Write) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp("metrics")
+    return write_module(folder, CODE), folder
+
+
+@pytest.fixture(scope="module")
+def found(run_tiny: Run, module: tuple[str, Path]) -> Result:
+    name, folder = module
+    metrics = f"['{name}:Square', {{use: '{name}:Within', options: {{limit_m: 0.3}}}}, '{name}:Largest', '{name}:Lost']"
+    expect = (
+        "[{tracker: ekf, metric: square, below: 1}, {tracker: ekf, metric: within, above: 0.5}, "
+        "{tracker: ekf, metric: within, better_than: raw}, {tracker: raw, metric: square, better_than: ekf}, "
+        "{tracker: ekf, metric: largest.radar, below: 100}]"
+    )
+    return run_tiny(
+        f"score.metrics={metrics}", f"expect={expect}", "monte_carlo.runs=8", "score.settle_s=0.5", folder=folder
+    )
+
+
+def of_ekf(result: Result) -> Any:
+    runs = result.tables.runs
+    return runs.filter([name == "ekf" for name in runs["tracker"].to_pylist()])
+
+
+def test_it_stands_in_the_result(found: Result, tmp_path: Path) -> None:
+    ekf = found["ekf"]
+    assert ekf.square.value == pytest.approx(ekf.position_rmse.value**2, rel=1e-12)
+    assert ekf.square.unit == "m^2"
+    assert ekf.square.ci95 is not None
+    # The slope of a square is twice the root.
+    low, high = ekf.position_rmse.ci95
+    assert ekf.square.ci95[1] - ekf.square.ci95[0] == pytest.approx(2 * ekf.position_rmse.value * (high - low))
+    assert ekf.metrics["largest.radar"].value > 1
+    assert ekf.metrics["largest.radar"].ci95 is None
+    assert found["raw"].metrics["largest.lidar"].value is None
+    assert ekf.estimates.value == of_ekf(found)["count"].to_numpy().sum()
+    assert [(item.name, item.better) for item in found.summary.score.metrics][:2] == [
+        ("square", "smaller"),
+        ("within", "larger"),
+    ]
+    found.save(tmp_path / "run")
+    assert Result.load(tmp_path / "run").summary == found.summary
+
+
+def test_expectations_name_it_and_its_direction_decides_who_is_better(found: Result) -> None:
+    assert [item.passed for item in found.summary.expectations] == [True, True, True, False, True]
+    winners = {item.metric: item.better for item in found.summary.differences}
+    assert winners["square"] == winners["within"] == "ekf"
+    within = next(item for item in found.summary.differences if item.metric == "within")
+    assert (within.a, within.b, within.verdict) == ("raw", "ekf", "ekf better")
+    assert within.value < 0
+    assert "largest.radar" not in winners
+
+
+def test_the_table_of_runs_gives_it_back(found: Result) -> None:
+    interval = from_runs("square", of_ekf(found)[run_column("square")].to_numpy())
+    assert interval is not None
+    assert interval.value == pytest.approx(found["ekf"].square.value, rel=1e-12)
+    assert interval.ci95 == pytest.approx(found["ekf"].square.ci95, rel=1e-9)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_blocks_and_workers_change_nothing(
+    found: Result, run_tiny: Run, module: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    name, folder = module
+    monkeypatch.setattr(block, "BATCH_SIZE", 6)
+    overrides = (f"score.metrics=['{name}:Square']", "monte_carlo.runs=8", "score.settle_s=0.5")
+    merged = run_tiny(*overrides, folder=folder, workers=workers)
+    for tracker in ("raw", "ekf"):
+        assert merged[tracker].square.value == pytest.approx(found[tracker].square.value, rel=1e-12)
+        assert merged[tracker].square.ci95 == pytest.approx(found[tracker].square.ci95, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["init", "update", "merge", "finish"])
+def test_one_that_raises_has_no_value_and_says_why(
+    run_tiny: Run, tmp_path: Path, write_module: Write, caplog: pytest.LogCaptureFixture, method: str
+) -> None:
+    broken = CODE + f"\nclass Broken(Square):\n    def {method}(self, *_):\n        raise RuntimeError('no\\nluck')\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, broken)}:Broken']", folder=tmp_path)
+    assert caplog.messages == ["metric square has no value: RuntimeError: no luck"]
+    for tracker in result.summary.trackers:
+        assert (tracker.square.value, tracker.square.reason) == (None, "RuntimeError: no luck")
+        assert tracker.position_rmse.value is not None
+    assert {item.metric for item in result.summary.differences}.isdisjoint({"square"})
+
+
+@pytest.mark.parametrize("value", ["float('nan')", "None", "'high'"])
+def test_what_is_no_number_is_null_with_a_reason(
+    run_tiny: Run, tmp_path: Path, write_module: Write, value: str
+) -> None:
+    name = write_module(tmp_path, CODE + f"\nclass Odd(Square):\n    def finish(self, sums):\n        return {value}\n")
+    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
+    assert result["ekf"].square.value is None
+    assert result["ekf"].square.reason
+
+
+NO_NAME = "class Nameless(OwnMetric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
+
+
+@pytest.mark.parametrize(
+    ("metrics", "key", "message"),
+    [
+        ("['{0}:Squar']", "score.metrics.0", "module '{0}' has no 'Squar': did you mean 'Square'?"),
+        ("[square]", "score.metrics.0", "no metric is published as 'square': there is none to choose from"),
+        ("['math:pi']", "score.metrics.0", "'math:pi' is no metric: it must be a subclass of trackbench.metrics"),
+        ("['{0}:Nameless']", "score.metrics.0", "'{0}:Nameless' is no metric: it lacks name and finish and merge"),
+        ("['{0}:Taken']", "score.metrics.0", "'{0}:Taken' is no metric: its name 'nees' is that of a built-in one"),
+        ("['{0}:Square', '{0}:Square']", "score.metrics.1", "a second metric of the name square"),
+        ("[{{use: '{0}:Within', option: {{}}}}]", "score.metrics.0.option", "not known here; did you mean 'options'?"),
+        ("[{{options: {{}}}}]", "score.metrics.0", 'a name, a "module:Class" or a mapping with use is needed'),
+        (
+            "[{{use: '{0}:Within', options: {{limit: 1}}}}]",
+            "score.metrics.0.options.limit",
+            "limit_m",
+        ),
+        ("[{{use: '{0}:Within', options: {{limit_m: far}}}}]", "score.metrics.0.options.limit_m", "a number in metres"),
+    ],
+)  # fmt: skip
+def test_bad_input(tiny: Path, write_module: Write, metrics: str, key: str, message: str) -> None:
+    code = CODE + NO_NAME + "class Taken(Square):\n    name = 'nees'\n"
+    name = write_module(tiny.parent, code)
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"score.metrics={metrics.format(name)}"])
+    assert caught.value.key == key
+    assert message.format(name) in caught.value.message
+
+
+def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, module: tuple[str, Path]) -> None:
+    name, folder = module
+    file = folder / "tiny.yaml"
+    file.write_text(tiny.read_text(encoding="utf-8"), encoding="utf-8")
+    metrics = f"score.metrics=['{name}:Square', '{name}:Largest']"
+    with pytest.raises(InputError, match=r"there is no metric 'squares'; did you mean 'square'\?"):
+        load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: squares, below: 1}]"])
+    with pytest.raises(InputError, match=r"trackers are not compared by largest\.radar; only by .*square"):
+        load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: largest.radar, better_than: raw}]"])
+
+
+def test_a_published_one_is_listed_and_named(
+    cli: Callable[..., Any], tiny: Path, tmp_path: Path, write_module: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = write_module(tmp_path, CODE)
+    published = tmp_path / "published"
+    (published / "own-1.0.dist-info").mkdir(parents=True)
+    (published / "own-1.0.dist-info" / "METADATA").write_text("Name: own\nVersion: 1.0\n")
+    points = f"[trackbench.metrics]\nmean_square = {name}:Square\nno_use = {name}:Nothing\n"
+    (published / "own-1.0.dist-info" / "entry_points.txt").write_text(points)
+    monkeypatch.syspath_prepend(str(published))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    listed = cli("list", "metrics")
+    lines = [line.split(maxsplit=1) for line in listed.out.splitlines()]
+    assert ["square", "mean square error of the position [m^2]"] in lines
+    assert "no_use" in listed.out
+    assert f"module '{name}' has no attribute 'Nothing'" in " ".join(listed.out.split())
+    assert load_scenario(tiny, ["score.metrics=[mean_square]"]).config.score.metrics[0].name == "square"
+    assert name in sys.modules
+
+
+def test_the_schema_takes_every_form() -> None:
+    schema = json_schema()["$defs"]["Score"]["properties"]["metrics"]
+    good = ["square", "own:Square", {"use": "own:Square", "options": {"limit_m": 1}}]
+    jsonschema.validate(good, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate([{"options": {}}], schema)
+
+
+def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
+    code = CODE + "\nclass Writes(Square):\n    def update(self, sums, chunk):\n        chunk.error[:] = 0\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, code)}:Writes']", folder=tmp_path)
+    assert "read-only" in result["ekf"].square.reason
+    assert result["ekf"].position_rmse.value > 0.01
+    assert np.isfinite(result["ekf"].nees.value)
+
+
+@pytest.mark.docs_pages
+def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(Path(__file__).parents[1] / "docs" / "metrics.md", tmp_path) == 2
+    found = Result.load(tmp_path / "results" / "large_errors")
+    assert found.summary.passed
+    assert found["raw"].large_errors.value > 0.1
