@@ -253,7 +253,7 @@ def test_one_run_gives_no_intervals() -> None:
             if isinstance(value, dict) and "ci95" in value:
                 value["ci95"] = None
     for entry in summary["differences"]:
-        entry |= {"ci95": None, "p_value": 1.0, "verdict": "no difference shown"}
+        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "no difference shown"}
     page = Page(render(Result.from_json(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text

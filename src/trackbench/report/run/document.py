@@ -22,15 +22,15 @@ from trackbench.report.document import (
     TrackerStyle,
 )
 from trackbench.report.document.styles import tracker_styles
-from trackbench.report.figures.autocorrelation import autocorrelation
-from trackbench.report.figures.breakdown import errors_by_class
-from trackbench.report.figures.consistency import nees_over_time, nis_over_time
-from trackbench.report.figures.cost import cost_against_accuracy
-from trackbench.report.figures.errors import error_over_time, spread
-from trackbench.report.figures.map import map_of_run
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import calibrations, errors, shares
+from trackbench.report.run.figures.autocorrelation import autocorrelation
+from trackbench.report.run.figures.breakdown import errors_by_class
+from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
+from trackbench.report.run.figures.cost import cost_against_accuracy
+from trackbench.report.run.figures.errors import error_over_time, spread
+from trackbench.report.run.figures.map import map_of_run
 from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
 from trackbench.words import counted

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.report.calibration import Quantity
 from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
 from trackbench.report.document import Figure, TrackerStyle
+from trackbench.report.document.axes import LOG_ABOVE, logarithmic
 from trackbench.report.document.styles import legend_of, tooltips_of
-from trackbench.report.figures.axes import LOG_ABOVE, logarithmic
 from trackbench.report.numbers import joined
 from trackbench.results import MetricValue, TrackerResult
 

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report.document import Figure, LegendEntry, TrackerStyle
 from trackbench.report.document.drawing import GRID, INK, MUTED, WIDTH
-from trackbench.report.figures.columns import column, names, where
 from trackbench.report.numbers import fixed
+from trackbench.report.run.figures.columns import column, names, where
 from trackbench.results import Tables
 from trackbench.types import Array, Indices
 from trackbench.words import counted

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from trackbench.report.document import Figure, LegendEntry, TrackerStyle
 from trackbench.report.document.drawing import MUTED
 from trackbench.report.document.styles import legend_of, tooltips_of
-from trackbench.report.figures.columns import column, where
+from trackbench.report.run.figures.columns import column, where
 from trackbench.types import Array
 
 
