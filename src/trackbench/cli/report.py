@@ -61,10 +61,12 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
 
 
 def _document(run: Path) -> Document:
-    from trackbench.compare import compare, find
+    from trackbench.compare import compare, find, load
     from trackbench.report.comparison import document
     from trackbench.report.run import run_document
 
+    if run.suffix == ".json" and run.name != results.SUMMARY:
+        return document(load(run))
     found = find(run)
     if len(found.entries) == 1:
         return run_document(found.entries[0].result)
