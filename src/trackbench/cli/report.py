@@ -35,7 +35,8 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 def report_command(run: Path, format: Format, out: Path | None) -> None:
     """Write the report of a saved result in any format.
 
-    RUN is the folder of a run, or one with several runs in it, which are then compared. Nothing is run again.
+    RUN is the folder of a run, one with several runs in it, which are then compared, or a comparison.json. Nothing is run
+    again.
 
     \b
     Examples:
