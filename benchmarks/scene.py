@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.sensing.config import LidarConfig, RadarConfig
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.types import Observer, Truth
 
 DT = 0.05
 SENSORS = {
-    "radar": RadarConfig(
+    "radar": Radar(
         rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=1.6, range_rate_sigma_mps=0.3, detection_probability=1
     ),
-    "lidar": LidarConfig(rate_hz=10, phase_s=DT, position_sigma_m=0.15),
+    "lidar": Lidar(rate_hz=10, phase_s=DT, position_sigma_m=0.15),
 }
 
 

@@ -1,13 +1,13 @@
 """Draws the figure of docs/doctor.md: the radar's innovations where the student's tracker loses its target."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
-
-from trackbench.report.svg import standalone
 
 from trackbench.doctor.examine import Doctor
 from trackbench.doctor.subject import subject
-from trackbench.report.examination_figures import innovation_drawing
+from trackbench.report.document.drawing import svg_file
+from trackbench.report.examination.figures import innovation_figure
 
 DOCS = Path(__file__).parent
 ALTERNATIVE = "Azimuth innovation of the radar over time, applied by the tracker and expected"
@@ -19,8 +19,8 @@ def main() -> None:
     doctor = Doctor(examined.sensors)
     run = doctor.evidence(doctor.examine(examined.name, examined.make), examined.make)[0]
     radar = next(one for one in run.innovations if one.sensor == "radar")
-    drawn = standalone(innovation_drawing(run, radar), ALTERNATIVE)
-    (DOCS / "images" / "doctor-innovation.svg").write_text(drawn, encoding="utf-8")
+    drawn = replace(innovation_figure(run, radar), alternative=ALTERNATIVE)
+    (DOCS / "images" / "doctor-innovation.svg").write_text(svg_file(drawn), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def turn(x: Array, dt: float) -> Array:
 
 
 def turn_slope(x: Array, dt: float) -> Array:
-    return ConstantTurnRateVelocity(1.0, 1.0).jacobian(x, dt)
+    return ConstantTurnRateVelocity(acceleration_sigma_mps2=1.0, yaw_acceleration_sigma_radps2=1.0).jacobian(x, dt)
 
 
 def turn_noise(x: Array, dt: float) -> Array:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.block import Work
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -131,7 +131,7 @@ def random_walk(runs: int, steps: int, dt: float, acceleration_sigma: float, see
 
 def work(
     of: Truth,
-    sensors: Mapping[str, RadarConfig | LidarConfig],
+    sensors: Mapping[str, Radar | Lidar],
     trackers: Mapping[str, FilterConfig | PluginConfig],
     runs: int,
     *,

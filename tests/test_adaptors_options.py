@@ -15,7 +15,7 @@ from tests.scenes import scan
 
 from trackbench.adaptors.published import filterpy
 from trackbench.errors import InputError, TrackbenchError
-from trackbench.plugins import create
+from trackbench.trackers.published import create
 from trackbench.types import Scan
 
 FIXED = {"filter": "tests.adapted:kf_fixed", "state": STATE, "initial": "own", "dt_s": 0.05}
@@ -27,6 +27,13 @@ MOVING = {
     "process_noise": "tests.adapted:velocity_noise",
 }
 PAIR = {"pair": "tests.adapted:pair", "state": STATE, "initial": "two_readings"}
+
+
+#: Of each adaptor, as a scenario has them.
+OPTIONS = {
+    "filterpy": "{filter: 'tests.adapted:ekf', state: [px, py, vx, vy], initial: own}",
+    "stonesoup": "{pair: 'tests.adapted:pair', state: [px, py, vx, vy], initial: own}",
+}
 
 
 def positions(steps: int = 30, every: float = 0.05, missed: tuple[int, ...] = (4, 5, 17)) -> list[Scan]:
@@ -147,7 +154,7 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
 @pytest.mark.parametrize(
     ("use", "changes", "message"),
     [
-        ("filterpy", {"stat": STATE}, "stat: unknown; did you mean 'state'?"),
+        ("filterpy", {"stat": STATE}, "stat: unknown key; did you mean 'state'?"),
         ("filterpy", {"state": ["px", "vx", "py", "vz"]}, "state: there is no component 'vz': did you mean"),
         ("filterpy", {"state": ["px", "vx", "py", "px"]}, "state: px is named twice"),
         ("filterpy", {"state": ["px", "vx", "py", "ay"]}, "vy is missing"),
@@ -176,7 +183,7 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("filterpy", {"filter_options": {"dt": 1}}, "filter_options: 'tests.adapted:ekf' is an object"),
         ("filterpy", {"transition": None}, "dt_s: missing: the filter's own F holds for one interval only"),
         ("filterpy", {"dt_s": 0.05}, "dt_s: not used beside transition and process_noise; remove it"),
-        ("filterpy", {"dt_s": -1}, "dt_s: Input should be greater than 0"),
+        ("filterpy", {"dt_s": -1}, "dt_s: -1 is not possible: it must be above 0"),
         ("filterpy", {"transition": "tests.adapted:radar"}, "has to take (dt) or (x, dt), not 3 arguments"),
         (
             "filterpy",
@@ -187,8 +194,8 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("filterpy", {"process_noise": "math:sqrt"}, "gives the shape (), not (4, 4)"),
         ("filterpy", {"transition": None, "fx": "tests.adapted:turn"}, "transition: missing: beside fx"),
         ("filterpy", {"filter": "tests.adapted:kf", "fx": "tests.adapted:turn"}, "fx: not used with KalmanFilter"),
-        ("filterpy", {"sensors": {}}, "sensors: Dictionary should have at least 1 item"),
-        ("filterpy", {"sensors": {"radar": {"hc": "a:b"}}}, "sensors.radar.hc: unknown; did you mean 'hx'?"),
+        ("filterpy", {"sensors": {}}, "sensors: must not be empty"),
+        ("filterpy", {"sensors": {"radar": {"hc": "a:b"}}}, "sensors.radar.hc: unknown key; did you mean 'hx'?"),
         ("filterpy", {"sensors": {"radar": {"hx": "tests.adapted:radar"}}}, "sensors.radar.HJacobian: missing"),
         ("filterpy", {"sensors": {"radar": {"residual": "a:b"}}}, "sensors.radar.residual: not used without hx"),
         ("filterpy", {"sensors": {"radar": {"hx": "own", "HJacobian": "a:b"}}}, "has none of its own"),
@@ -211,7 +218,11 @@ def test_an_object_that_waits_may_stand_where_it_was_read() -> None:
         ("filterpy", {"sensors": {"lidar": {"measurement": "x"}}}, "write position, or a list of components"),
         ("filterpy", {"sensors": {"radar": {"measurement": ["elevation", "range"]}}}, "use R: own"),
         ("filterpy", {"sensors": {"radar": {"args": ["pose"], "hx": "a:b"}}}, "a scan has no 'pose': did you mean"),
-        ("filterpy", {"sensors": {"radar": {"R": "mine"}}}, "sensors.radar.R: Input should be 'stated' or 'own'"),
+        (
+            "filterpy",
+            {"sensors": {"radar": {"R": "mine"}}},
+            "sensors.radar.R: 'mine' is not known; choose from: own, stated",
+        ),
         (
             "filterpy",
             {"filter": "tests.adapted:kf", "sensors": {"radar": {"measurement": ["range"]}}},
@@ -266,7 +277,7 @@ def test_what_does_not_fit_is_an_input_error(use: str, changes: dict[str, Any], 
 
 @pytest.mark.parametrize("key", ["state", "initial", "filter"])
 def test_nothing_is_taken_for_granted(key: str) -> None:
-    with pytest.raises(InputError, match=f"{key}: missing: "):
+    with pytest.raises(InputError, match=f"{key}: missing; "):
         create("filterpy", {name: value for name, value in MOVING.items() if name != key})
 
 
@@ -292,7 +303,9 @@ def test_a_missing_package_is_named(
 ) -> None:
     monkeypatch.setitem(sys.modules, use, None)
     text = tiny.read_text(encoding="utf-8")
-    tiny.write_text(text.replace("trackers:\n", f"trackers:\n  mine: {{use: {use}}}\n"), encoding="utf-8")
+    tiny.write_text(
+        text.replace("trackers:\n", f"trackers:\n  mine: {{use: {use}, options: {OPTIONS[use]}}}\n"), encoding="utf-8"
+    )
     for command in ("check", "run"):
         outcome = cli(command, tiny)
         assert outcome.status == 2

@@ -10,13 +10,13 @@ from trackbench.metrics import evaluate, health
 from trackbench.metrics.bound import BoundStart, cramer_rao, rms_bound
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import NO_BOUND, merge
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.trackers.config import FilterConfig
 
 RUNS, STEPS, SIGMA = 400, 100, 2.0
-LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.3)
-RADAR = RadarConfig(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2)
+LIDAR = Lidar(rate_hz=10, position_sigma_m=0.3)
+RADAR = Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2)
 INITIAL = {"from": "truth", "position_sigma_m": 1.0, "velocity_sigma_mps": 2.0}
 START = np.array([60.0, 20.0, 10.0, -5.0])
 

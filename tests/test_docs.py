@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 import yaml
 
-from trackbench.plugins import create
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.trackers import answers
+from trackbench.trackers.published import create
 from trackbench.types import Scan
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -41,6 +41,12 @@ def test_the_page_runs_as_printed(folder: Path, run_page: Callable[[Path, Path],
 
 
 @pytest.mark.docs_pages
+def test_the_tour_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
+    assert run_page(DOCS / "tour.md", tmp_path) >= 12
+
+
+@pytest.mark.docs_pages
 def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
     shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
     assert run_page(DOCS / "compare.md", tmp_path) >= 7
@@ -51,6 +57,10 @@ def test_the_page_on_recordings_runs_as_printed(tmp_path: Path, run_page: Callab
     (tmp_path / "scenarios").mkdir()
     shutil.copy(DOCS.parent / "scenarios" / "highway.yaml", tmp_path / "scenarios")
     assert run_page(DOCS / "reading-a-recording.md", tmp_path) >= 6
+
+
+def test_the_page_on_plug_ins_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "plug-ins.md", tmp_path) >= 6
 
 
 def test_the_page_shows_the_files(fenced: Fenced) -> None:

@@ -15,10 +15,10 @@ from trackbench.adaptors.filterpy_options import FilterPyOptions, FilterPySensor
 from trackbench.adaptors.stonesoup_models import MEASURED
 from trackbench.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor
 from trackbench.errors import InputError
-from trackbench.plugins import create
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
+from trackbench.trackers.published import create
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "adaptors.md"
@@ -77,7 +77,7 @@ def test_the_example_s_extended_filter_is_the_built_in_one() -> None:
             {"filter": "own_filters:make_efk"},
             "filter: module 'own_filters' has no 'make_efk': did you mean 'make_kf'?",
         ),
-        ({"stat": []}, "stat: unknown; did you mean 'state'?"),
+        ({"stat": []}, "stat: unknown key; did you mean 'state'?"),
         ({"transition": None, "process_noise": None}, "dt_s: missing: the filter's own F and Q hold for one interval"),
     ],
 )

@@ -20,7 +20,7 @@ from trackbench.doctor.examine import Examination
 from trackbench.doctor.failures import CannotRun, failure_findings
 from trackbench.doctor.findings import CheckResult, Finding, known_faults
 from trackbench.doctor.session import StepFailed
-from trackbench.report.examination_text import text
+from trackbench.report.examination.text import text
 from trackbench.trackers.answers import TrackerFault
 from trackbench.types import Scan
 

@@ -17,7 +17,8 @@ from benchmarks.doctor.plain_kf import PlainKf
 from benchmarks.doctor.plain_ukf import PlainUkf
 
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.testing import NOISE, TrackerCheckError, check_tracker, drive
+from trackbench.testing import TrackerCheckError, check_tracker, drive
+from trackbench.testing.tracker import NOISE
 from trackbench.types import Array, Scan
 
 FAULTS = {

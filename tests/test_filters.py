@@ -19,7 +19,7 @@ from trackbench.filters import (
 from trackbench.models.motion import MOTION_MODELS, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 
-MODELS = {name: cls(*NOISE[name].values()) for name, cls in MOTION_MODELS.items()}
+MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items()}
 every_model = pytest.mark.parametrize("motion", MODELS.values(), ids=MODELS)
 linear_models = pytest.mark.parametrize("motion", [MODELS["cv"], MODELS["ca"]], ids=["cv", "ca"])
 
@@ -66,7 +66,7 @@ def assert_same(found, mean, covariance, angular=(), tolerance=1e-9):
 
 def test_scalar_kalman_filter_in_closed_form():
     # A target known to stand still: the variance of the mean of k measurements is r / k, the estimate their mean.
-    motion = MOTION_MODELS["cv"](0.0)
+    motion = MOTION_MODELS["cv"].model_construct(acceleration_sigma_mps2=0.0)
     measurements = np.random.default_rng(0).normal(5.0, 2.0, size=(2, 10))
     noise = 4.0 * np.eye(2)
     belief = Belief(np.array([*measurements[:, 0], 0.0, 0.0]), np.diag([4.0, 4.0, 1e-30, 1e-30]))

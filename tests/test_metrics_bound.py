@@ -7,12 +7,11 @@ from tests.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
 from trackbench.metrics.bound import BoundStart, cramer_rao, typical_acceleration
 from trackbench.models.motion import ConstantVelocity
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.config import LidarConfig, Mount, RadarConfig
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
 from trackbench.sensing.scans import ideal_sensors
 
-LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.15)
-RADAR = RadarConfig(
+LIDAR = Lidar(rate_hz=10, position_sigma_m=0.15)
+RADAR = Radar(
     rate_hz=10,
     phase_s=0.05,
     range_sigma_m=0.3,

@@ -12,11 +12,11 @@ from trackbench.metrics.breakdown import band_name, breakdown, cells
 from trackbench.metrics.conditions import BANDS, MANOEUVRES, conditions
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ratio, root
+from trackbench.models.sensors import Lidar
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import LidarConfig
 from trackbench.sensing.scans import ideal_sensors
 
-LIDAR = LidarConfig(rate_hz=10, position_sigma_m=0.1)
+LIDAR = Lidar(rate_hz=10, position_sigma_m=0.1)
 
 
 def standing(distance, steps=1, **more):

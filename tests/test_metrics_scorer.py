@@ -11,17 +11,17 @@ from trackbench.metrics import Bound, Fault, Scorer, Target, evaluate, health, s
 from trackbench.metrics.bound import rms_bound
 from trackbench.metrics.estimates import ESTIMATES, percentiles
 from trackbench.metrics.sums import NO_BOUND, merge
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import Failure
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.scans import sense
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Estimate
 
 SENSORS = {
-    "radar": RadarConfig(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
-    "lidar": LidarConfig(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
+    "radar": Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
+    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
 }
 
 
@@ -312,7 +312,7 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     # Measurements without noise: the raw tracker's position is exact, and its velocity that of constant motion.
     time = np.arange(20) * 0.1
     of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
-    exact = {"lidar": LidarConfig(rate_hz=10, position_sigma_m=1e-6)}
+    exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
     scores = run_block(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
     found = values(scores)
     assert found["position_rmse"].value < 1e-5

@@ -12,7 +12,7 @@ from trackbench.models.motion import MOTION_MODELS, InitialSigmas, Kinematics, p
 from trackbench.models.motion.base import UNKNOWN_ANGLE
 from trackbench.types import Gaussian
 
-MODELS = {name: cls(*NOISE[name].values()) for name, cls in MOTION_MODELS.items()}
+MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items()}
 TURNING = ("ctrv", "ctra")
 
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)

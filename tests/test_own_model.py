@@ -8,18 +8,17 @@ from scipy import stats
 from tests.scenes import fixed_observer, truth
 
 from trackbench.metrics.bound import BoundStart, cramer_rao
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar
 from trackbench.results import Result, TrackerResult
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
-from trackbench.truth import Draw, load_truth
+from trackbench.truth import Draw
 from trackbench.types import Array, Truth
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios" / "scripted"
-RADAR = RadarConfig(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.3)
+RADAR = Radar(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.3)
 
 
 def result(name: str, *overrides: str) -> Result:
@@ -92,7 +91,7 @@ def test_the_recorded_run_is_shown_as_it_moved() -> None:
     """Run 3 of the tables is run 3 of the truth, and its estimates are near it."""
     settings = ("monte_carlo.runs=5", "recording.run=3")
     loaded = load_scenario(SCENARIOS / "own_model.yaml", settings)
-    moved = load_truth(loaded.config.truth, Draw(7, "own_model", 5), folder=SCENARIOS)
+    moved = loaded.config.truth.load(Draw(7, "own_model", 5), folder=SCENARIOS)
     tables = run(loaded, moved).tables
     rows = [row for row in tables["truth"].to_pylist() if row["object"] == "ahead"]
     np.testing.assert_array_equal([row["px_m"] for row in rows], moved.truth.px[:, 0, 3])
@@ -135,6 +134,6 @@ def test_a_run_out_of_range_gives_no_information() -> None:
 def test_the_bound_of_a_lidar_does_not_depend_on_the_motion() -> None:
     found = []
     for of in (two_runs((0.0, 200.0)), two_runs((40.0, 0.0))):
-        (lidar,) = ideal_sensors(of, {"sensor": LidarConfig(rate_hz=10, position_sigma_m=0.15)})
+        (lidar,) = ideal_sensors(of, {"sensor": Lidar(rate_hz=10, position_sigma_m=0.15)})
         found.append(bound(of, lidar, 1.0))
     np.testing.assert_allclose(found[0], found[1])

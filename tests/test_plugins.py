@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from trackbench.errors import InputError
-from trackbench.plugins import create, published, resolve
+from trackbench.trackers.published import TRACKERS, create
 from trackbench.trackers.raw import RawTracker
 
 Write = Callable[[Path, str], str]
@@ -26,8 +26,8 @@ BUILT_IN = {"raw", "kf", "ekf", "iekf", "ukf", "ckf"}
 
 
 def test_the_built_in_trackers_are_published() -> None:
-    assert published().keys() >= BUILT_IN
-    assert resolve("raw") is RawTracker
+    assert set(TRACKERS.names()) >= BUILT_IN
+    assert TRACKERS.get("raw") is RawTracker
     for name in BUILT_IN - {"raw"}:
         make = create(name, {"motion": "cv", "acceleration_sigma_mps2": 3})
         assert callable(make().step)
@@ -39,7 +39,7 @@ def test_a_class_of_a_module(tmp_path: Path, write_module: Write) -> None:
     first, second = make(), make()
     assert first.gain == 3
     assert first is not second
-    assert resolve(f"{module}:Outer.Inner") is resolve(f"{module}:Mine")
+    assert TRACKERS.get(f"{module}:Outer.Inner") is TRACKERS.get(f"{module}:Mine")
 
 
 def test_a_package_of_modules(tmp_path: Path, write_module: Write) -> None:
@@ -61,9 +61,9 @@ def test_the_scenario_s_folder_comes_before_the_working_directory(
     elsewhere = write_module(tmp_path, TRACKER)
     monkeypatch.chdir(tmp_path)
     before = list(sys.path)
-    resolve(f"{module}:Mine", tmp_path / "scenario")
+    TRACKERS.get(f"{module}:Mine", tmp_path / "scenario")
     assert sys.modules[module].WHERE == "scenario"
-    resolve(f"{elsewhere}:Mine", tmp_path / "scenario")
+    TRACKERS.get(f"{elsewhere}:Mine", tmp_path / "scenario")
     assert sys.path == before
 
 
@@ -72,10 +72,10 @@ def test_two_modules_of_one_name_are_not_confused(tmp_path: Path, write_module: 
     (tmp_path / "b").mkdir()
     module = write_module(tmp_path / "a", TRACKER)
     (tmp_path / "b" / f"{module}.py").write_text(TRACKER)
-    resolve(f"{module}:Mine", tmp_path / "a")
-    resolve(f"{module}:Mine", tmp_path / "a")
+    TRACKERS.get(f"{module}:Mine", tmp_path / "a")
+    TRACKERS.get(f"{module}:Mine", tmp_path / "a")
     with pytest.raises(InputError, match="which has the same name: rename one") as caught:
-        resolve(f"{module}:Mine", tmp_path / "b")
+        TRACKERS.get(f"{module}:Mine", tmp_path / "b")
     assert str(tmp_path / "b" / f"{module}.py") in str(caught.value)
 
 
@@ -91,11 +91,11 @@ def test_a_published_name(tmp_path: Path, write_module: Write, monkeypatch: pyte
     monkeypatch.syspath_prepend(tmp_path)
     assert create("mine", {"gain": 5})().gain == 5
     with pytest.raises(InputError, match="no tracker is published as 'min': did you mean 'mine'"):
-        resolve("min")
+        TRACKERS.get("min")
     with pytest.raises(InputError, match=r"cannot import 'gone': AttributeError: .* 'Gone'"):
-        resolve("gone")
+        TRACKERS.get("gone")
     with pytest.raises(InputError, match="cannot import 'lost': no module named 'no_such_module'"):
-        resolve("lost")
+        TRACKERS.get("lost")
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,10 @@ def test_a_published_name(tmp_path: Path, write_module: Write, monkeypatch: pyte
         (":", "cannot import ':'"),
         ("{}:", "module '{}' has no ''"),
         ("{}:Mine.Inner", "module '{}' has no 'Inner'"),
-        ("{}:VALUE", "'{}:VALUE' is not a class"),
+        (
+            "{}:VALUE",
+            "'{}:VALUE' is no tracker: it is neither a class nor a function",
+        ),
         ("..:Mine", "cannot import '..:Mine'"),
         ("no such module:Mine", "cannot import 'no such module:Mine': no module named 'no such module'"),
         ("{}", "no tracker is published as '{}'"),
@@ -114,16 +117,19 @@ def test_a_published_name(tmp_path: Path, write_module: Write, monkeypatch: pyte
 def test_what_cannot_be_found_says_why(tmp_path: Path, write_module: Write, use: str, message: str) -> None:
     module = write_module(tmp_path, TRACKER + "VALUE = 3\n")
     with pytest.raises(InputError, match=message.format(module)) as caught:
-        resolve(use.format(module), tmp_path)
+        TRACKERS.get(use.format(module), tmp_path)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gian": 1}, "TypeError: .*'gian'"),
+        ({"gian": 1}, "got an unexpected keyword argument 'gian' .it takes: gain."),
         ({"motion": "cv"}, "acceleration_sigma_mps2: missing"),
-        ({"motion": "cv", "acceleration_sigma_mps2": -1}, "acceleration_sigma_mps2: Input should be greater than 0"),
+        (
+            {"motion": "cv", "acceleration_sigma_mps2": -1},
+            "acceleration_sigma_mps2: -1 is not possible: it must be above 0",
+        ),
     ],
 )
 def test_options_that_do_not_fit(tmp_path: Path, write_module: Write, options: dict[str, object], message: str) -> None:

@@ -2,10 +2,10 @@
 
 import pytest
 
-from trackbench.sensing.config import LidarConfig, RadarConfig
-from trackbench.sensing.presets import Preset, list_presets, presets
+from trackbench.models.sensors import Lidar, Radar
+from trackbench.models.sensors.presets import Preset, list_presets, presets
 
-CLASSES = {"radar": RadarConfig, "lidar": LidarConfig}
+CLASSES = {"radar": Radar, "lidar": Lidar}
 
 
 def test_the_sensors_with_published_figures_are_there() -> None:
@@ -25,9 +25,9 @@ def test_preset(preset: Preset) -> None:
 
 
 def test_a_key_that_is_given_wins() -> None:
-    assert LidarConfig(preset="ouster_os1", position_sigma_m=0.2).position_sigma_m == 0.2
+    assert Lidar(preset="ouster_os1", position_sigma_m=0.2).position_sigma_m == 0.2
 
 
 def test_a_preset_of_the_other_kind_is_refused() -> None:
     with pytest.raises(ValueError, match="no radar preset has the name 'ouster_os1'"):
-        RadarConfig(preset="ouster_os1")
+        Radar(preset="ouster_os1")

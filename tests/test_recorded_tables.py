@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from trackbench.errors import InputError
-from trackbench.truth import Draw, LoadedTruth, load_truth
+from trackbench.truth import Draw, LoadedTruth
 from trackbench.truth.config import RecordingTruth
 
 #: Two cars, at irregular times; the second is seen later. km, km/h and degrees.
@@ -41,7 +41,7 @@ def load(file: Path, **keys: object) -> LoadedTruth:
     form = file.suffix[1:]
     entry = {"columns": COLUMNS, "units": UNITS, "readings": MEASUREMENTS, **keys}
     config = RecordingTruth.model_validate({"source": "recording", "format": form, "path": file.name, **entry})
-    return load_truth(config, Draw(0, "test", 1), folder=file.parent, sensors={"front": "radar", "roof": "lidar"})
+    return config.load(Draw(0, "test", 1), folder=file.parent, sensors={"front": "radar", "roof": "lidar"})
 
 
 @pytest.fixture(params=["csv", "parquet"])

@@ -10,7 +10,7 @@ import pytest
 from tests.udacity import recorded_lines, synthetic_lines
 
 from trackbench.errors import InputError
-from trackbench.truth import Draw, LoadedTruth, load_truth
+from trackbench.truth import Draw, LoadedTruth
 from trackbench.truth.config import RecordingTruth
 from trackbench.truth.recorded.udacity_file import parse
 
@@ -20,7 +20,7 @@ LINES = synthetic_lines(8)
 
 def load(file: Path, kinds: dict[str, str] = KINDS) -> LoadedTruth:
     config = RecordingTruth(source="recording", format="udacity", path=file.name)
-    return load_truth(config, Draw(0, "test", 1), folder=file.parent, sensors=kinds)
+    return config.load(Draw(0, "test", 1), folder=file.parent, sensors=kinds)
 
 
 @pytest.fixture
@@ -148,12 +148,12 @@ def test_variables_in_the_path(file: Path, monkeypatch: pytest.MonkeyPatch) -> N
     file.write_text("\n".join(LINES))
     config = RecordingTruth(source="recording", format="udacity", path="$TRACKBENCH_DATA/log.txt")
     monkeypatch.setenv("TRACKBENCH_DATA", str(file.parent))
-    assert len(load_truth(config, Draw(0, "test", 1), folder=Path("/"), sensors=KINDS).truth.time) == len(LINES)
+    assert len(config.load(Draw(0, "test", 1), folder=Path("/"), sensors=KINDS).truth.time) == len(LINES)
     monkeypatch.delenv("TRACKBENCH_DATA")
     with pytest.raises(
         InputError, match="TRACKBENCH_DATA is not set; it is the folder that holds recordings"
     ) as caught:
-        load_truth(config, Draw(0, "test", 1), folder=Path("/"), sensors=KINDS)
+        config.load(Draw(0, "test", 1), folder=Path("/"), sensors=KINDS)
     assert caught.value.key == "truth.path"
 
 

@@ -48,7 +48,7 @@ BAD = [
         "env: highway-v0",
         "env: highway-v0\n  speed_kmh: 90",
         [
-            "6: truth.speed_kmh: unknown key; choose from: source, env, config, seed, duration_s, rate_hz, observer, "
+            "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, observer, "
             "targets, ego, audit"
         ],
     ),
@@ -137,7 +137,7 @@ BAD = [
     # Words that are not known.
     ("observer: ego", "observer: egg", ["8: truth.observer: 'egg' is not known; did you mean 'ego'?"]),
     ("type: lidar", "type: lidr", ["19: sensors.roof.type: 'lidr' is not known; did you mean 'lidar'?"]),
-    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: radar, speed_radar, lidar"]),
+    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: lidar, radar, speed_radar"]),
     ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),
     ("motion: ctrv", "motion: ctvr", ["22: trackers.ukf.motion: 'ctvr' is not known; did you mean 'ctrv'?"]),
     (
@@ -202,7 +202,7 @@ BAD = [
     (
         "filter: ukf",
         "filter: kf",
-        ["22: trackers.ukf.motion: kf needs a linear motion model: use cv or ca, or filter: ekf with ctrv"],
+        ["22: trackers.ukf.motion: kf needs a linear motion model: use ca or cv, or filter: ekf with ctrv"],
     ),
     (
         "filter: ekf",
@@ -226,7 +226,7 @@ BAD = [
         "motion: cv,",
         "motion: cv, initial: {yaw_rate_sigma_radps: 1},",
         [
-            "21: trackers.ekf.initial.yaw_rate_sigma_radps: motion cv has no such component; ctrv and ctra have",
+            "21: trackers.ekf.initial.yaw_rate_sigma_radps: motion cv has no such component; ctra and ctrv have",
         ],
     ),
     (

@@ -60,7 +60,7 @@ def test_merged_mapping_keeps_its_own_keys(tmp_path: Path) -> None:
     tracker = load(tmp_path, GOOD).config.trackers["iekf"]
 
     assert isinstance(tracker, FilterConfig)
-    assert (tracker.filter, tracker.acceleration_sigma_mps2, tracker.sensors) == ("iekf", 3, ["roof"])
+    assert (tracker.filter, tracker.motion.acceleration_sigma_mps2, tracker.sensors) == ("iekf", 3, ["roof"])
 
 
 def test_yaml_1_2_keeps_words_and_keys_as_text(tmp_path: Path) -> None:
@@ -101,8 +101,8 @@ def test_overrides(tmp_path: Path) -> None:
     assert scenario.score.bound.velocity_sigma_mps == 5
     assert scenario.expect[0].equals == "coloured"
     assert scenario.truth.config == {"lanes_count": 2, "vehicles_count": 9}
-    assert scenario.trackers["ekf"].acceleration_sigma_mps2 == 2
-    assert scenario.trackers["iekf"].acceleration_sigma_mps2 == 3  # what shares its anchor does not change
+    assert scenario.trackers["ekf"].motion.acceleration_sigma_mps2 == 2
+    assert scenario.trackers["iekf"].motion.acceleration_sigma_mps2 == 3  # what shares its anchor does not change
 
 
 def test_locate_puts_file_and_line_to_a_key(tmp_path: Path) -> None:

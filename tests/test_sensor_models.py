@@ -10,7 +10,7 @@ from tests.test_motion_models import finite_difference
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.units import difference
 
-every_sensor = pytest.mark.parametrize("model", SENSOR_MODELS.values(), ids=SENSOR_MODELS)
+every_sensor = pytest.mark.parametrize("model", SENSOR_MODELS.loaded().values(), ids=SENSOR_MODELS.names())
 
 POSES = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-4, 4)).map(np.array)
 VELOCITIES = st.tuples(st.floats(-30, 30), st.floats(-30, 30)).map(np.array)

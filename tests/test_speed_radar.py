@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from tests.scenes import NOISE, scan, tracker, truth, work
 
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, SpeedRadar
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import SpeedRadarConfig
-from trackbench.sensing.noise import biases, standard_deviations
 from trackbench.testing import drive
 from trackbench.trackers.config import FilterConfig
 
@@ -33,9 +31,9 @@ def test_a_target_at_rest_gives_a_finite_jacobian():
 
 
 def test_noise_and_biases_in_si_units():
-    config = SpeedRadarConfig(**SENSOR, range_bias_m=1, azimuth_bias_deg=180, speed_bias_mps=-3)
-    np.testing.assert_allclose(standard_deviations(config), [30, np.deg2rad(0.5), 2])
-    np.testing.assert_allclose(biases(config), [1, np.pi, -3])
+    config = SpeedRadar(**SENSOR, range_bias_m=1, azimuth_bias_deg=180, speed_bias_mps=-3)
+    np.testing.assert_allclose(config.sigmas(), [30, np.deg2rad(0.5), 2])
+    np.testing.assert_allclose(config.biases(), [1, np.pi, -3])
 
 
 @pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf"])
@@ -86,7 +84,7 @@ def test_synthetic_measurements_scatter_as_stated():
     time = np.arange(400.0)
     of = truth(time, *(np.full((400, 1, 1), value) for value in (3000.0, 0.0, 0.0, 12.0)))
     config = FilterConfig(filter="ekf", motion="cv", acceleration_sigma_mps2=1)
-    block = run_block(work(of, {"radar": SpeedRadarConfig(**SENSOR)}, {"ekf": config}, 1), range(1))
+    block = run_block(work(of, {"radar": SpeedRadar(**SENSOR)}, {"ekf": config}, 1), range(1))
     third = np.array([item.measurement[2, 0] for item in block.scans])
     assert third.mean() == pytest.approx(12, abs=4 * 2 / 20)
     assert third.std() == pytest.approx(2, rel=0.15)

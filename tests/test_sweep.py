@@ -49,7 +49,11 @@ def test_all_combinations_in_order(tmp_path):
     assert tuple(loaded.config.trackers) == ("raw", *points, "last")
     assert loaded.sweeps == {"ukf": points}
     point = loaded.config.trackers["ukf_2_0p4"]
-    assert (point.filter, point.acceleration_sigma_mps2, point.yaw_acceleration_sigma_radps2) == ("ukf", 2, 0.4)
+    assert (point.filter, point.motion.acceleration_sigma_mps2, point.motion.yaw_acceleration_sigma_radps2) == (
+        "ukf",
+        2,
+        0.4,
+    )
     assert point.sweep is None
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from trackbench.errors import InputError
-from trackbench.testing import RULES, TrackerCheckError, check_tracker
+from trackbench.testing import TrackerCheckError, check_tracker
+from trackbench.testing.tracker import RULES
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Scan

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from tests.scenes import LIDAR_NOISE, NOISE, RADAR_NOISE, TRACKERS, scan, tracker
 
-from trackbench import plugins
 from trackbench.errors import TrackbenchError
 from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers.published import create
 from trackbench.trackers.raw import RawTracker
 
 EKF = {"filter": "ekf", "motion": "cv", **NOISE["cv"]}
@@ -163,5 +163,5 @@ def test_the_raw_tracker_converts_a_radar_measurement():
 
 @pytest.mark.parametrize("name", ["kf", "ekf", "iekf", "ukf", "ckf"])
 def test_the_built_in_filters_are_published_like_any_other_tracker(name):
-    made = plugins.create(name, {"motion": "cv", **NOISE["cv"]})()
+    made = create(name, {"motion": "cv", **NOISE["cv"]})()
     assert made == tracker(filter=name, motion="cv", **NOISE["cv"])

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trackbench.truth import Draw, LoadedTruth, cache, highway, load_truth
+from trackbench.truth import Draw, LoadedTruth, cache, highway
 from trackbench.truth.config import HighwayTruth
 from trackbench.types import Progress, Truth
 
@@ -14,7 +14,7 @@ CONFIG = HighwayTruth(source="highway-env", env="u-turn-v1", seed=1, duration_s=
 
 
 def load(config: HighwayTruth) -> LoadedTruth:
-    return load_truth(config, Draw(seed=0, scenario="test", runs=1), folder=Path())
+    return config.load(Draw(seed=0, scenario="test", runs=1), folder=Path())
 
 
 @pytest.fixture

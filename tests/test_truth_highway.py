@@ -10,7 +10,7 @@ import pytest
 from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.errors import InputError
-from trackbench.truth import list_envs, validate
+from trackbench.truth import list_envs
 from trackbench.truth.config import HighwayTruth
 from trackbench.truth.highway import simulate
 from trackbench.types import Truth
@@ -199,7 +199,7 @@ def test_truth_ends_where_the_environment_ends() -> None:
 )
 def test_mistakes_are_found_without_simulating(env: str, keys: dict[str, Any], key: str, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        validate(configured(env, **keys), folder=Path())
+        configured(env, **keys).check(folder=Path())
     assert caught.value.key == key
 
 
@@ -212,10 +212,10 @@ def test_observation_of_the_users_own_is_used() -> None:
 def test_nothing_leaks_to_the_terminal() -> None:
     """Old ids warn, and pygame and highway-env like to greet."""
     code = (
-        "from pathlib import Path; from trackbench.truth import Draw, load_truth;"
+        "from pathlib import Path; from trackbench.truth import Draw;"
         "from trackbench.truth.config import HighwayTruth;"
         "config = HighwayTruth(source='highway-env', env='roundabout-v0', duration_s=4, rate_hz=10);"
-        "load_truth(config, Draw(0, 'test', 1), folder=Path(), cache=False)"
+        "config.load(Draw(0, 'test', 1), folder=Path(), cache=False)"
     )
     done = subprocess.run([sys.executable, "-W", "default", "-c", code], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")

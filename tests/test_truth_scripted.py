@@ -8,11 +8,11 @@ import pytest
 from tests.scenes import work
 
 from trackbench.errors import InputError
+from trackbench.models.sensors import Lidar
 from trackbench.report.run.audit import audit_sentences
 from trackbench.runner.block import run_block
-from trackbench.sensing.config import LidarConfig
 from trackbench.trackers.config import FilterConfig
-from trackbench.truth import Draw, load_truth
+from trackbench.truth import Draw
 from trackbench.truth.config import ScriptedTruth
 from trackbench.types import Truth
 
@@ -25,7 +25,7 @@ def config(objects: dict[str, Any], **keys: Any) -> ScriptedTruth:
 
 
 def drawn(of: ScriptedTruth, runs: int = 1, seed: int = 0, scenario: str = "test") -> Truth:
-    return load_truth(of, Draw(seed, scenario, runs), folder=Path()).truth
+    return of.load(Draw(seed, scenario, runs), folder=Path()).truth
 
 
 def one(*pieces: dict[str, Any], start: dict[str, Any] | None = None, **keys: Any) -> Truth:
@@ -202,7 +202,7 @@ def test_more_runs_than_fit_are_refused() -> None:
 def test_blocks_of_runs_see_their_own_truth() -> None:
     truth = drawn(config({"a": {"pieces": [WHITE]}, "b": {}}), runs=6)
     kf = FilterConfig(filter="kf", motion="cv", acceleration_sigma_mps2=3)
-    of = work(truth, {"lidar": LidarConfig(rate_hz=20, position_sigma_m=0.1)}, {"kf": kf}, 6)
+    of = work(truth, {"lidar": Lidar(rate_hz=20, position_sigma_m=0.1)}, {"kf": kf}, 6)
     whole, part = run_block(of, range(6)), run_block(of, range(3, 5))
     assert part.digests == whole.digests[3:5]
     np.testing.assert_allclose(part.scores["kf"].per_run, whole.scores["kf"].per_run[:, 3:5], rtol=1e-9)

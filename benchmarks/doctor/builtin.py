@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import astuple, replace
+from dataclasses import replace
 from typing import Any
+from unittest.mock import patch
 
 from trackbench.filters import Filter
 from trackbench.models.motion import MotionModel
-from trackbench.models.sensors import SENSOR_MODELS, SensorModel
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Sensor
 from trackbench.trackers import builtin
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.types import Scan
@@ -60,24 +61,21 @@ KF = Subject("builtin_kf", kf_cv, uses_rate=False)
 class SeenBy:
     """A tracker with a wrong model for one kind of sensor, at every step or at the first."""
 
-    def __init__(self, tracker: FilterTracker, model: SensorModel, first_only: bool = False) -> None:
-        self.tracker, self.model, self.first_only = tracker, model, first_only
+    def __init__(self, tracker: FilterTracker, model: type[Sensor], first_only: bool = False) -> None:
+        self.tracker, self.first_only = tracker, first_only
+        self.models = {"lidar" if issubclass(model, Lidar) else "radar": model}
         self.batched = tracker.batched
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
         if self.first_only and state is not None:
             return self.tracker.step(state, scan)
-        right = SENSOR_MODELS[self.model.kind]
-        SENSOR_MODELS[self.model.kind] = self.model
-        try:
+        with patch.dict(SENSOR_MODELS.found, self.models):
             return self.tracker.step(state, scan)
-        finally:
-            SENSOR_MODELS[self.model.kind] = right
 
 
 def _with_motion(tracker: FilterTracker, motion: Callable[..., MotionModel]) -> FilterTracker:
     right = tracker.filter.motion
-    return replace(tracker, filter=replace(tracker.filter, motion=motion(*astuple(right))))
+    return replace(tracker, filter=replace(tracker.filter, motion=motion(**dict(right))))
 
 
 def _with_correction(tracker: FilterTracker, change: Callable[..., Any]) -> FilterTracker:
@@ -94,7 +92,7 @@ def _certain(tracker: FilterTracker) -> FilterTracker:
 def any_filter(subject: Subject) -> Iterator[Mutant]:
     yield subject.behind("overconfident_start", "all", _certain)
     start = {"start": "first_reading"}
-    polar = wrong.RadarPolarStart()
+    polar = wrong.RadarPolarStart
     yield subject.behind("polar_start", "position", SeenBy, polar, True, sensor="radar", options=start)
     corrections = [
         ("covariance_asymmetric", "update", wrong.upper_triangle_off, None),
@@ -109,22 +107,22 @@ def any_filter(subject: Subject) -> Iterator[Mutant]:
 
 def predictions(subject: Subject) -> Iterator[Mutant]:
     models = [
-        ("azimuth_not_wrapped", "residual", wrong.RadarNotWrapped()),
-        ("arctan_quadrant", "prediction", wrong.RadarByArctan()),
-        ("degrees_for_radians", "prediction", wrong.RadarInDegrees()),
-        ("speed_for_range_rate", "over_ground", wrong.RadarOfSpeed()),
+        ("azimuth_not_wrapped", "residual", wrong.RadarNotWrapped),
+        ("arctan_quadrant", "prediction", wrong.RadarByArctan),
+        ("degrees_for_radians", "prediction", wrong.RadarInDegrees),
+        ("speed_for_range_rate", "over_ground", wrong.RadarOfSpeed),
     ]
     for fault, variant, model in models:
         yield subject.behind(fault, variant, SeenBy, model, sensor="radar")
 
 
 def linearised(subject: Subject) -> Iterator[Mutant]:
-    yield subject.behind("doppler_sign", "prediction", SeenBy, wrong.RadarRateNegated(), sensor="radar")
+    yield subject.behind("doppler_sign", "prediction", SeenBy, wrong.RadarRateNegated, sensor="radar")
     for variant, fault, kind in JACOBIANS:
-        model = wrong.RadarWithJacobian(fault) if issubclass(fault, RadarRow) else wrong.LidarNotTurned()
+        model = wrong.radar_with_jacobian(fault) if issubclass(fault, RadarRow) else wrong.LidarNotTurned
         yield subject.behind("jacobian_wrong", variant, SeenBy, model, sensor=kind)
     yield subject.behind("jacobian_wrong", "dt_missing", _with_motion, wrong.TimeStepMissing)
-    yield subject.behind("nonfinite", "range", SeenBy, wrong.RadarWithoutGuard())
+    yield subject.behind("nonfinite", "range", SeenBy, wrong.RadarWithoutGuard)
 
 
 def turning(subject: Subject) -> Iterator[Mutant]:

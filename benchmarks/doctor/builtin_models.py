@@ -24,13 +24,15 @@ class RadarNotWrapped(Radar):
 
 
 class RadarByArctan(Radar):
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, rate = super().measure(target, pose, velocity)
         return linalg.vector([r, np.arctan(np.tan(azimuth)), rate])
 
 
 class RadarInDegrees(Radar):
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, rate = super().measure(target, pose, velocity)
         return linalg.vector([r, np.degrees(azimuth), rate])
 
@@ -38,7 +40,8 @@ class RadarInDegrees(Radar):
 class RadarRateNegated(Radar):
     """In the prediction; the Jacobian is right."""
 
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         r, azimuth, rate = super().measure(target, pose, velocity)
         return linalg.vector([r, azimuth, -rate])
 
@@ -46,43 +49,45 @@ class RadarRateNegated(Radar):
 class RadarOfSpeed(SpeedRadar):
     """Speed where the range rate belongs, consistently."""
 
-    kind: ClassVar[str] = "radar"
-
 
 class RadarPolarStart(Radar):
     """Range and azimuth as px and py."""
 
-    def position(self, scan: Scan) -> Gaussian:
+    @classmethod
+    def position(cls, scan: Scan) -> Gaussian:
         return Gaussian(scan.measurement[:2], np.eye(2))
 
 
 class RadarWithoutGuard(Radar):
     """Divides by the range of a target that may be where the sensor is."""
 
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         _, azimuth, rate = super().measure(target, pose, velocity)
         distance = np.hypot(target[0] - pose[0], target[1] - pose[1])
         with np.errstate(invalid="ignore"):
             return linalg.vector([distance, azimuth, rate * np.divide(distance, distance)])
 
 
-class RadarWithJacobian(Radar):
-    """One fault of the Jacobians."""
+def radar_with_jacobian(fault: type[RadarRow]) -> type[Radar]:
+    """A radar with one fault of the Jacobians."""
 
-    def __init__(self, fault: type[RadarRow]) -> None:
-        self.fault = fault()
+    class RadarWithJacobian(Radar):
+        @classmethod
+        def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
+            h = super().jacobian(target, pose, velocity)
+            offset = target[:2] - linalg.expand(pose[:2], target)
+            fault().change(h, offset, target[2:] - linalg.expand(velocity, target))
+            return h
 
-    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
-        h = super().jacobian(target, pose, velocity)
-        offset = target[:2] - linalg.expand(pose[:2], target)
-        self.fault.change(h, offset, target[2:] - linalg.expand(velocity, target))
-        return h
+    return RadarWithJacobian
 
 
 class LidarNotTurned(Lidar):
     """The Jacobian without the sensor's yaw, which the prediction has."""
 
-    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
         return np.eye(2, 4)
 
 

@@ -36,15 +36,28 @@ class Gaussian(NamedTuple):
     covariance: Array
 
 
+class FieldOfView(NamedTuple):
+    """Where a sensor can detect anything, in its own frame."""
+
+    half_angle: float
+    """To either side of the boresight, rad."""
+    max_range: float
+    """m; infinite where there is no limit."""
+
+
 class Scan(NamedTuple):
-    """One sensor's measurements at one instant: what a real tracker would know, and nothing of the truth."""
+    """One sensor's measurements at one instant: what a real tracker would know, and nothing of the truth.
+
+    With known identities the trailing axes of ``measurement`` and ``valid`` are the objects. With hidden ones there is
+    one trailing axis, of the D detections, whose order means nothing, and D may be 0.
+    """
 
     time: float
     """When the measurement was taken, s."""
     sensor: str
     """The sensor's name in the scenario."""
     kind: str
-    """"radar", "speed_radar" or "lidar"."""
+    """The type of the sensor: "radar", "speed_radar", "lidar" or that of a plug-in."""
     measurement: Array
     """``(m, ...)``. Radar: range m, azimuth rad in the sensor's frame, range rate m/s relative to the moving
     sensor (speed radar: speed of the target over ground). Lidar: x, y in the sensor's frame, m. NaN where not valid."""
@@ -58,6 +71,26 @@ class Scan(NamedTuple):
     """``(2,)`` vx, vy of the sensor in the fixed frame, m/s."""
     arrival_time: float
     """When the measurement reached the tracker (``time`` plus the sensor's latency), s."""
+    detection_probability: float | None = None
+    """Of an object in the field of view, as the sensor states it; None where identities are known, as the next two."""
+    clutter_density: float | None = None
+    """Detections that stem from no object, per unit volume of the measurement space and scan, as the sensor states."""
+    field_of_view: FieldOfView | None = None
+
+
+class Tracks(NamedTuple):
+    """What a tracker of several objects says after a scan: its K confirmed tracks."""
+
+    ids: Indices
+    """``(K,)``; an id is never used again."""
+    mean: Array
+    """``(4, K)`` px, py, vx, vy in the fixed frame."""
+    covariance: Array
+    """``(4, 4, K)``."""
+    existence: Array | None = None
+    """``(K,)`` probability that the object exists."""
+    used: Indices | None = None
+    """``(K,)`` the detection's column that the track took in; -1 where it took none."""
 
 
 class Estimate(NamedTuple):

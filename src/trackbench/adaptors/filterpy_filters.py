@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, UnscentedKalmanFilter
 
-from trackbench.adaptors.filterpy_options import KINDS, FilterPyOptions, Sensing, kind_of
+from trackbench.adaptors.filterpy_kinds import KINDS, Sensing, kind_of
+from trackbench.adaptors.filterpy_options import FilterPyOptions
 from trackbench.adaptors.filterpy_tracker import FilterPyTracker
 from trackbench.adaptors.options import function, made
 from trackbench.adaptors.reader import POSITION

@@ -1,29 +1,26 @@
-"""The options of a tracker that runs a filter of FilterPy."""
+"""The options of a tracker that runs a filter of FilterPy; to read them it is not needed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
-from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, UnscentedKalmanFilter
 from pydantic import Field
 
-from trackbench.adaptors.layout import Layout
-from trackbench.adaptors.options import OWN, AdaptorOptions, SensorOptions, function, sensor_problems
-from trackbench.adaptors.reader import POSITION, Reader
+from trackbench.adaptors.options import AdaptorOptions, SensorOptions, sensor_problems
 from trackbench.config import Problem
-from trackbench.errors import InputError, nearest
-from trackbench.types import Array, Scan
+from trackbench.errors import nearest
+from trackbench.types import Scan
 
 
 class FilterPySensor(SensorOptions):
     """How the measurements of a sensor are given to the filter; functions are called as FilterPy calls them."""
 
-    hx: str | None = None
-    HJacobian: str | None = None
-    residual: str | None = None
-    z_mean: str | None = None
-    args: list[str] = Field(default_factory=list)
+    hx: str | None = Field(None, description="own, or the function that gives the expected measurement.")
+    HJacobian: str | None = Field(None, description="The function that gives its derivative, as module:name.")
+    residual: str | None = Field(None, description="The function that subtracts two measurements, as module:name.")
+    z_mean: str | None = Field(None, description="The function that averages sigma points, as module:name.")
+    args: list[str] = Field(default_factory=list, description="Fields of the scan that hx is given beside the state.")
 
     def problems(self) -> Iterator[Problem]:
         yield from super().problems()
@@ -38,116 +35,20 @@ class FilterPySensor(SensorOptions):
 class FilterPyOptions(AdaptorOptions):
     """The keys under ``options`` where a scenario says ``use: filterpy``."""
 
+    package = "filterpy"
+    library = "FilterPy"
+
     filter: str = Field(description='the filter, or a function that makes one, as "module:name"')
-    filter_options: dict[str, Any] = Field(default_factory=dict)
-    transition: str | None = None
-    fx: str | None = None
-    process_noise: str | None = None
-    sensors: dict[str, FilterPySensor] | None = Field(None, min_length=1)
+    filter_options: dict[str, Any] = Field(default_factory=dict, description="Arguments of a function that makes it.")
+    transition: str | None = Field(None, description="Function that gives F, of dt or of x and dt, as module:name.")
+    fx: str | None = Field(None, description="Function that gives the state after dt, as module:name.")
+    process_noise: str | None = Field(None, description="Function that gives Q, of dt or of x and dt, as module:name.")
+    sensors: dict[str, FilterPySensor] | None = Field(
+        None, min_length=1, description="By name or kind, how a sensor's measurements are given to the filter."
+    )
 
     def problems(self) -> Iterator[Problem]:
         yield from super().problems()
         yield from sensor_problems(self.sensors or {})
         if self.fx is not None and self.transition is None:
             yield Problem(("transition",), "missing: beside fx it gives the Jacobian of fx")
-
-
-class Kind(NamedTuple):
-    """What one class of filters takes."""
-
-    own: Mapping[str, str]
-    """Its matrices that hold for one interval only, each with the option that replaces it by a function of dt."""
-    options: tuple[str, ...]
-    sensor: tuple[str, ...]
-
-
-COMMON = ("filter", "filter_options", "state", "initial", "dt_s", "process_noise", "sensors")
-MATRICES = {"F": "transition", "Q": "process_noise"}
-KINDS: dict[type, Kind] = {
-    KalmanFilter: Kind(MATRICES, ("transition",), ("measurement", "R")),
-    ExtendedKalmanFilter: Kind(
-        MATRICES, ("transition", "fx"), ("measurement", "R", "hx", "HJacobian", "residual", "args")
-    ),
-    UnscentedKalmanFilter: Kind({"Q": "process_noise"}, (), ("measurement", "R", "hx", "residual", "z_mean", "args")),
-}
-
-
-def kind_of(found: Any, options: FilterPyOptions) -> type:
-    """The class of a filter, the options held against it.
-
-    Raises:
-        InputError: it is no filter that this adaptor knows, or an option does not go with it.
-    """
-    kind = next((kind for kind in KINDS if isinstance(found, kind)), None)
-    if kind is None:
-        known = ", ".join(kind.__name__ for kind in KINDS)
-        raise InputError(f"filter: {options.filter!r} gives a {type(found).__name__}, not one of {known}")
-    takes = KINDS[kind]
-    _only(options.model_fields_set, (*COMMON, *takes.options), kind, "")
-    for name, sensor in (options.sensors or {}).items():
-        _only(sensor.model_fields_set, takes.sensor, kind, f"sensors.{name}.")
-        if kind is ExtendedKalmanFilter and (sensor.hx is None) != (sensor.HJacobian is None):
-            missing = "hx" if sensor.hx is None else "HJacobian"
-            raise InputError(f"sensors.{name}.{missing}: missing: an ExtendedKalmanFilter needs hx and HJacobian")
-        if kind is ExtendedKalmanFilter and sensor.hx == OWN:
-            raise InputError(f"sensors.{name}.hx: an ExtendedKalmanFilter has none of its own; name a function")
-    held = [name for name, option in takes.own.items() if getattr(options, option) is None]
-    functions = " and ".join(takes.own[name] for name in held or takes.own)
-    counted = "a function" if len(held) == 1 else "functions"
-    if held and options.dt_s is None:
-        raise InputError(
-            f"dt_s: missing: the filter's own {' and '.join(held)} {'holds' if len(held) == 1 else 'hold'} for one "
-            f"interval only; say which (s), or give {functions}, as {counted} of dt"
-        )
-    if not held and options.dt_s is not None:
-        raise InputError(f"dt_s: not used beside {functions}; remove it")
-    return kind
-
-
-def _only(given: set[str], used: tuple[str, ...], kind: type, where: str) -> None:
-    for key in sorted(given - set(used)):
-        raise InputError(f"{where}{key}: not used with {kind.__name__}, which takes {', '.join(used)}")
-
-
-class Sensing(NamedTuple):
-    """How the measurements of a sensor are given to the filter, its functions found."""
-
-    reader: Reader
-    states_noise: bool = True
-    own: bool = False
-    """Whether the user's functions say what is expected, not trackbench's sensor models."""
-    hx: Callable[..., Array] | None = None
-    jacobian: Callable[..., Array] | None = None
-    residual: Callable[..., Array] | None = None
-    mean: Callable[..., Array] | None = None
-    args: tuple[str, ...] = ()
-
-
-def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, Sensing] | Sensing:
-    """How each sensor's measurements are given to the filter, by the sensor's name or kind, or how those of all are.
-
-    Raises:
-        InputError: a function cannot be found.
-    """
-    # A linear filter can be given nothing but a position, unless the user says what its own H is of.
-    usual = POSITION if kind is KalmanFilter else None
-
-    def found(name: str, sensor: FilterPySensor) -> Sensing:
-        def of(key: str) -> Callable[..., Array] | None:
-            reference = getattr(sensor, key)
-            return None if reference in (None, OWN) else function(f"sensors.{name}.{key}", reference)
-
-        return Sensing(
-            Reader(layout, sensor.measurement or usual),
-            sensor.states_noise,
-            sensor.hx is not None,
-            of("hx"),
-            of("HJacobian"),
-            of("residual"),
-            of("z_mean"),
-            tuple(sensor.args),
-        )
-
-    if options.sensors is None:
-        return Sensing(Reader(layout, usual))
-    return {name: found(name, sensor) for name, sensor in options.sensors.items()}

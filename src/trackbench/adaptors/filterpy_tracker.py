@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.adaptors.filterpy_options import FilterPyOptions, Sensing, sensing
+from trackbench.adaptors.filterpy_kinds import Sensing, sensing
+from trackbench.adaptors.filterpy_options import FilterPyOptions
 from trackbench.adaptors.options import function, of_sensor, takes_state
 from trackbench.adaptors.tracker import AdaptedTracker, Updated
 from trackbench.errors import InputError

@@ -15,7 +15,8 @@ OTHER = "other"
 #: The components from which position and velocity follow, in each of the two forms of a state.
 TURNING_STATE = ("px", "py", "v", "yaw")
 #: The motion models that know every component of their form; only the way from and to Cartesian is used of them.
-CARTESIAN, TURNING = ConstantAcceleration(0.0), ConstantTurnRateAcceleration(0.0, 0.0)
+CARTESIAN = ConstantAcceleration(jerk_sigma_mps3=1.0)
+TURNING = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sigma_radps2=1.0)
 
 
 def problem(names: Sequence[str]) -> str | None:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, Literal, TypeVar
+from importlib.util import find_spec
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from trackbench import plugins
 from trackbench.adaptors import layout
-from trackbench.adaptors.reader import COMPONENTS, ELEVATION, POSITION
-from trackbench.config import PROBLEM, Config, Positive, Problem, reject
+from trackbench.adaptors.reader import ELEVATION, POSITION, components
+from trackbench.config import PROBLEM, Config, Positive, Problem
 from trackbench.errors import InputError, TrackbenchError, nearest
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.config import ABOUT, InitialConfig
 from trackbench.types import Scan
 
 Found = TypeVar("Found")
@@ -23,44 +24,27 @@ Found = TypeVar("Found")
 OWN = "own"
 #: How a track may start from measurements.
 STARTS = ("first_reading", "two_readings")
-#: Which components of a state each key of the initial state is about.
-ABOUT = {
-    "acceleration_sigma_mps2": ("ax", "ay", "a"),
-    "yaw_sigma_rad": ("yaw",),
-    "yaw_rate_sigma_radps": ("yaw_rate",),
-}
 
 
-class Options(Config):
-    """Options whose unknown keys are answered with the nearest one, and missing ones with what they are."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known(cls, data: Any) -> Any:
-        if not isinstance(data, Mapping):
-            return data
-        known = cls.model_fields
-        unknown = [Problem((key,), f"unknown; {nearest(str(key), known)}") for key in data if key not in known]
-        required = {name: field.description for name, field in known.items() if field.is_required()}
-        missing = [Problem((key,), f"missing: {what}") for key, what in required.items() if key not in data]
-        reject(cls.__name__, unknown + missing)
-        return data
-
-
-class SensorOptions(Options):
+class SensorOptions(Config):
     """How the measurements of a sensor are given to a filter."""
 
-    measurement: str | list[str] | None = None
-    R: Literal["stated", "own"] | None = None
+    measurement: str | list[str] | None = Field(
+        None, description="position, or the components of the measurement that are given; all unless given."
+    )
+    R: Literal["stated", "own"] | None = Field(
+        None, description="The noise covariance: as the sensor states it, or the filter's own."
+    )
 
     def problems(self) -> Iterator[Problem]:
         if isinstance(self.measurement, str) and self.measurement != POSITION:
             yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
         if not isinstance(self.measurement, list):
             return
+        known = (*components(), ELEVATION)
         for index, name in enumerate(self.measurement):
-            if name not in (*COMPONENTS, ELEVATION):
-                hint = nearest(name, [*COMPONENTS, ELEVATION])
+            if name not in known:
+                hint = nearest(name, known)
                 yield Problem(("measurement", index), f"no sensor reads {name!r}: {hint}")
         if not self.measurement:
             yield Problem(("measurement",), f"empty; name components, or {POSITION}")
@@ -82,17 +66,24 @@ def _start(value: Any) -> Any:
     return value
 
 
-class AdaptorOptions(Options):
+class AdaptorOptions(Config):
     """Options that do not depend on the library."""
+
+    package: ClassVar[str]
+    """The library's package, an extra of trackbench."""
+    library: ClassVar[str]
+    """Its name."""
 
     state: list[str] = Field(description="the components of the state in the filter's order, such as [px, vx, py, vy]")
     initial: Annotated[InitialConfig | None, BeforeValidator(_start)] = Field(
         description="own (x and P as they are set), first_reading or two_readings"
     )
     """None: as the filter itself is set."""
-    dt_s: Positive | None = None
+    dt_s: Positive | None = Field(None, description="The interval for which the filter's own matrices hold, s.")
 
     def problems(self) -> Iterator[Problem]:
+        if find_spec(self.package) is None:
+            yield Problem((), f'{self.library} is not installed: pip install "trackbench[{self.package}]"')
         wrong = layout.problem(self.state)
         if wrong is not None:
             yield Problem(("state",), wrong)
@@ -112,10 +103,10 @@ class AdaptorOptions(Options):
 def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
     """What cannot be taken of a sensor whose kind is known from its key."""
     for name, sensor in sensors.items():
-        if name in SENSOR_MODELS and isinstance(sensor.measurement, list):
+        if name in SENSOR_MODELS.names() and isinstance(sensor.measurement, list):
             read = (*SENSOR_MODELS[name].components, ELEVATION)
             for index, component in enumerate(sensor.measurement):
-                if component not in read and component in COMPONENTS:
+                if component not in read and component in components():
                     hint = nearest(component, read)
                     yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
-from trackbench.errors import InputError
+from trackbench.adaptors.filterpy_options import FilterPyOptions
+from trackbench.adaptors.stonesoup_options import StoneSoupOptions
 from trackbench.trackers.base import Tracker
 
 
 def filterpy(**options: Any) -> Tracker:
     """A KalmanFilter, ExtendedKalmanFilter or UnscentedKalmanFilter of FilterPy; needs trackbench[filterpy]."""
-    _require("filterpy", "FilterPy")
     from trackbench.adaptors.filterpy_filters import tracker
 
     return tracker(options)
@@ -19,16 +18,11 @@ def filterpy(**options: Any) -> Tracker:
 
 def stonesoup(**options: Any) -> Tracker:
     """A Kalman predictor and updater of Stone Soup; needs trackbench[stonesoup]."""
-    _require("stonesoup", "Stone Soup")
     from trackbench.adaptors.stonesoup_tracker import tracker
 
     return tracker(options)
 
 
-def _require(package: str, name: str) -> None:
-    try:
-        importlib.import_module(package)
-    except ModuleNotFoundError as error:
-        if error.name != package:
-            raise
-        raise InputError(f'{name} is not installed: pip install "trackbench[{package}]"') from None
+# By these a scenario is checked before a tracker starts.
+filterpy.Options = FilterPyOptions  # type: ignore[attr-defined]
+stonesoup.Options = StoneSoupOptions  # type: ignore[attr-defined]

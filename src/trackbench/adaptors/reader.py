@@ -18,8 +18,10 @@ POSITION = "position"
 #: A component that filters of three dimensions have; here every target is level with the sensor.
 ELEVATION = "elevation"
 
-#: Every component that a sensor reads.
-COMPONENTS = tuple(dict.fromkeys(name for model in SENSOR_MODELS.values() for name in model.components))
+
+def components() -> tuple[str, ...]:
+    """Every component that a published sensor reads."""
+    return tuple(dict.fromkeys(name for model in SENSOR_MODELS.loaded().values() for name in model.components))
 
 
 class Reader(NamedTuple):

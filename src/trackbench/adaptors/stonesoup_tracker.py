@@ -19,7 +19,8 @@ from stonesoup.types.state import GaussianState, SqrtGaussianState
 from trackbench.adaptors.options import OWN, made, named, of_sensor
 from trackbench.adaptors.reader import POSITION, Reader
 from trackbench.adaptors.stonesoup_models import SensorMeasurement, measured, placed, state, typed, vector, with_noise
-from trackbench.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor, require_model, require_pair
+from trackbench.adaptors.stonesoup_options import StoneSoupOptions, StoneSoupSensor
+from trackbench.adaptors.stonesoup_pair import require_model, require_pair
 from trackbench.adaptors.tracker import AdaptedTracker, Updated
 from trackbench.errors import InputError, TrackbenchError
 from trackbench.types import Array, Gaussian, Scan

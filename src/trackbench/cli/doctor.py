@@ -66,7 +66,7 @@ def doctor_command(
     """
     from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.subject import subject
-    from trackbench.report.examination_text import text
+    from trackbench.report.examination.text import text
 
     with _tracker_output():
         examined = subject(tracker, dict(_option(item) for item in options), scenario)
@@ -102,19 +102,16 @@ def _examine(examined: Subject) -> tuple[Examination, list[EvidenceRun]]:
 
 def _save(examination: Examination, evidence: Sequence[EvidenceRun], folder: Path) -> list[str]:
     from trackbench.recording import examination as recording
-    from trackbench.report import examination as report
+    from trackbench.report.document.html import to_html
+    from trackbench.report.examination import examination_document
 
     files = {
-        EXAMINATION: partial(_write, results.to_json(examination.json())),
-        "report.html": partial(_write, report.render(examination, evidence)),
+        EXAMINATION: partial(results.write_file, results.to_json(examination.json())),
+        "report.html": partial(results.write_file, to_html(examination_document(examination, evidence))),
         "recording.rrd": partial(recording.write, examination, evidence),
     }
     results.save_files(files, folder, EXAMINATION)
     return list(files)
-
-
-def _write(text: str, path: Path) -> None:
-    path.write_text(text, encoding="utf-8")
 
 
 def _option(item: str) -> tuple[str, Any]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import click
 
 from trackbench.errors import InputError
+from trackbench.plugins import Registry
 
 Row = tuple[str, str]
 
@@ -24,14 +27,16 @@ def _scenarios() -> Iterable[Row]:
 
 
 def _trackers() -> Iterable[Row]:
-    from trackbench.plugins import published
+    from trackbench.trackers.config import FilterConfig
+    from trackbench.trackers.published import TRACKERS, options_of
 
-    for name, entry in sorted(published().items()):
-        try:
-            summary = (entry.load().__doc__ or "").strip().splitlines()
-            yield name, summary[0] if summary else entry.value
-        except Exception as error:
-            yield name, f"cannot be imported: {type(error).__name__}: {error}"
+    def told(factory: Any) -> str:
+        options = options_of(factory)
+        if options is not None and issubclass(options, FilterConfig):
+            return "; options as beside filter:"
+        return _options(options) if options is not None else ""
+
+    return _plugins(TRACKERS, told)
 
 
 def _filters() -> Iterable[Row]:
@@ -42,33 +47,57 @@ def _filters() -> Iterable[Row]:
 
 def _motion_models() -> Iterable[Row]:
     from trackbench.models.motion import MOTION_MODELS
-    from trackbench.trackers.config import MOTION_NOISE
 
-    for name, model in MOTION_MODELS.items():
-        yield name, f"state {', '.join(model.components)}; noise {', '.join(MOTION_NOISE[name])}"
+    return _plugins(MOTION_MODELS, _options)
 
 
 def _sensors() -> Iterable[Row]:
-    from trackbench.sensing.presets import list_presets
+    from trackbench.models.sensors import SENSOR_MODELS, Sensor
+    from trackbench.models.sensors.presets import list_presets
 
-    yield "radar", "range, azimuth, range rate"
-    yield "speed_radar", "range, azimuth, speed of the target over ground in place of the range rate"
-    yield "lidar", "position in the sensor's frame"
+    yield from _plugins(SENSOR_MODELS, lambda found: _options(found, beyond=Sensor))
     for preset in list_presets():
         yield preset.name, f"{preset.kind} preset: {preset.title}. {preset.source}"
 
 
+def _truth_sources() -> Iterable[Row]:
+    from trackbench.truth import TRUTH_SOURCES
+
+    return _plugins(TRUTH_SOURCES, lambda found: _options(found, without=("source",)))
+
+
+def _plugins(registry: Registry[Any], told: Callable[[Any], str]) -> Iterator[Row]:
+    """The first line of each one's docstring and its options; of one that fails, the reason."""
+    loaded, failed = registry.loaded(), registry.failures()
+    for name in registry.names():
+        if name in failed:
+            yield name, f"failed: {failed[name]}"
+        else:
+            summary = (inspect.getdoc(loaded[name]) or "no description").splitlines()[0]
+            yield name, f"{summary.rstrip('.')}{told(loaded[name])}"
+
+
+def _options(found: Any, beyond: Any = None, without: Sequence[str] = ()) -> str:
+    """The options of a class with their units, those of a base class left out."""
+    from trackbench.config.key_units import split_key
+
+    names = [
+        field.alias or name
+        for name, field in found.model_fields.items()
+        if name not in without and (beyond is None or name not in beyond.model_fields)
+    ]
+    units = {name: unit.words for name in names if (unit := split_key(name)[1]) is not None}
+    shown = [f"{name} ({units[name]})" if name in units else name for name in names]
+    return f"; options {', '.join(shown)}" if shown else ""
+
+
 def _metrics() -> Iterable[Row]:
-    from trackbench.errors import InputError
-    from trackbench.metrics.plugin import find, published
+    from trackbench.metrics.plugin import METRICS
     from trackbench.metrics.registry import known
 
-    own = []
-    for name in published():
-        try:
-            own.append(find(name))
-        except InputError as error:
-            yield name, f"cannot be used: {error.message}"
+    for name, reason in METRICS.failures().items():
+        yield name, f"failed: {reason}"
+    own = list(METRICS.loaded().values())
     for metric in known(own):
         unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
         yield metric.path, metric.meaning + unit
@@ -86,6 +115,7 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
     "filters": _filters,
     "motion-models": _motion_models,
     "sensors": _sensors,
+    "truth-sources": _truth_sources,
     "metrics": _metrics,
     "envs": _envs,
 }
@@ -96,7 +126,8 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
 def list_command(what: str) -> None:
     """Show what a scenario can name.
 
-    WHAT is scenarios, trackers, filters, motion-models, sensors, metrics or envs.
+    WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics or
+    envs. The options of a plug-in are shown with their units; one that cannot be imported is shown with the reason.
 
     \b
     Example:

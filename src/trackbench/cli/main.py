@@ -15,6 +15,7 @@ from trackbench.cli.completion import completion_command
 from trackbench.cli.doctor import doctor_command
 from trackbench.cli.inspect import inspect_command
 from trackbench.cli.listing import list_command
+from trackbench.cli.new import new_command
 from trackbench.cli.report import report_command
 from trackbench.cli.run import run_command
 from trackbench.cli.serve import INTERRUPTED, serve_command
@@ -55,6 +56,7 @@ for _command in (
     report_command,
     doctor_command,
     list_command,
+    new_command,
     check_command,
     schema_command,
     serve_command,

@@ -35,8 +35,8 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 def report_command(run: Path, format: Format, out: Path | None) -> None:
     """Write the report of a saved result in any format.
 
-    RUN is the folder of a run, one with several runs in it, which are then compared, or a comparison.json. Nothing is run
-    again.
+    RUN is the folder of a run, of several runs, which are compared, or of an examination, or a comparison.json. Nothing
+    is run again; of an examination the figures are in its report.html alone.
 
     \b
     Examples:
@@ -52,13 +52,14 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
         print_document(document, Console())
         return
     folder, name = _target(run, format, out, document.kind)
+    content_of = dict(files(document, format, name))
+    if not content_of:
+        raise InputError(f"{run} holds nothing to write as {format}", key="--format")
     results.require_writable(folder)
-    written = []
-    for path, content in files(document, format, name):
+    for path, content in content_of.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         results.write_bytes(folder / path, content())
-        written.append(path)
-    click.echo(f"{folder}/: {_summary(written)}")
+    click.echo(f"{folder}/: {_summary(list(content_of))}")
 
 
 def _document(run: Path) -> Document:
@@ -66,6 +67,11 @@ def _document(run: Path) -> Document:
     from trackbench.report.comparison import document
     from trackbench.report.run import run_document
 
+    if (run / results.EXAMINATION).is_file():
+        from trackbench.doctor.examine import Examination
+        from trackbench.report.examination import examination_document
+
+        return examination_document(Examination.load(run / results.EXAMINATION))
     if run.suffix == ".json" and run.name != results.SUMMARY:
         return document(load(run))
     found = find(run)

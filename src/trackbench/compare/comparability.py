@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from trackbench.compare.entries import Entry
 from trackbench.errors import InputError
 from trackbench.scenario.config import Scenario
-from trackbench.truth import varies
 from trackbench.words import counted
 
 IntArray = NDArray[np.intp]
@@ -89,7 +88,7 @@ def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any,
 
 def _same_motion_is_due(baseline: Entry, later: Entry) -> bool:
     """Whether the targets must have moved in the same way in the recorded runs."""
-    if not varies(baseline.scenario.truth):
+    if not baseline.scenario.truth.random:
         return True
     ours, theirs = ((s.seed, s.scenario.name, s.recorded_run) for s in (baseline.result.summary, later.result.summary))
     return ours == theirs

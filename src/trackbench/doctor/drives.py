@@ -12,7 +12,7 @@ import yaml
 from pydantic import Field
 
 from trackbench.config import Config, Name, NonNegative, Positive, Probability
-from trackbench.sensing.config import Dropout, Sensor
+from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.truth.config import ScriptedTruth
 from trackbench.truth.scripted import script

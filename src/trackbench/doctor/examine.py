@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +31,8 @@ from trackbench.doctor.probes import Probes, varied
 from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.root_causes import rank
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.sensing.config import Mount, Sensor
+from trackbench.errors import InputError
+from trackbench.models.sensors import Mount, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, no_progress
@@ -82,6 +85,20 @@ class Examination:
             "findings": [finding.json() for finding in self.findings],
             "checks": [check.json() for check in self.checks],
         }
+
+    @classmethod
+    def load(cls, file: Path) -> Examination:
+        """The examination in a file of :meth:`json`.
+
+        Raises:
+            InputError: it cannot be read, or is no examination.
+        """
+        try:
+            found = json.loads(file.read_text(encoding="utf-8"))
+            findings = [Finding.from_json(entry) for entry in found["findings"]]
+            return cls(found["tracker"], findings, [CheckResult(**check) for check in found["checks"]])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"not a readable examination: {error}", file=file) from error
 
 
 def reference() -> Tracker:

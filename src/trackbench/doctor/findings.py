@@ -60,6 +60,19 @@ class Finding:
             "consequence_of": self.consequence_of,
         }
 
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Finding:
+        """The finding that :meth:`json` describes, without what shows it.
+
+        Raises:
+            KeyError: a value is missing.
+            ValueError: the fault is none of the known ones.
+        """
+        if values["fault"] not in known_faults():
+            raise ValueError(f"unknown fault {values['fault']!r}")
+        keys = ("fault", "confidence", "evidence", "sensor", "factor", "consequence_of")
+        return cls(**{key: values[key] for key in keys})
+
 
 @dataclass(frozen=True)
 class CheckResult:

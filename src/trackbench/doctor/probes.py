@@ -6,10 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.config import Sensor
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.noise import noise_covariance
 from trackbench.types import Array, Observer, Scan
 
 
@@ -60,7 +58,7 @@ class Probe(NamedTuple):
         pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
         measurement = SENSOR_MODELS[sensor.type].measure(self.truth(time), pose, velocity)
         return Scan(
-            time, name, sensor.type, measurement, np.array(True), noise_covariance(sensor), pose, velocity, time
+            time, name, sensor.type, measurement, np.array(True), sensor.noise_covariance(), pose, velocity, time
         )
 
 

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from trackbench import plugins
 from trackbench.errors import InputError, nearest
+from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import load_scenario
-from trackbench.sensing.config import LidarConfig, RadarConfig, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, InitialConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.published import create
 
 #: For a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {
-    "lidar": LidarConfig(rate_hz=10, position_sigma_m=0.15),
-    "radar": RadarConfig(rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1),
+    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15),
+    "radar": Radar(rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1),
 }
 
 
@@ -54,7 +54,7 @@ def subject(target: str, options: Mapping[str, Any], scenario: Path | None = Non
     if mark:
         return _of_scenario(Path(file), name, options, None if scenario is None else sensors)
     folder = None if scenario is None else scenario.resolve().parent
-    return _startable(Subject(target, plugins.create(target, dict(options), folder), sensors))
+    return _startable(Subject(target, create(target, dict(options), folder), sensors))
 
 
 def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None) -> Subject:
@@ -71,7 +71,7 @@ def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Map
     }
     if isinstance(tracker, FilterConfig):
         return _startable(Subject(name, lambda: build(tracker), used))
-    return _startable(Subject(name, plugins.create(tracker.use, tracker.options, loaded.path.resolve().parent), used))
+    return _startable(Subject(name, create(tracker.use, tracker.options, loaded.path.resolve().parent), used))
 
 
 def _startable(of: Subject) -> Subject:

@@ -14,9 +14,8 @@ from trackbench.doctor.probes import Probe, Probes, probe_rate
 from trackbench.doctor.rollout import Rollout
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.trial import Trial
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.runner.adapters import masked
-from trackbench.sensing.config import Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.types import Scan
 

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench import linalg
 from trackbench.filters.base import Belief, Update, correct, guarded, wrap_components
 from trackbench.models.motion import MotionModel, process_noise
-from trackbench.models.sensors import SENSOR_MODELS, SensorModel
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.types import Array, Scan
 from trackbench.units import difference
 
@@ -108,7 +108,7 @@ class IteratedExtendedKalmanFilter:
         return first._replace(belief=kept_definite(update.belief))
 
 
-def observe(motion: MotionModel, sensor: SensorModel, x: Array, scan: Scan) -> tuple[Array, Array]:
+def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:
     """The expected measurement ``(m, ...)`` of a state ``(n, ...)`` and its derivative ``(m, n, ...)``."""
     target = motion.to_cartesian(x)
     expected = sensor.measure(target, scan.sensor_pose, scan.sensor_velocity)

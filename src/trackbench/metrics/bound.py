@@ -63,7 +63,7 @@ def cramer_rao(
     Returns:
         ``(instants, objects, 4)`` variances, NaN before the first measurement of an object.
     """
-    motion = ConstantVelocity(acceleration_sigma)
+    motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
     sigma = [start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2
     covariance = np.repeat(np.diag(np.square(sigma))[None], len(truth.ids), axis=0)

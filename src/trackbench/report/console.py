@@ -87,7 +87,7 @@ def _ranked(result: Result, width: int) -> list[Text]:
         *([_Column("group", [Text(group) for group in letters], right=False)] if letters else []),
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
         _Column("/bound", _values(trackers, "position_efficiency")),
-        _Column("NEES", [_nees(metric_of(tracker, "nees")) for tracker in trackers], right=False),
+        _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
         _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
         _Column("µs/step", _values(trackers, "step_time", 2)),
     ]
@@ -130,11 +130,15 @@ def _spread(metric: MetricValue, places: int) -> str:
     return "" if width is None else f" ±{_short(width, places)}"
 
 
-def _nees(nees: MetricValue) -> Text:
-    if nees.mean is None or nees.verdict is None:
-        return Text(NOT_AVAILABLE, style="dim")
-    mean = f"{nees.mean:.1f}" if nees.mean < 1000 else f"{nees.mean:.0e}"
-    return Text.assemble(f"{mean:>5} ", (nees.verdict, STYLE[TONE[nees.verdict]] or "dim"))
+def _nees(metrics: Sequence[MetricValue]) -> list[Text]:
+    means = [
+        NOT_AVAILABLE if m.mean is None else f"{m.mean:.1f}" if m.mean < 1000 else f"{m.mean:.0e}" for m in metrics
+    ]
+    width = max(map(len, means))
+    return [
+        Text.assemble((f"{mean:>{width}}", ""), (f" {m.verdict}" if m.verdict else "", STYLE[TONE[m.verdict or ""]]))
+        for mean, m in zip(means, metrics, strict=True)
+    ]
 
 
 def _notes(result: Result) -> list[str]:

@@ -8,13 +8,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from trackbench import plugins
 from trackbench.errors import TrackbenchError
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.trackers.published import create
 from trackbench.types import Estimate, Scan
 
 
@@ -43,7 +43,7 @@ def adapt(
     """
     if isinstance(config, FilterConfig):
         return Direct(primed(build(config)))
-    make = plugins.create(config.use, config.options, folder)
+    make = create(config.use, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker):
         return Direct(primed(tracker))

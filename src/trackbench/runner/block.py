@@ -224,16 +224,17 @@ class TrackerRun:
 
         fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
         motion = Kinematics(*(at_start(values) for values in fields))
+        size = max(6, len(tracker.filter.motion.components))
         normal = np.stack(
             [
-                stream(work.seed, work.scenario, run, "initial state").standard_normal((6, len(objects)))
+                stream(work.seed, work.scenario, run, "initial state").standard_normal((size, len(objects)))
                 for run in self._runs
             ],
             axis=-1,
         )
         when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
         times = np.broadcast_to(when[:, None], shape).reshape(-1)
-        return tracker.with_prior(times, motion, normal.reshape(6, -1))
+        return tracker.with_prior(times, motion, normal.reshape(size, -1))
 
     def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
         """What the recorded run has of an estimate."""

@@ -11,12 +11,7 @@ def describe(tracker: FilterConfig | PluginConfig) -> str:
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
         parts = [tracker.use, options]
     else:
-        noise = {
-            "acceleration sigma {} m/s^2": tracker.acceleration_sigma_mps2,
-            "jerk sigma {} m/s^3": tracker.jerk_sigma_mps3,
-            "yaw acceleration sigma {} rad/s^2": tracker.yaw_acceleration_sigma_radps2,
-        }
-        parts = [tracker.filter, tracker.motion, *(text.format(f"{v:g}") for text, v in noise.items() if v is not None)]
+        parts = [tracker.filter, *tracker.motion_in_words]
         if tracker.process_noise_diag is not None:
             parts.append(f"constant Q diag({', '.join(f'{v:g}' for v in tracker.process_noise_diag)})")
         parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 
 from trackbench.errors import TrackbenchError
 from trackbench.plugins import searched
@@ -58,14 +59,12 @@ def run_blocks(
         with _uninterrupted():
             for _ in range(min(workers, len(pieces))):
                 ours, theirs = context.Pipe()
-                process = context.Process(target=_serve, args=(theirs,))
+                process = context.Process(target=_serve, args=(theirs, work.folder))
                 process.start()
                 theirs.close()
                 processes.append(process)
                 pipes.append(ours)
         for pipe in pipes:
-            # Classes of the scenario's own come with the rest, and are looked for in its folder.
-            pipe.send(work.folder)
             pipe.send((work, on_recorded_run is not None))
         yield from _share_out(pieces, pipes, progress, on_recorded_run)
     except (EOFError, OSError) as error:
@@ -130,13 +129,14 @@ def _now_and_then(progress: Progress) -> Progress:
     return call
 
 
-def _serve(pipe: Connection) -> None:
+def _serve(pipe: Connection, folder: Path | None) -> None:
     """A worker process: runs the pieces that it is given until it is told to end, or the other side has ended."""
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     # What a tracker prints is no part of the result.
     sys.stdout = sys.stderr
     try:
-        with searched(pipe.recv()):
+        # The work may hold classes of the user's own, from a module beside the scenario.
+        with searched(folder):
             work, observed = pipe.recv()
         while True:
             runs = pipe.recv()

@@ -16,7 +16,7 @@ from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import work_of
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.truth import truth_of
-from trackbench.truth import LoadedTruth, most_runs, varies
+from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
 #: Fewer runs do not show their own spread well enough to stop by it.
@@ -66,7 +66,7 @@ def run_until(
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
-        truth = truth_of(loaded) if varies(loaded.config.truth) else truth
+        truth = truth_of(loaded) if loaded.config.truth.random else truth
     result = assemble(loaded, truth, work, blocks, command(loaded))
     return result.updated(precision=found)
 
@@ -77,11 +77,15 @@ def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
     Raises:
         InputError: it cannot have so many runs, or so many runs of random motion as there may be do not fit the memory.
     """
-    most = most_runs(loaded.config.truth)
+    most = loaded.config.truth.most_runs()
     if most is not None and max_runs > most:
         message = f"random motion is kept for all runs at once; at most {most} fit"
         raise InputError(message, file=loaded.path, key="--max-runs")
-    runs = min(max_runs, max(FIRST_RUNS, loaded.config.recording.run + 1))
+    recorded = loaded.config.recording.run
+    if recorded >= max_runs:
+        message = f"must be from 0 to {max_runs - 1}, because --max-runs is {max_runs}"
+        raise InputError(message, file=loaded.path, key="recording.run")
+    runs = min(max_runs, max(FIRST_RUNS, recorded + 1))
     return _with_runs(loaded, runs)
 
 

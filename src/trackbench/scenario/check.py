@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from trackbench import plugins
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.load import LoadedScenario
 from trackbench.trackers.config import PluginConfig
-from trackbench.truth import validate
+from trackbench.trackers.published import check_options, create
 
-Step = Callable[[], None]
+Step = Callable[[], object]
 
 
 def check(loaded: LoadedScenario) -> None:
-    """Set the environment up or read the recording, and start each plug-in once, without running anything.
+    """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Raises:
         InputError: everything that highway-env or the plug-ins do not accept, with file and line, or that is wrong in
@@ -24,40 +23,58 @@ def check(loaded: LoadedScenario) -> None:
     """
     config, folder = loaded.config, loaded.path.resolve().parent
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-    _all(loaded, [partial(validate, config.truth, folder=folder, sensors=kinds), *_starts(loaded)])
+    _all(loaded, [partial(config.truth.check, folder=folder, sensors=kinds), *_trackers(loaded, _look_at)])
 
 
 def check_plugins(loaded: LoadedScenario) -> None:
-    """Start each plug-in once.
+    """Start each plug-in once, for a run.
 
     Raises:
-        InputError: every one that cannot be found or does not take its options, with file and line.
+        InputError: identities are hidden, which no tracker here can follow; or every one that cannot be found or does
+            not take its options, with file and line.
     """
-    _all(loaded, _starts(loaded))
+    if loaded.config.sensing.identities == "hidden":
+        unknown = "no tracker here associates detections with objects yet; use identities: known"
+        raise loaded.locate(InputError(unknown, key="sensing.identities"))
+    _all(loaded, list(_trackers(loaded, _start)))
 
 
-def _all(loaded: LoadedScenario, steps: Iterable[Step]) -> None:
+def _all(loaded: LoadedScenario, steps: list[Step]) -> None:
     errors: list[InputError] = []
     for step in steps:
         try:
             step()
+        except InputErrors as several:
+            errors += [loaded.locate(error) for error in several.errors]
         except InputError as error:
             errors.append(loaded.locate(error))
     if errors:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
 
 
-def _starts(loaded: LoadedScenario) -> list[Step]:
-    folder = loaded.path.resolve().parent
-    return [
-        partial(_start, name, tracker, folder)
-        for name, tracker in loaded.config.trackers.items()
-        if isinstance(tracker, PluginConfig)
-    ]
+def _trackers(loaded: LoadedScenario, step: Callable[[str, PluginConfig, Path], None]) -> Iterator[Step]:
+    for name, tracker in loaded.config.trackers.items():
+        if isinstance(tracker, PluginConfig):
+            yield partial(step, name, tracker, loaded.path.resolve().parent)
+
+
+def _look_at(name: str, tracker: PluginConfig, folder: Path) -> None:
+    try:
+        check_options(tracker.use, tracker.options, folder)
+    except InputErrors as several:
+        raise InputErrors([_placed(error, name) for error in several.errors]) from several
+    except InputError as error:
+        raise _placed(error, name) from error
 
 
 def _start(name: str, tracker: PluginConfig, folder: Path) -> None:
+    _look_at(name, tracker, folder)
     try:
-        plugins.create(tracker.use, tracker.options, folder)
+        create(tracker.use, tracker.options, folder)
     except InputError as error:
         raise InputError(error.message, key=error.key or f"trackers.{name}.use") from error
+
+
+def _placed(error: InputError, name: str) -> InputError:
+    key = f"trackers.{name}.use" if error.key is None else f"trackers.{name}.options.{error.key}"
+    return InputError(error.message, key=key)

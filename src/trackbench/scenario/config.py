@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from trackbench.config import Config, Name, NonNegative, Positive, Problem
+from trackbench.config import Config, Name, NonNegative, Plugin, Positive, Problem
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
 from trackbench.scenario.own_metrics import AnyMetric
-from trackbench.sensing.config import AnySensor
 from trackbench.trackers.config import AnyTracker
-from trackbench.truth.config import AnyTruth
+from trackbench.truth import TRUTH_SOURCES, TruthSource
 
 
 class MonteCarlo(Config):
@@ -52,6 +53,16 @@ class Score(Config):
                 yield Problem(("metrics", index), f"a second metric of the name {name}")
 
 
+class Sensing(Config):
+    """What the measurements say of the objects."""
+
+    identities: Literal["known", "hidden"] = Field(
+        "known",
+        description="known: each measurement says of which object it is. hidden: a scan has detections in an order "
+        "that means nothing; the trackers here follow one object each and cannot run on it yet.",
+    )
+
+
 class Expectation(Config):
     """What must hold of one metric of one tracker; exactly one of below, above, is and better_than."""
 
@@ -89,8 +100,13 @@ class Scenario(Config):
 
     name: str = Field(pattern=r"^[a-z0-9_-]+$", max_length=64, description="Name of the result's folder.")
     description: str = Field("", description="What the scenario shows, in one line.")
-    truth: AnyTruth = Field(description="Where the true motion comes from.")
-    sensors: dict[Name, AnySensor] = Field(min_length=1, description="The sensors, by name.")
+    truth: Annotated[TruthSource, Plugin(TRUTH_SOURCES, "source")] = Field(
+        description="Where the true motion comes from."
+    )
+    sensors: dict[Name, Annotated[Sensor, Plugin(SENSOR_MODELS, "type")]] = Field(
+        min_length=1, description="The sensors, by name."
+    )
+    sensing: Sensing = Field(default_factory=Sensing, description="Whether they say which object they are of.")
     trackers: dict[Name, AnyTracker] = Field(min_length=1, description="The trackers to compare, by name.")
     monte_carlo: MonteCarlo = Field(default_factory=MonteCarlo, description="Repetition with other noise.")
     score: Score = Field(default_factory=Score, description="How errors are counted.")

@@ -11,10 +11,11 @@ from trackbench.config import Problem
 from trackbench.errors import nearest
 from trackbench.metrics.registry import MetricPath, by_path
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.presets import presets
 from trackbench.scenario import recorded_checks
-from trackbench.sensing.presets import presets
 from trackbench.trackers.config import FilterConfig
-from trackbench.truth.config import HighwayTruth, RecordingTruth, ScriptedTruth
+from trackbench.truth import SteppedTruth
+from trackbench.truth.config import RecordingTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Expectation, Scenario
@@ -24,7 +25,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
     if isinstance(scenario.truth, RecordingTruth):
         yield from recorded_checks.problems(scenario, scenario.truth)
-    else:
+    if isinstance(scenario.truth, SteppedTruth):
         yield from _times(scenario, scenario.truth)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
@@ -38,7 +39,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
             yield Problem(("expect", index, *problem.at), problem.message)
 
 
-def _times(scenario: Scenario, truth: HighwayTruth | ScriptedTruth) -> Iterator[Problem]:
+def _times(scenario: Scenario, truth: SteppedTruth) -> Iterator[Problem]:
     if scenario.score.settle_s >= truth.duration_s:
         longest = f"truth.duration_s, which is {truth.duration_s:g}"
         yield Problem(("score", "settle_s"), f"must be shorter than {longest}")

@@ -5,12 +5,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
+from trackbench.config.key_units import show, split_key
 from trackbench.metrics.registry import known
-from trackbench.scenario.key_units import show, split_key
-from trackbench.scenario.schema import Schema, json_schema
-from trackbench.sensing.presets import list_presets
+from trackbench.models.motion import MOTION_MODELS
+from trackbench.models.sensors.presets import list_presets
+from trackbench.scenario.schema import REFERENCE, Schema, json_schema
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.published import TRACKERS, options_of
 
 #: An example of each section; together they are a whole scenario.
 EXAMPLES = {
@@ -47,6 +51,9 @@ sensors:
     type: lidar
     preset: velodyne_vlp16
     position_sigma_m: 0.15   # a key that is written wins over the preset
+""",
+    "sensing": """\
+sensing: {identities: known}
 """,
     "trackers": """\
 trackers:
@@ -122,42 +129,21 @@ truth:
 """,
 }
 
-#: For each section the classes that describe it, each under its heading.
-SECTIONS: dict[str, dict[str, str]] = {
-    "truth": {
-        "HighwayTruth": "Simulated traffic",
-        "FixedObserver": "`observer` of simulated traffic as a fixed point",
-        "NearestTargets": "`targets` by distance",
-        "IdTargets": "`targets` by name",
-        "ScriptedTruth": "Scripted motion",
-        "MovingObserver": "`observer` of scripted motion",
-        "ScriptedObject": "Each of `objects`",
-        "Start": "`start`",
-        "Piece": "Each of `pieces`",
-        "WhiteMotion": "`white`",
-        "WhiteAcceleration": "`white_acceleration`",
-        "RecordingTruth": "Recorded motion",
-        "TruthColumns": "`columns`",
-        "ObserverColumns": "`columns.observer`",
-        "Units": "`units`",
-        "MeasurementColumns": "Each of `readings`",
-    },
-    "sensors": {
-        "RadarConfig": "Radar",
-        "SpeedRadarConfig": "Speed radar",
-        "LidarConfig": "Lidar",
-        "Mount": "`mount`",
-        "Dropout": "Each of `dropouts`",
-    },
-    "trackers": {
-        "FilterConfig": "A built-in filter",
-        "InitialConfig": "`initial`",
-        "PluginConfig": "Your own tracker",
-    },
-    "monte_carlo": {"MonteCarlo": ""},
-    "score": {"Score": "", "BoundConfig": "`bound`"},
-    "expect": {"Expectation": ""},
-    "recording": {"RecordingConfig": ""},
+#: The headings of the classes that describe a section, where its name, or the key that leads to it, would not do.
+HEADINGS = {
+    "HighwayTruth": "Simulated traffic",
+    "FixedObserver": "`observer` of simulated traffic as a fixed point",
+    "NearestTargets": "`targets` by distance",
+    "IdTargets": "`targets` by name",
+    "ScriptedTruth": "Scripted motion",
+    "MovingObserver": "`observer` of scripted motion",
+    "RecordingTruth": "Recorded motion",
+    "ObserverColumns": "`columns.observer`",
+    "Radar": "Radar",
+    "SpeedRadar": "Speed radar",
+    "Lidar": "Lidar",
+    "FilterConfig": "A built-in filter",
+    "PluginConfig": "Your own tracker",
 }
 
 INTRODUCTION = """\
@@ -181,19 +167,46 @@ def scenario_markdown() -> str:
     schema = json_schema()
     parts = schema["$defs"]
     blocks = [INTRODUCTION, "## The top level", _example("scenario"), _table(schema)]
-    for section, classes in SECTIONS.items():
-        blocks += [f"## {section}", _example(section)]
-        for name, heading in classes.items():
-            blocks += [f"### {heading}"] if heading else []
-            blocks.append(parts[name]["description"])
-            if name in OTHER_EXAMPLES:
-                blocks.append(f"```yaml\n{OTHER_EXAMPLES[name]}```")
-            blocks.append(_table(parts[name]))
+    told: set[str] = set()
+    for section in list(EXAMPLES)[1:]:
+        blocks += [f"## {section}", _example(section), *_described(schema["properties"][section], "", parts, told)]
         if section == "sensors":
             blocks.append(_presets())
+        if section == "trackers":
+            blocks += [_motion_models(), _trackers(), *_declared(parts, told)]
         if section == "expect":
             blocks.append(_metrics())
     return "\n\n".join(block.rstrip("\n") for block in blocks) + "\n"
+
+
+def _described(field: Schema, key: str, parts: Schema, told: set[str]) -> Iterator[str]:
+    """The classes that a key's value may have, and those within them, each once."""
+    for name, several in _references(field):
+        if name in told:
+            continue
+        told.add(name)
+        part = parts[name]
+        kind = next((f"{key} {field['const']}" for key, field in part["properties"].items() if "const" in field), None)
+        usual = f"`{kind}`" if kind else f"Each of `{key}`" if several else f"`{key}`"
+        if name in HEADINGS or key or kind:
+            yield f"### {HEADINGS.get(name, usual)}"
+        yield part["description"]
+        if name in OTHER_EXAMPLES:
+            yield f"```yaml\n{OTHER_EXAMPLES[name]}```"
+        yield _table(part)
+        for inner, value in part["properties"].items():
+            yield from _described(value, inner, parts, told)
+
+
+def _references(field: Schema, several: bool = False) -> Iterator[tuple[str, bool]]:
+    """The classes that a schema refers to, and whether there may be several of each."""
+    if "$ref" in field:
+        yield field["$ref"].rpartition("/")[2], several
+    for form in (*field.get("anyOf", ()), *field.get("oneOf", ())):
+        yield from _references(form, several)
+    for inner in (field.get("items"), field.get("additionalProperties"), *field.get("patternProperties", {}).values()):
+        if isinstance(inner, dict):
+            yield from _references(inner, True)
 
 
 def _example(section: str) -> str:
@@ -213,7 +226,7 @@ def _table(part: Schema) -> str:
             _type(field),
             unit.words if unit else "",
             default,
-            field["description"],
+            field.get("description", ""),
         )
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows)
@@ -227,6 +240,8 @@ def _type(field: Schema) -> str:
         return f"`{field['const']}`"
     if "enum" in field:
         return ", ".join(f"`{word}`" for word in field["enum"])
+    if field == REFERENCE:
+        return "`module:Class`"
     if "$ref" in field or field["type"] == "object":
         return "mapping"
     if field["type"] == "array":
@@ -247,6 +262,46 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f"`{show(value)}`" if isinstance(value, int | float) else f"`{value}`"
+
+
+def _motion_models() -> str:
+    rows = [
+        "### Motion models",
+        "",
+        "The options of the model stand beside `motion:`, or with it in a mapping: `motion: {model: cv, ...}`.",
+        "",
+        "| motion | state | options |",
+        "| --- | --- | --- |",
+    ]
+    for name, model in MOTION_MODELS.loaded().items():
+        options = ", ".join(f"`{key}`" for key in model.model_fields)
+        rows.append(f"| `{name}` | {', '.join(model.components)} | {options} |")
+    return "\n".join(rows)
+
+
+def _trackers() -> str:
+    rows = ["### Published trackers", "", "| use | options |", "| --- | --- |"]
+    for name, factory in TRACKERS.loaded().items():
+        declared = options_of(factory)
+        if declared is None:
+            options = ""
+        elif issubclass(declared, FilterConfig):
+            options = f"as beside `filter: {name}`"
+        else:
+            options = ", ".join(f"`{key}`" for key in declared.model_fields)
+        rows.append(f"| `{name}` | {options} |")
+    return "\n".join(rows)
+
+
+def _declared(parts: Schema, told: set[str]) -> Iterator[str]:
+    """The options that published trackers declare."""
+    for rule in parts["PluginConfig"]["allOf"]:
+        options = rule["then"]["properties"]["options"]
+        yield f"### `options` of `{rule['if']['properties']['use']['const']}`"
+        yield options.get("description", "")
+        yield _table(options)
+        for key, value in options["properties"].items():
+            yield from _described(value, key, parts, told)
 
 
 def _presets() -> str:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from trackbench.config import KeyPath
+from trackbench.config.explain import explain
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.config import Scenario
-from trackbench.scenario.explain import explain
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.shipped import find_scenario
-from trackbench.scenario.source import Document, KeyPath, dotted, parse
+from trackbench.scenario.source import Document, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
 from trackbench.words import counted
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from trackbench.config import KeyPath
 from trackbench.errors import InputError
-from trackbench.scenario.source import Document, KeyPath, Origin, dotted, parse
+from trackbench.scenario.source import Document, Origin, dotted, parse
 
 
 def apply_overrides(document: Document, overrides: Sequence[str]) -> Document:

@@ -7,12 +7,11 @@ from typing import Annotated, Any
 from pydantic import PlainValidator, ValidationError, ValidationInfo, WithJsonSchema
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from trackbench.config import PROBLEM
+from trackbench.config import PROBLEM, KeyPath
+from trackbench.config.explain import explain
 from trackbench.errors import InputError, nearest
 from trackbench.metrics import Metric
-from trackbench.metrics.plugin import find
-from trackbench.scenario.explain import explain
-from trackbench.scenario.source import KeyPath
+from trackbench.metrics.plugin import METRICS
 
 KEYS = ("use", "options")
 
@@ -30,7 +29,7 @@ def _made(value: Any, info: ValidationInfo) -> Metric:
     if not isinstance(options, dict):
         raise _at([(("options",), "a mapping of keys to values is needed")])
     try:
-        metric = find(given["use"], (info.context or {}).get("folder"))
+        metric = METRICS.get(given["use"], (info.context or {}).get("folder"))
         return metric.model_validate(options)
     except InputError as error:
         raise _problem(error.message) from None

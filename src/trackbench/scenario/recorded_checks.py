@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
 from trackbench.errors import nearest
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config import RecordingTruth
-from trackbench.truth.config.recording import MEASUREMENT_COLUMNS
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Scenario
@@ -40,7 +40,7 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
         if name not in kinds:
             yield Problem(at, f"the scenario has no sensor {name!r}; {nearest(name, kinds)}")
             continue
-        needed = MEASUREMENT_COLUMNS[kinds[name]]
+        needed = SENSOR_MODELS[kinds[name]].components
         for component in needed:
             if component not in columns.components:
                 yield Problem((*at, component), f"missing: a {kinds[name]} reads {', '.join(needed)}")

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any
 
+from trackbench.config import OptionsBeside
+from trackbench.config.plugin import beside
+from trackbench.models.motion import MOTION_MODELS
+from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.config import Scenario
-from trackbench.sensing.config import Sensor
-from trackbench.sensing.presets import list_presets
-from trackbench.trackers.config import LINEAR_MOTION, MOTION_NOISE
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.published import TRACKERS, options_of
+from trackbench.truth.config.scripted import WhiteMotion
 
 Schema = dict[str, Any]
+
+#: A class of the user's own, whose options no schema knows.
+REFERENCE = {"type": "string", "pattern": ":"}
 
 
 def json_schema() -> Schema:
@@ -19,11 +26,18 @@ def json_schema() -> Schema:
     """
     schema = Scenario.model_json_schema(by_alias=True)
     parts = schema["$defs"]
+    sensors = schema["properties"]["sensors"]["patternProperties"]
+    kinds = [_lift(form, "type", parts) for entry in sensors.values() for form in entry["oneOf"]]
+    for form in schema["properties"]["truth"]["oneOf"]:
+        _lift(form, "source", parts)
+    _options(parts)
     for part in parts.values():
         _untitle(part)
-    for sensor in get_args(Sensor):
-        _sensor(parts[sensor.__name__], sensor.model_fields["type"].default)
-    _tracker(parts["FilterConfig"])
+    for kind, part in filter(None, kinds):
+        _sensor(part, kind)
+    for model in (FilterConfig, WhiteMotion):
+        _beside(parts[model.__name__], model)
+    _filter(parts["FilterConfig"])
     parts["Expectation"]["oneOf"] = [{"required": [key]} for key in ("below", "above", "is", "better_than")]
     word = {"enum": parts["InitialConfig"]["properties"]["from"]["enum"]}
     initial = parts["FilterConfig"]["properties"]["initial"]
@@ -35,14 +49,24 @@ def json_schema() -> Schema:
     for section in ("sensors", "trackers"):
         named = schema["properties"][section]
         named["additionalProperties"] = False
-        for entry in named["patternProperties"].values():
-            entry.pop("discriminator", None)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": "urn:trackbench:scenario",
         "title": "trackbench scenario",
         **schema,
     }
+
+
+def _lift(form: Schema, key: str, parts: Schema) -> tuple[str, Schema] | None:
+    """Move one form of a section to the parts, under the name of its class; None for a class that is not known."""
+    if "title" not in form:
+        return None
+    kind = form["properties"][key]["const"]
+    title = form["title"] if form["title"] not in parts else f"{form['title']}.{kind}"
+    parts[title] = dict(form)
+    form.clear()
+    form["$ref"] = f"#/$defs/{title}"
+    return kind, parts[title]
 
 
 def _untitle(part: Schema) -> None:
@@ -54,35 +78,70 @@ def _untitle(part: Schema) -> None:
 
 def _sensor(part: Schema, kind: str) -> None:
     """A preset stands in for the keys that are required without one."""
-    needed = part["required"]
-    part["required"] = ["type"]
-    part["properties"]["type"].pop("default")
     names = [preset.name for preset in list_presets() if preset.kind == kind]
     if not names:
         part["properties"].pop("preset")
-        part["required"] += needed
         return
+    needed = [key for key in part["required"] if key != "type"]
+    part["required"] = ["type"]
     part["properties"]["preset"] = {"enum": names, "description": part["properties"]["preset"]["description"]}
     part["if"] = {"not": {"required": ["preset"]}}
     part["then"] = {"required": needed}
 
 
-def _tracker(part: Schema) -> None:
-    """The noise that each motion model needs, and the motion models that a linear filter takes."""
+def _beside(part: Schema, model: type[OptionsBeside]) -> None:
+    """The options that each plug-in needs beside the word that names it."""
+    key, plugin = beside(model)
+    part["allOf"] = []
+    used: dict[str, list[str]] = {}
+    for name, found in plugin.registry.loaded().items():
+        for option in found.model_fields:
+            used.setdefault(option, []).append(name)
+        own = found.model_json_schema(by_alias=True)
+        _untitle(own)
+        part["properties"] = {**own["properties"], **part["properties"]}
+        stated: list[Schema] = [{"required": ["sweep"]}]
+        if model is FilterConfig:
+            stated.append({"required": ["process_noise_diag"]})
+        rule = {"properties": {key: {"const": name}}, "required": [key], "not": {"anyOf": stated}}
+        part["allOf"].append({"if": rule, "then": {"required": own.get("required", [])}})
+    part["properties"] = dict(sorted(part["properties"].items(), key=lambda item: item[0] not in model.model_fields))
+    for option, names in used.items():
+        if option not in model.model_fields:
+            part["properties"][option]["description"] += (
+                f" Used, and required where it has no default, by {key} {' and '.join(names)}."
+            )
+    part.pop("additionalProperties")
+    part["unevaluatedProperties"] = False
+    free = {"if": {"properties": {key: REFERENCE}, "required": [key]}, "then": {"additionalProperties": True}}
+    part["allOf"].append(free)
+
+
+def _filter(part: Schema) -> None:
+    """The motion models that a linear filter takes."""
     # A sweep may give any key.
     part["if"] = {"not": {"required": ["sweep"]}}
     part["then"] = {"required": part.pop("required")}
-    stated = {"anyOf": [{"required": ["process_noise_diag"]}, {"required": ["sweep"]}]}
-    part["allOf"] = [
-        {
-            "if": {"properties": {"motion": {"const": motion}}, "required": ["motion"], "not": stated},
-            "then": {"required": list(noise)},
-        }
-        for motion, noise in MOTION_NOISE.items()
-    ]
+    curved = [name for name, model in MOTION_MODELS.loaded().items() if not model.linear]
     part["allOf"].append(
         {
             "if": {"properties": {"filter": {"const": "kf"}}, "required": ["filter"]},
-            "then": {"properties": {"motion": {"enum": list(LINEAR_MOTION)}}},
+            "then": {"properties": {"motion": {"not": {"enum": curved}}}},
         }
     )
+
+
+def _options(parts: Schema) -> None:
+    """The options that published trackers declare; those of the built-in filters are the keys of ``FilterConfig``."""
+    rules = []
+    for name, factory in TRACKERS.loaded().items():
+        declared = options_of(factory)
+        if declared is None or issubclass(declared, FilterConfig):
+            continue
+        own = declared.model_json_schema(by_alias=True)
+        parts.update(own.pop("$defs", {}))
+        _untitle(own)
+        rule = {"properties": {"use": {"const": name}}, "required": ["use"], "not": {"required": ["sweep"]}}
+        then = {"properties": {"options": own}, "required": ["options"] if own.get("required") else []}
+        rules.append({"if": rule, "then": then})
+    parts["PluginConfig"]["allOf"] = rules

@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from trackbench.config import KeyPath
 from trackbench.errors import InputError
 from trackbench.scenario.overrides import set_value
-from trackbench.scenario.source import Document, KeyPath, dotted
+from trackbench.scenario.source import Document, dotted
 
 #: More trackers than this in one scenario are a slip of the pen.
 MAX_POINTS = 1000

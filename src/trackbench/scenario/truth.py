@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trackbench.errors import InputError
 from trackbench.scenario.load import LoadedScenario
-from trackbench.truth import Draw, LoadedTruth, load_truth
+from trackbench.truth import Draw, LoadedTruth
 from trackbench.types import Progress, no_progress
 
 
@@ -22,6 +22,6 @@ def truth_of(loaded: LoadedScenario, progress: Progress = no_progress) -> Loaded
     draw = Draw(config.monte_carlo.seed, config.name, config.monte_carlo.runs)
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
     try:
-        return load_truth(config.truth, draw, folder=loaded.path.resolve().parent, sensors=kinds, progress=progress)
+        return config.truth.load(draw, folder=loaded.path.resolve().parent, sensors=kinds, progress=progress)
     except InputError as error:
         raise loaded.locate(error) from None

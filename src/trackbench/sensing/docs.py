@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from trackbench.sensing.presets import Preset, list_presets
+from trackbench.models.sensors.presets import Preset, list_presets
 
 INTRODUCTION = """\
 # Sensor presets

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.sensing.config import Mount
+from trackbench.models.sensors import Mount
 from trackbench.types import Array, Observer
 
 

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.sensing.config import Sensor
+from trackbench.models.sensors import Radar, Sensor
 from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.noise import biases, noise_covariance, standard_deviations
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.streams import stream
 from trackbench.types import Array, Mask, RecordedMeasurements, Scan, Truth
@@ -108,14 +106,14 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     motion = sensor_motion(truth.observer, config.mount)
     pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
-    measurement = SENSOR_MODELS[config.type].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
-    polar = SENSOR_MODELS["radar"].measure(target, pose[:, :, None, None], velocity[:, :, None, None])
+    measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
+    polar = Radar.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
     time = truth.time[steps]
     visible = truth.alive[steps][:, :, None] & ~silent(config, time)[:, None, None]
     visible = visible & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
     if config.max_range_m is not None:
         visible = visible & (polar[0] <= config.max_range_m)
-    noise = noise_covariance(config)
+    noise = config.noise_covariance()
     return IdealSensor(name, config, steps, time, measurement, visible, pose, velocity, noise)
 
 
@@ -124,7 +122,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
     time = truth.time[measurements.steps]
     visible = measurements.valid[:, :, None] & ~silent(config, time)[:, None, None]
     pose, velocity = motion.pose[:, measurements.steps], motion.velocity[:, measurements.steps]
-    noise = noise_covariance(config)
+    noise = config.noise_covariance()
     measurement = measurements.measurement[..., None]
     return IdealSensor(
         name, config, measurements.steps, time, measurement, visible, pose, velocity, noise, recorded=True
@@ -136,8 +134,7 @@ def _noisy(
 ) -> tuple[Array, Mask]:
     """Measurements ``(instants, m, objects, runs)``, NaN where not detected, and where they are."""
     size, instants, objects = sensor.measurement.shape[:3]
-    model = SENSOR_MODELS[sensor.config.type]
-    sigma, bias = standard_deviations(sensor.config), biases(sensor.config)
+    sigma, bias = np.array(sensor.config.sigmas()), np.array(sensor.config.biases())
     probability = sensor.config.detection_probability
     if sensor.recorded:
         sigma, bias, probability = np.zeros_like(sigma), np.zeros_like(bias), 1.0
@@ -149,7 +146,7 @@ def _noisy(
         chance = random.random((instants, objects))
         of_run = run if sensor.measurement.shape[-1] > 1 else 0
         detected = sensor.visible[..., of_run] & (chance < probability)
-        noisy = difference(sensor.measurement[..., of_run], -error, model.angular)
+        noisy = difference(sensor.measurement[..., of_run], -error, sensor.config.angular)
         noisy = np.where(detected, noisy, np.nan)
         hashes[i].update(noisy.tobytes())
         measurements[..., i] = np.swapaxes(noisy, 0, 1)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.sensing.config import SensorConfig
+from trackbench.models.sensors import Sensor
 from trackbench.types import Array, Mask
 
 #: Instants are multiples of a step that is not exact in binary, s.
 TOLERANCE = 5e-7
 
 
-def firing_steps(config: SensorConfig, time: Array) -> npt.NDArray[np.intp]:
+def firing_steps(config: Sensor, time: Array) -> npt.NDArray[np.intp]:
     """Indices of the truth steps at which the sensor measures: the first at or after each instant of its rate.
 
     On a regular grid whose rate that of the sensor divides, these are the instants themselves.
@@ -21,7 +21,7 @@ def firing_steps(config: SensorConfig, time: Array) -> npt.NDArray[np.intp]:
     return np.unique(np.searchsorted(time, due - TOLERANCE))
 
 
-def silent(config: SensorConfig, time: Array) -> Mask:
+def silent(config: Sensor, time: Array) -> Mask:
     """Whether the sensor is silent at each time; a dropout holds from its first instant to before its last."""
     mask = np.zeros(np.shape(time), dtype=bool)
     for dropout in config.dropouts:

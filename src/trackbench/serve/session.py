@@ -12,11 +12,10 @@ import numpy as np
 from trackbench.errors import InputError, nearest
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
+from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.adapters import Stepper, TrackFault, adapt, cause_of, masked
 from trackbench.scenario import LoadedScenario
-from trackbench.sensing.config import LidarConfig, RadarConfig
 from trackbench.sensing.geometry import sensor_motion
-from trackbench.sensing.noise import noise_covariance
 from trackbench.sensing.schedule import silent
 from trackbench.serve.protocol import Marker
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
@@ -39,7 +38,7 @@ class Sensor(NamedTuple):
     """A sensor of the scenario."""
 
     name: str
-    config: LidarConfig | RadarConfig
+    config: Lidar | Radar
     noise_covariance: Array
     """``(m, m)``"""
     pose: Array
@@ -81,8 +80,10 @@ def served(loaded: LoadedScenario, name: str) -> Served:
         if other is not None:
             message = f"a second {sensor.type} beside {other.name}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
-        if isinstance(sensor, LidarConfig | RadarConfig):
-            sensors[sensor.type] = Sensor(sensor_name, sensor, *_noise_and_pose(sensor, config.truth.observer))
+        if isinstance(sensor, Lidar | Radar):
+            sensors[sensor.type] = Sensor(
+                sensor_name, sensor, *_noise_and_pose(sensor, getattr(config.truth, "observer", None))
+            )
     if not sensors:
         raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
     found = Served(name, tracker, folder, sensors)
@@ -182,12 +183,12 @@ class Session:
         return TrackerFailed(f"at measurement {self.measurements}: {cause}")
 
 
-def _noise_and_pose(config: LidarConfig | RadarConfig, observer: FixedObserver | str) -> tuple[Array, Array]:
+def _noise_and_pose(config: Lidar | Radar, observer: object) -> tuple[Array, Array]:
     """The simulator's sensors sit at its origin, unless the scenario puts them elsewhere; they never move."""
     at = observer if isinstance(observer, FixedObserver) else FixedObserver()
     x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
     pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
-    noise = noise_covariance(config)
+    noise = config.noise_covariance()
     for shared in (noise, pose):
         # One client's tracker must not change what another's reads.
         shared.setflags(write=False)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
+
+from pydantic import create_model
 
 from trackbench.filters import (
     CUBATURE,
@@ -14,8 +16,7 @@ from trackbench.filters import (
     classic,
     scaled,
 )
-from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel
-from trackbench.trackers.config import MOTION_NOISE, FilterConfig
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
@@ -58,15 +59,14 @@ def ckf(**options: Any) -> FilterTracker:
     return build(FilterConfig(filter="ckf", **options))
 
 
-def _motion(config: FilterConfig) -> MotionModel:
-    model, keys = MOTION_MODELS[config.motion], MOTION_NOISE[config.motion]
-    if config.process_noise_diag is not None:
-        return ConstantProcessNoise(model(*(0.0 for _ in keys)), tuple(config.process_noise_diag))
-    return model(*(getattr(config, key) for key in keys))
+for _factory in (kf, ekf, iekf, ukf, ckf):
+    _name = _factory.__name__
+    # Its options are the keys of a scenario's ``filter:`` entry, the filter itself given.
+    _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined]
 
 
 def _filter(config: FilterConfig) -> Filter:
-    motion = _motion(config)
+    motion = config.model
     match config.filter:
         case "kf":
             return KalmanFilter(motion)

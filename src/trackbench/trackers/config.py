@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from trackbench.config import PROBLEM, Config, NonNegative, Positive, Problem
-from trackbench.models.motion import MOTION_MODELS
+from trackbench.config import PROBLEM, Config, NonNegative, OptionsBeside, Plugin, PluginName, Positive, Problem
+from trackbench.config.key_units import in_words
+from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
+from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
+from trackbench.models.sensors import SENSOR_MODELS
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
-MotionName = Literal["cv", "ca", "ctrv", "ctra"]
 InitialSource = Literal["first_reading", "two_readings", "truth"]
-SensorKind = Literal["radar", "speed_radar", "lidar"]
+SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
     dict[str, list[Any]] | list[dict[str, Any]] | None,
     Field(
@@ -23,24 +25,11 @@ Sweep = Annotated[
     ),
 ]
 
-#: The process noise that each motion model is driven by.
-MOTION_NOISE: dict[str, tuple[str, ...]] = {
-    "cv": ("acceleration_sigma_mps2",),
-    "ca": ("jerk_sigma_mps3",),
-    "ctrv": ("acceleration_sigma_mps2", "yaw_acceleration_sigma_radps2"),
-    "ctra": ("jerk_sigma_mps3", "yaw_acceleration_sigma_radps2"),
-}
-NOISE_KEYS = tuple(dict.fromkeys(key for keys in MOTION_NOISE.values() for key in keys))
-
 #: Keys that only one filter has.
 FILTER_KEYS: dict[str, tuple[str, ...]] = {
     "ukf": ("sigma_points", "augmented", "alpha", "beta", "kappa"),
     "iekf": ("iterations",),
 }
-LINEAR_MOTION = ("cv", "ca")
-
-#: The components of each motion model's state.
-MOTION_STATE = {name: model.components for name, model in MOTION_MODELS.items()}
 
 #: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
@@ -51,10 +40,11 @@ INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "position_sigma_m": ("truth",),
     "velocity_sigma_mps": ("first_reading", "truth"),
 }
-INITIAL_MOTIONS: dict[str, tuple[str, ...]] = {
-    "acceleration_sigma_mps2": ("ca", "ctra"),
-    "yaw_sigma_rad": ("ctrv", "ctra"),
-    "yaw_rate_sigma_radps": ("ctrv", "ctra"),
+#: The components of the state that a key of the initial state is about, where not every state has them.
+ABOUT: dict[str, tuple[str, ...]] = {
+    "acceleration_sigma_mps2": ACCELERATION,
+    "yaw_sigma_rad": YAW,
+    "yaw_rate_sigma_radps": YAW_RATE,
 }
 
 
@@ -97,15 +87,15 @@ class InitialConfig(Config):
         20, description="Standard deviation of each velocity component, m/s; from first_reading and truth."
     )
     acceleration_sigma_mps2: Positive = Field(
-        3, description="Standard deviation of the acceleration, m/s^2; motion ca and ctra."
+        3, description="Standard deviation of the acceleration, m/s^2, where the state has it."
     )
     yaw_sigma_rad: Positive | None = Field(
         None,
-        description="Standard deviation of the course, rad; motion ctrv and ctra. From truth: 0.1 unless given. "
+        description="Standard deviation of the course, rad, where the state has it. From truth: 0.1 unless given. "
         "From measurements: the most that is said of it, pi / sqrt(3) (nothing known) unless given.",
     )
     yaw_rate_sigma_radps: Positive = Field(
-        0.3, description="Standard deviation of the yaw rate, rad/s; motion ctrv and ctra."
+        0.3, description="Standard deviation of the yaw rate, rad/s, where the state has it."
     )
 
     @model_validator(mode="before")
@@ -129,24 +119,16 @@ class InitialConfig(Config):
                 yield Problem((key,), "not used with covariance_diag, which says it all; remove one of them")
 
 
-class FilterConfig(Config):
+class FilterConfig(OptionsBeside):
     """A built-in filter with a motion model."""
 
     filter: FilterName = Field(description="The filter (`trackbench list filters` shows them).")
-    motion: MotionName = Field(description="The motion model (`trackbench list motion-models` shows them).")
+    motion: Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)] = Field(
+        description="The motion model (`trackbench list motion-models` shows them), or one of your own as "
+        "`module:Class`. Its options stand beside it, or with it in a mapping: {model: cv, ...}."
+    )
     sensors: list[str] | None = Field(
         None, min_length=1, description="Names of the sensors it reads; all unless given."
-    )
-    acceleration_sigma_mps2: Positive | None = Field(
-        None,
-        description="Standard deviation of the acceleration that drives cv and ctrv, m/s^2; required there.",
-    )
-    jerk_sigma_mps3: Positive | None = Field(
-        None, description="Standard deviation of the jerk that drives ca and ctra, m/s^3; required there."
-    )
-    yaw_acceleration_sigma_radps2: Positive | None = Field(
-        None,
-        description="Standard deviation of the yaw acceleration that drives ctrv and ctra, rad/s^2; required there.",
     )
     process_noise_diag: list[NonNegative] | None = Field(
         None,
@@ -185,14 +167,32 @@ class FilterConfig(Config):
         """Names of the sensors whose measurements it is given: those that it reads or starts tracks from; None: all."""
         return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
 
+    @property
+    def model(self) -> MotionModel:
+        """The motion model with the process noise that the filter takes."""
+        if self.process_noise_diag is None:
+            return self.motion
+        return ConstantProcessNoise(motion=self.motion, variances=tuple(self.process_noise_diag))
+
+    @property
+    def motion_in_words(self) -> list[str]:
+        """The motion model and each of its options that counts: "cv", "acceleration sigma 3 m/s^2"."""
+        unused = () if self.process_noise_diag is None else self.motion.driving_noise
+        options = {name: getattr(self.motion, name) for name in type(self.motion).model_fields if name not in unused}
+        return [MOTION_MODELS.name_of(type(self.motion)), *(in_words(name, value) for name, value in options.items())]
+
+    @classmethod
+    def replaced(cls, data: Mapping[str, Any], found: type[MotionModel]) -> dict[str, str]:
+        if data.get("process_noise_diag") is None:
+            return {}
+        reason = "not used with process_noise_diag, which says it all; remove one of them"
+        return dict.fromkeys(found.driving_noise, reason)
+
     def problems(self) -> Iterator[Problem]:
-        given = self.model_fields_set
-        if self.filter == "kf" and self.motion not in LINEAR_MOTION:
-            yield Problem(
-                ("motion",),
-                f"kf needs a linear motion model: use cv or ca, or filter: ekf with {self.motion}",
-            )
-        yield from self._noise_problems()
+        given, motion = self.model_fields_set, MOTION_MODELS.name_of(type(self.motion))
+        if self.filter == "kf" and not self.motion.linear:
+            linear = " or ".join(name for name, model in MOTION_MODELS.loaded().items() if model.linear)
+            yield Problem(("motion",), f"kf needs a linear motion model: use {linear}, or filter: ekf with {motion}")
         for name, keys in FILTER_KEYS.items():
             for key in keys:
                 if key in given and self.filter != name:
@@ -200,31 +200,20 @@ class FilterConfig(Config):
         for key in ("alpha", "beta"):
             if key in given and self.filter == "ukf" and self.sigma_points == "classic":
                 yield Problem((key,), "not used with sigma_points: classic; remove it, or use sigma_points: scaled")
-        for key, motions in INITIAL_MOTIONS.items():
-            if key in self.initial.model_fields_set and self.motion not in motions:
-                uses = " and ".join(motions)
-                yield Problem(("initial", key), f"motion {self.motion} has no such component; {uses} have")
-        yield from self._size_problem(("process_noise_diag",), self.process_noise_diag)
-        yield from self._size_problem(("initial", "covariance_diag"), self.initial.covariance_diag)
+        for key, about in ABOUT.items():
+            if key in self.initial.model_fields_set and not set(about) & set(self.motion.components):
+                others = " and ".join(with_component(about))
+                yield Problem(("initial", key), f"motion {motion} has no such component; {others} have")
+        for at, diagonal in (
+            (("process_noise_diag",), self.process_noise_diag),
+            (("initial", "covariance_diag"), self.initial.covariance_diag),
+        ):
+            components = self.motion.components
+            if diagonal is not None and len(diagonal) != len(components):
+                needed = f"motion {motion} needs {len(components)} variances ({', '.join(components)})"
+                yield Problem(at, f"{needed}, not {len(diagonal)}")
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
-
-    def _noise_problems(self) -> Iterator[Problem]:
-        used = MOTION_NOISE[self.motion]
-        stated = self.process_noise_diag is not None
-        for key in NOISE_KEYS:
-            if stated and key in self.model_fields_set:
-                yield Problem((key,), "not used with process_noise_diag, which says it all; remove one of them")
-            elif not stated and key in used and getattr(self, key) is None:
-                yield Problem((key,), f"missing: motion {self.motion} needs {' and '.join(used)}")
-            elif key not in used and key in self.model_fields_set:
-                yield Problem((key,), f"motion {self.motion} does not use this; it uses {' and '.join(used)}")
-
-    def _size_problem(self, at: tuple[str, ...], diagonal: list[float] | None) -> Iterator[Problem]:
-        components = MOTION_STATE[self.motion]
-        if diagonal is not None and len(diagonal) != len(components):
-            needed = f"motion {self.motion} needs {len(components)} variances ({', '.join(components)})"
-            yield Problem(at, f"{needed}, not {len(diagonal)}")
 
 
 class PluginConfig(Config):

@@ -87,7 +87,7 @@ class FilterTracker:
         Args:
             time: ``(...)`` s.
             motion: the true motion at that time, each ``(...)``.
-            normal: ``(6, ...)`` standard normal numbers, of which the first ``n`` are used.
+            normal: ``(6 or more, ...)`` standard normal numbers, of which the first ``n`` are used.
         """
         sigma = initial.prior_sigma(self.filter.motion, self.initial)
         truth = self.filter.motion.from_kinematics(motion)

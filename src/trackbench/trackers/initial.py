@@ -8,6 +8,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.models.motion import InitialSigmas, MotionModel
+from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
@@ -72,11 +73,12 @@ def prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
     """``(n,)`` standard deviations of a state drawn from the truth."""
     yaw = TRUE_YAW_SIGMA if config.yaw_sigma_rad is None else config.yaw_sigma_rad
     sigmas = {
-        **dict.fromkeys(("px", "py"), config.position_sigma_m),
-        **dict.fromkeys(("vx", "vy", "v"), config.velocity_sigma_mps),
-        **dict.fromkeys(("ax", "ay", "a"), config.acceleration_sigma_mps2),
-        "yaw": yaw,
-        "yaw_rate": config.yaw_rate_sigma_radps,
+        **motion.first_sigmas,
+        **dict.fromkeys(POSITION, config.position_sigma_m),
+        **dict.fromkeys(VELOCITY, config.velocity_sigma_mps),
+        **dict.fromkeys(ACCELERATION, config.acceleration_sigma_mps2),
+        **dict.fromkeys(YAW, yaw),
+        **dict.fromkeys(YAW_RATE, config.yaw_rate_sigma_radps),
     }
     return np.array([sigmas[name] for name in motion.components])
 

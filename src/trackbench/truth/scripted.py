@@ -8,15 +8,8 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.errors import InputError
-from trackbench.models.motion import (
-    MOTION_MODELS,
-    ConstantTurnRateAcceleration,
-    ConstantVelocity,
-    Kinematics,
-    MotionModel,
-)
+from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVelocity, Kinematics, MotionModel
 from trackbench.streams import stream
-from trackbench.trackers.config import MOTION_NOISE
 from trackbench.truth.audit import nothing_to_find
 from trackbench.truth.config import MovingObserver, ScriptedTruth
 from trackbench.truth.config.scripted import Piece, ScriptedObject, Start
@@ -29,7 +22,7 @@ Generators = Sequence[np.random.Generator]
 LARGEST = 20_000_000
 
 #: A steady piece has no noise, so the sigmas mean nothing.
-STEADY = ConstantTurnRateAcceleration(jerk_sigma=0.0, yaw_acceleration_sigma=0.0)
+STEADY = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sigma_radps2=1.0)
 
 
 def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
@@ -107,12 +100,11 @@ def _follow(
     if piece.waypoints is not None:
         return _along(np.array(piece.waypoints), piece.speed_mps, state, elapsed)
     if piece.white is not None:
-        sigmas = [getattr(piece.white, key) for key in MOTION_NOISE[piece.white.motion]]
-        model = MOTION_MODELS[piece.white.motion](*sigmas)
+        model = piece.white.motion
         return _drawn(model, np.array(model.noise_sigma), state, count, dt, random)
     if piece.white_acceleration is not None:
         sigma = np.array([piece.white_acceleration.x_sigma_mps2, piece.white_acceleration.y_sigma_mps2])
-        return _drawn(ConstantVelocity(acceleration_sigma=0.0), sigma, state, count, dt, random)
+        return _drawn(ConstantVelocity(acceleration_sigma_mps2=1.0), sigma, state, count, dt, random)
     return _steady(piece, state, elapsed)
 
 
@@ -140,26 +132,8 @@ def _drawn(
     for drive in noise[:-1]:
         x = states[-1]
         states.append(model.transition(x, dt) + linalg.apply(model.noise_gain(x, dt), drive))
-    path = _kinematics(model, np.stack(states, axis=1), np.swapaxes(noise, 0, 1), state.course)
-    return path, _kinematics(model, states[-1], np.zeros_like(noise[0]), path.course[-1])
-
-
-def _kinematics(model: MotionModel, x: Array, drive: Array, resting: Array) -> Kinematics:
-    """The motion of the states ``x`` ``(n, ...)`` under the driving noise ``(q, ...)``.
-
-    ``resting`` is the course of an object that stands still, which its velocity does not tell.
-    """
-    if not model.linear:
-        px, py, speed, yaw, yaw_rate = x[:5]
-        return Kinematics(px, py, speed, yaw, x[5] if len(x) > 5 else drive[0], yaw_rate)
-    px, py, vx, vy = x[:4]
-    ax, ay = x[4:] if len(x) > 4 else drive
-    speed = np.hypot(vx, vy)
-    moving = speed > 0.0
-    course = np.where(moving, np.arctan2(vy, vx), resting)
-    c, s = np.cos(course), np.sin(course)
-    yaw_rate = np.where(moving, c * ay - s * ax, 0.0) / np.where(moving, speed, 1.0)
-    return Kinematics(px, py, speed, course, c * ax + s * ay, yaw_rate)
+    path = model.to_kinematics(np.stack(states, axis=1), np.swapaxes(noise, 0, 1), state.course)
+    return path, model.to_kinematics(states[-1], np.zeros_like(noise[0]), path.course[-1])
 
 
 def _along(points: Array, speed: float | None, state: Kinematics, elapsed: Array) -> tuple[Kinematics, Kinematics]:

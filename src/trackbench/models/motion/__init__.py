@@ -1,4 +1,4 @@
-"""Motion models, by the short names that scenarios use."""
+"""Motion models. Those that a scenario can name are published under the entry points of ``MOTION_MODELS``."""
 
 from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, process_noise
 from trackbench.models.motion.ca import ConstantAcceleration
@@ -6,14 +6,7 @@ from trackbench.models.motion.constant_noise import ConstantProcessNoise
 from trackbench.models.motion.ctra import ConstantTurnRateAcceleration
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
-
-#: Short name to class; each class takes its noise sigmas as keyword arguments.
-MOTION_MODELS: dict[str, type[MotionModel]] = {
-    "cv": ConstantVelocity,
-    "ca": ConstantAcceleration,
-    "ctrv": ConstantTurnRateVelocity,
-    "ctra": ConstantTurnRateAcceleration,
-}
+from trackbench.models.motion.registry import MOTION_MODELS, with_component
 
 __all__ = [
     "MOTION_MODELS",
@@ -26,4 +19,5 @@ __all__ = [
     "Kinematics",
     "MotionModel",
     "process_noise",
+    "with_component",
 ]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
-from typing import ClassVar, NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
+from trackbench.config import Config
 from trackbench.types import Array, Gaussian
 
 
@@ -37,55 +39,112 @@ class InitialSigmas(NamedTuple):
     """rad; the most that is said of a course that the velocity leaves open."""
 
 
-class MotionModel(Hashable, Protocol):
-    """How a state moves, with piecewise constant white noise on its highest derivatives.
+#: The components for which a scenario states how uncertain they are at first, by the quantity.
+POSITION, VELOCITY, ACCELERATION = ("px", "py"), ("vx", "vy", "v"), ("ax", "ay", "a")
+YAW, YAW_RATE = ("yaw",), ("yaw_rate",)
 
-    Shapes: a state is ``(n, ...)``; ``dt`` is in seconds and may be zero.
+
+class MotionModel(Config, ABC):
+    """How a state moves, driven by white noise that is constant over each step.
+
+    The fields of a subclass are its options in a scenario, and its methods the equations. What is written out here is
+    right for a state that begins with px, py, vx, vy. A state is ``(n, ...)``; ``dt`` is in seconds and may be zero.
     """
 
     components: ClassVar[tuple[str, ...]]
     """Names of the state's components."""
-    angular: ClassVar[tuple[int, ...]]
+    angular: ClassVar[tuple[int, ...]] = ()
     """Which components are angles."""
-    linear: ClassVar[bool]
+    linear: ClassVar[bool] = False
     """Whether the transition, its noise gain and the way to Cartesian are linear."""
+    driving_noise: ClassVar[tuple[str, ...]]
+    """For each column of the noise gain, the option that is the standard deviation of that noise."""
+    first_sigmas: ClassVar[Mapping[str, float]] = {}
+    """Standard deviations at a track's start of components other than positions, velocities, accelerations (px, py, vx,
+    vy, v, ax, ay, a), yaw and yaw_rate, for which a scenario has keys."""
 
     @property
     def noise_sigma(self) -> tuple[float, ...]:
         """``(q,)`` standard deviation of each driving noise."""
-        ...
+        return tuple(getattr(self, name) for name in self.driving_noise)
 
+    @abstractmethod
     def transition(self, x: Array, dt: float) -> Array:
         """``(n, ...)`` the state after ``dt``, without noise."""
-        ...
 
+    @abstractmethod
     def jacobian(self, x: Array, dt: float) -> Array:
         """``(n, n, ...)`` derivative of the transition."""
-        ...
 
+    @abstractmethod
     def noise_gain(self, x: Array, dt: float) -> Array:
         """``(n, q, ...)`` effect of each driving noise on the state, where the noise is constant over ``dt``."""
-        ...
 
     def to_cartesian(self, x: Array) -> Array:
         """``(4, ...)`` px, py, vx, vy."""
-        ...
+        return x[:4]
 
     def cartesian_jacobian(self, x: Array) -> Array:
         """``(4, n, ...)`` derivative of ``to_cartesian``."""
-        ...
+        return np.eye(4, len(self.components))
 
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
         """The distribution of px, py, vx, vy under a belief of the state."""
-        ...
+        return Gaussian(belief.mean[:4], belief.covariance[:4, :4])
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-        """The state whose position and velocity have the given distribution."""
-        ...
+        """The state whose position and velocity have the given distribution; its other components are zero."""
+        size = len(self.components)
+        if size == 4:
+            return belief
+        mean, covariance = belief
+        batch = mean.shape[1:]
+        extended = np.zeros((size, size, *batch))
+        extended[:4, :4] = covariance
+        for i, name in enumerate(self.components[4:], start=4):
+            extended[i, i] = first_sigma(self, name, sigmas) ** 2
+        return Gaussian(np.concatenate([mean, np.zeros((size - 4, *batch))]), extended)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         """``(n, ...)`` the state of a body in the given motion."""
-        ...
+        c, s = np.cos(motion.course), np.sin(motion.course)
+        tangential, normal = motion.acceleration, motion.speed * motion.yaw_rate
+        known = {
+            "px": motion.px,
+            "py": motion.py,
+            "vx": motion.speed * c,
+            "vy": motion.speed * s,
+            "ax": tangential * c - normal * s,
+            "ay": tangential * s + normal * c,
+        }
+        return linalg.vector([known.get(name, np.zeros_like(motion.px)) for name in self.components])
+
+    def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
+        """The motion of a body in the state ``x``, whose rates that the state does not have are driven by noise.
+
+        Args:
+            x: ``(n, ...)``.
+            noise: ``(q, ...)`` the driving noise at that time.
+            resting: ``(...)`` the course of a body that stands still, which its velocity does not tell.
+        """
+        px, py, vx, vy = x[:4]
+        if "ax" in self.components:
+            ax, ay = (x[self.components.index(name)] for name in ("ax", "ay"))
+        else:
+            ax, ay = noise if len(noise) == 2 else np.zeros_like(x[:2])
+        speed = np.hypot(vx, vy)
+        moving = speed > 0.0
+        course = np.where(moving, np.arctan2(vy, vx), resting)
+        c, s = np.cos(course), np.sin(course)
+        yaw_rate = np.where(moving, c * ay - s * ax, 0.0) / np.where(moving, speed, 1.0)
+        return Kinematics(px, py, speed, course, c * ax + s * ay, yaw_rate)
+
+
+def first_sigma(model: MotionModel, component: str, sigmas: InitialSigmas) -> float:
+    """The standard deviation at a track's start of a component that position and velocity do not determine."""
+    if component in ACCELERATION:
+        return sigmas.acceleration
+    return sigmas.yaw_rate if component in YAW_RATE else model.first_sigmas[component]
 
 
 def process_noise(model: MotionModel, x: Array, dt: float) -> Array:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +10,7 @@ from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel
 from trackbench.types import Array, Gaussian
 
 
-@dataclass(frozen=True)
-class ConstantProcessNoise:
+class ConstantProcessNoise(MotionModel):
     """A motion model whose process noise is the same at every step, however long the step is.
 
     Each component of the state is driven by a noise of its own; a step of no time has none.
@@ -22,11 +20,7 @@ class ConstantProcessNoise:
     variances: tuple[float, ...]
     """``(n,)`` diagonal of the covariance that a step adds, in the units of the state's components squared."""
 
-    components: ClassVar[tuple[str, ...]]
-    angular: ClassVar[tuple[int, ...]]
-    linear: ClassVar[bool]
-
-    def __post_init__(self) -> None:
+    def model_post_init(self, context: Any) -> None:
         for name in ("components", "angular", "linear"):
             object.__setattr__(self, name, getattr(self.motion, name))
 

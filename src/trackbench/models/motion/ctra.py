@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
+from pydantic import Field
+
 from trackbench import linalg
+from trackbench.config import Positive
 from trackbench.models.motion import turning
-from trackbench.models.motion.base import Kinematics
 from trackbench.types import Array
 from trackbench.units import cos_sin
 
 
-@dataclass(frozen=True)
 class ConstantTurnRateAcceleration(turning.SpeedAndYaw):
     """State px, py, v, yaw, yaw rate, a; white jerk along the path and white yaw acceleration.
 
@@ -20,18 +20,14 @@ class ConstantTurnRateAcceleration(turning.SpeedAndYaw):
     tracking", section III; the noise gain takes the heading at the start of the interval.
     """
 
-    jerk_sigma: float
-    """m/s^3"""
-    yaw_acceleration_sigma: float
-    """rad/s^2"""
+    jerk_sigma_mps3: Positive = Field(description="Standard deviation of the jerk that drives the motion, m/s^3.")
+    yaw_acceleration_sigma_radps2: Positive = Field(
+        description="Standard deviation of the yaw acceleration that drives the motion, rad/s^2."
+    )
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "v", "yaw", "yaw_rate", "a")
     angular: ClassVar[tuple[int, ...]] = (3,)
-    linear: ClassVar[bool] = False
-
-    @property
-    def noise_sigma(self) -> tuple[float, ...]:
-        return (self.jerk_sigma, self.yaw_acceleration_sigma)
+    driving_noise: ClassVar[tuple[str, ...]] = ("jerk_sigma_mps3", "yaw_acceleration_sigma_radps2")
 
     def transition(self, x: Array, dt: float) -> Array:
         px, py, v, yaw, w, a = x
@@ -66,6 +62,3 @@ class ConstantTurnRateAcceleration(turning.SpeedAndYaw):
         c, s = cos_sin(x[3])
         third, half = dt**3 / 6, dt**2 / 2
         return linalg.matrix([[third * c, 0], [third * s, 0], [half, 0], [0, half], [0, dt], [dt, 0]])
-
-    def from_kinematics(self, motion: Kinematics) -> Array:
-        return linalg.vector([motion.px, motion.py, motion.speed, motion.course, motion.yaw_rate, motion.acceleration])

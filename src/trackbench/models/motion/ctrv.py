@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
+from pydantic import Field
+
 from trackbench import linalg
+from trackbench.config import Positive
 from trackbench.models.motion import turning
-from trackbench.models.motion.base import Kinematics
 from trackbench.types import Array
 from trackbench.units import cos_sin
 
 
-@dataclass(frozen=True)
 class ConstantTurnRateVelocity(turning.SpeedAndYaw):
     """State px, py, v, yaw, yaw rate; white acceleration along the path and white yaw acceleration.
 
@@ -20,18 +20,16 @@ class ConstantTurnRateVelocity(turning.SpeedAndYaw):
     tracking", section III; the noise gain takes the heading at the start of the interval.
     """
 
-    acceleration_sigma: float
-    """m/s^2"""
-    yaw_acceleration_sigma: float
-    """rad/s^2"""
+    acceleration_sigma_mps2: Positive = Field(
+        description="Standard deviation of the acceleration that drives the motion, m/s^2."
+    )
+    yaw_acceleration_sigma_radps2: Positive = Field(
+        description="Standard deviation of the yaw acceleration that drives the motion, rad/s^2."
+    )
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "v", "yaw", "yaw_rate")
     angular: ClassVar[tuple[int, ...]] = (3,)
-    linear: ClassVar[bool] = False
-
-    @property
-    def noise_sigma(self) -> tuple[float, ...]:
-        return (self.acceleration_sigma, self.yaw_acceleration_sigma)
+    driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "yaw_acceleration_sigma_radps2")
 
     def transition(self, x: Array, dt: float) -> Array:
         px, py, v, yaw, w = x
@@ -58,6 +56,3 @@ class ConstantTurnRateVelocity(turning.SpeedAndYaw):
         c, s = cos_sin(x[3])
         half = dt**2 / 2
         return linalg.matrix([[half * c, 0], [half * s, 0], [dt, 0], [0, half], [0, dt]])
-
-    def from_kinematics(self, motion: Kinematics) -> Array:
-        return linalg.vector([motion.px, motion.py, motion.speed, motion.course, motion.yaw_rate])

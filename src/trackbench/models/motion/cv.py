@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from pydantic import Field
 
-from trackbench import linalg
-from trackbench.models.motion.base import InitialSigmas, Kinematics
-from trackbench.types import Array, Gaussian
-
-SELECT = np.eye(4)
+from trackbench.config import Positive
+from trackbench.models.motion.base import MotionModel
+from trackbench.types import Array
 
 
-@dataclass(frozen=True)
-class ConstantVelocity:
+class ConstantVelocity(MotionModel):
     """State px, py, vx, vy; discrete white-noise acceleration on each axis.
 
     Source: Bar-Shalom, Li and Kirubarajan (2001), section 6.3.2.
     """
 
-    acceleration_sigma: float
-    """m/s^2, per axis."""
+    acceleration_sigma_mps2: Positive = Field(
+        description="Standard deviation of the acceleration that drives the motion, m/s^2."
+    )
 
     components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
-    angular: ClassVar[tuple[int, ...]] = ()
     linear: ClassVar[bool] = True
-
-    @property
-    def noise_sigma(self) -> tuple[float, ...]:
-        return (self.acceleration_sigma, self.acceleration_sigma)
+    driving_noise: ClassVar[tuple[str, ...]] = ("acceleration_sigma_mps2", "acceleration_sigma_mps2")
 
     def transition(self, x: Array, dt: float) -> Array:
         return np.concatenate([x[:2] + dt * x[2:], x[2:]])
@@ -40,19 +34,3 @@ class ConstantVelocity:
 
     def noise_gain(self, x: Array, dt: float) -> Array:
         return np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
-
-    def to_cartesian(self, x: Array) -> Array:
-        return x
-
-    def cartesian_jacobian(self, x: Array) -> Array:
-        return SELECT
-
-    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
-        return belief
-
-    def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-        return belief
-
-    def from_kinematics(self, motion: Kinematics) -> Array:
-        vx, vy = motion.speed * np.cos(motion.course), motion.speed * np.sin(motion.course)
-        return linalg.vector([motion.px, motion.py, vx, vy])

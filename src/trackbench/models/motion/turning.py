@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion.base import InitialSigmas
+from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, first_sigma
 from trackbench.types import Array, Gaussian
 from trackbench.units import cos_sin
 
@@ -111,34 +111,8 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), result)
 
 
-def from_cartesian(belief: Gaussian, sigmas: InitialSigmas, components: int) -> Gaussian:
-    """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.
-
-    The sigmas of the yaw is limited to that of an angle of which nothing is known, with its correlations kept, since
-    the first-order one grows without bound as the speed goes to zero.
-    """
-    px, py, vx, vy = belief.mean
-    speed = np.hypot(vx, vy)
-    safe = np.maximum(speed, 1e-3)
-    c, s = np.where(speed > 0, vx / safe, 1.0), np.where(speed > 0, vy / safe, 0.0)
-    slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / safe, c / safe]])
-    p = linalg.quadratic(slope, belief.covariance)
-    scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
-    p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
-    batch = px.shape
-    covariance = np.zeros((components, components, *batch))
-    covariance[:4, :4] = linalg.symmetrise(p)
-    covariance[4, 4] = sigmas.yaw_rate**2
-    if components > 5:
-        covariance[5, 5] = sigmas.acceleration**2
-    zeros = np.zeros((components - 4, *batch))
-    return Gaussian(np.concatenate([linalg.vector([px, py, speed, np.arctan2(vy, vx)]), zeros]), covariance)
-
-
-class SpeedAndYaw:
-    """The way to Cartesian and back, for models whose state begins with px, py, v, yaw, yaw rate."""
-
-    components: ClassVar[tuple[str, ...]]
+class SpeedAndYaw(MotionModel):
+    """A model whose state begins with px, py, v, yaw, yaw rate: the way to Cartesian and back."""
 
     def to_cartesian(self, x: Array) -> Array:
         return to_cartesian(x)
@@ -150,4 +124,39 @@ class SpeedAndYaw:
         return cartesian_belief(belief)
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
-        return from_cartesian(belief, sigmas, len(self.components))
+        """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.
+
+        The sigma of the yaw is limited to that of an angle of which nothing is known, with its correlations kept, since
+        the first-order one grows without bound as the speed goes to zero.
+        """
+        px, py, vx, vy = belief.mean
+        speed = np.hypot(vx, vy)
+        safe = np.maximum(speed, 1e-3)
+        c, s = np.where(speed > 0, vx / safe, 1.0), np.where(speed > 0, vy / safe, 0.0)
+        slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / safe, c / safe]])
+        p = linalg.quadratic(slope, belief.covariance)
+        scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
+        p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
+        batch, size = px.shape, len(self.components)
+        covariance = np.zeros((size, size, *batch))
+        covariance[:4, :4] = linalg.symmetrise(p)
+        for i, name in enumerate(self.components[4:], start=4):
+            covariance[i, i] = first_sigma(self, name, sigmas) ** 2
+        zeros = np.zeros((size - 4, *batch))
+        return Gaussian(np.concatenate([linalg.vector([px, py, speed, np.arctan2(vy, vx)]), zeros]), covariance)
+
+    def from_kinematics(self, motion: Kinematics) -> Array:
+        known = {
+            "px": motion.px,
+            "py": motion.py,
+            "v": motion.speed,
+            "yaw": motion.course,
+            "yaw_rate": motion.yaw_rate,
+            "a": motion.acceleration,
+        }
+        return linalg.vector([known.get(name, np.zeros_like(motion.px)) for name in self.components])
+
+    def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
+        px, py, speed, yaw, yaw_rate = x[:5]
+        acceleration = x[self.components.index("a")] if "a" in self.components else noise[0]
+        return Kinematics(px, py, speed, yaw, acceleration, yaw_rate)

@@ -1,10 +1,9 @@
-"""Sensor models, by kind."""
+"""Sensors. Those that a scenario can name are published under the entry points of ``SENSOR_MODELS``."""
 
-from trackbench.models.sensors.base import SensorModel
+from trackbench.models.sensors.base import Dropout, Mount, Sensor
 from trackbench.models.sensors.lidar import Lidar
 from trackbench.models.sensors.radar import Radar
+from trackbench.models.sensors.registry import SENSOR_MODELS
 from trackbench.models.sensors.speed_radar import SpeedRadar
 
-SENSOR_MODELS: dict[str, SensorModel] = {model.kind: model for model in (Radar(), SpeedRadar(), Lidar())}
-
-__all__ = ["SENSOR_MODELS", "Lidar", "Radar", "SensorModel", "SpeedRadar"]
+__all__ = ["SENSOR_MODELS", "Dropout", "Lidar", "Mount", "Radar", "Sensor", "SpeedRadar"]

@@ -1,39 +1,130 @@
-"""What a sensor model is."""
+"""What a sensor is."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import Any, ClassVar
 
+import numpy as np
+from pydantic import Field, model_validator
+
+from trackbench.config import Angle, Config, NonNegative, Positive, Probability, Problem, reject
+from trackbench.errors import nearest
+from trackbench.models.sensors.presets import presets
 from trackbench.types import Array, Gaussian, Scan
 
 
-class SensorModel(Protocol):
-    """How a sensor at a known pose and velocity sees a target of Cartesian state px, py, vx, vy (fixed frame).
+class Mount(Config):
+    """The sensor's pose on the observer."""
 
+    x_m: float = Field(0, ge=-100, le=100, description="Forward of the observer's centre, m.")
+    y_m: float = Field(0, ge=-100, le=100, description="Left of the observer's centre, m.")
+    yaw_deg: Angle = Field(0, description="Direction of the boresight, counter-clockwise from straight ahead, degrees.")
+
+
+class Dropout(Config):
+    """An interval in which the sensor is silent."""
+
+    from_s: NonNegative = Field(description="First instant without a measurement, s.")
+    to_s: NonNegative = Field(description="First instant with measurements again, s.")
+
+    def problems(self) -> Iterator[Problem]:
+        if self.from_s >= self.to_s:
+            yield Problem(("to_s",), f"must be later than from_s, which is {self.from_s:g}")
+
+
+class Sensor(Config, ABC):
+    """A sensor at a known pose and velocity that sees a target of Cartesian state px, py, vx, vy (fixed frame).
+
+    The fields of a subclass are its options in a scenario, and its class methods the equations, which need no options.
     ``pose`` is ``(3, ...)`` x, y, yaw and ``velocity`` ``(2, ...)`` vx, vy of the sensor.
     """
 
-    kind: ClassVar[str]
     components: ClassVar[tuple[str, ...]]
     """Names of the measurement's components."""
-    angular: ClassVar[tuple[int, ...]]
+    angular: ClassVar[tuple[int, ...]] = ()
     """Which components are angles."""
+    units: ClassVar[tuple[str, ...]]
+    """The unit of each in a measurement: "m", "rad", "m/s"."""
 
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+    type: str = Field("", description="The kind of sensor.")
+    preset: str | None = Field(
+        None,
+        description="A real sensor whose published figures are the defaults of the other keys "
+        "(`trackbench list sensors` shows them).",
+    )
+    rate_hz: float = Field(gt=0, le=1000, description="Measurements per second, Hz; it divides truth.rate_hz.")
+    phase_s: NonNegative = Field(
+        0, description="Time of the first measurement, s; a whole number of truth steps, shorter than a period."
+    )
+    mount: Mount = Field(default_factory=Mount, description="Pose on the observer.")
+    fov_deg: float = Field(
+        360, gt=0, le=360, description="Full horizontal field of view, centred on the boresight, degrees."
+    )
+    max_range_m: Positive | None = Field(
+        None, description="Beyond this range nothing is detected, m; no limit unless given."
+    )
+    detection_probability: Probability = Field(
+        1, description="Probability that a vehicle within range and field of view gives a measurement, 0 to 1."
+    )
+    dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
+    latency_s: float = Field(0, ge=0, le=60, description="Delay from the measurement to its arrival at the tracker, s.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _defaults(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        kind = data.get("type") or cls.kind()
+        if not isinstance(data.get("preset"), str):
+            return {"type": kind, **data}
+        known = {name: preset for name, preset in presets().items() if preset.kind == kind}
+        preset = known.get(data["preset"])
+        if preset is None:
+            problem = f"no {kind} preset has the name {data['preset']!r}; {nearest(data['preset'], known)}"
+            reject(cls.__name__, [Problem(("preset",), problem)])
+            return data
+        return {"type": kind, **preset.values, **data}
+
+    @classmethod
+    def kind(cls) -> str:
+        """The name by which a scenario asks for this class."""
+        from trackbench.models.sensors.registry import SENSOR_MODELS
+
+        return SENSOR_MODELS.name_of(cls)
+
+    @abstractmethod
+    def sigmas(self) -> tuple[float, ...]:
+        """``(m,)`` standard deviation of each component of a measurement, in SI units and radians."""
+
+    def biases(self) -> tuple[float, ...]:
+        """``(m,)`` constant error of each component of a measurement, in SI units and radians."""
+        return (0.0,) * len(self.components)
+
+    def noise_covariance(self) -> Array:
+        """``(m, m)`` covariance that the sensor states of its measurements."""
+        return np.diag(np.array(self.sigmas()) ** 2)
+
+    @classmethod
+    @abstractmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         """``(m, ...)`` what an ideal sensor reads of a target ``(4, ...)``."""
-        ...
 
-    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    @abstractmethod
+    def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
         """``(m, 4, ...)`` derivative of ``measure`` with respect to the target's state."""
-        ...
 
-    def position(self, scan: Scan) -> Gaussian:
+    @classmethod
+    @abstractmethod
+    def position(cls, scan: Scan) -> Gaussian:
         """The position ``(2, ...)`` in the fixed frame that a measurement states, with its covariance."""
-        ...
 
-    def radial_velocity(self, scan: Scan) -> Array:
+    @classmethod
+    def radial_velocity(cls, scan: Scan) -> Array:
         """The velocity ``(2, ...)`` in the fixed frame of a target that moves along the line of sight.
 
         A first guess from one measurement; zero where the measurement says nothing of the velocity.
         """
-        ...
+        return np.zeros((2, *scan.measurement.shape[1:]))

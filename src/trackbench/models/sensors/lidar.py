@@ -5,28 +5,46 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from trackbench import linalg
+from trackbench.models.sensors.base import Sensor
 from trackbench.types import Array, Gaussian, Scan
 
 
-class Lidar:
-    """Position x (forward), y (left) of the target in the sensor's frame, m."""
+class Lidar(Sensor):
+    """Measures position in its own frame: x forward, y to the left, m."""
 
-    kind: ClassVar[str] = "lidar"
+    position_sigma_m: float = Field(
+        gt=0,
+        le=1000,
+        description="Standard deviation of the position along each axis of the sensor's frame, m.",
+    )
+    x_bias_m: float = Field(0, description="Constant error along the boresight, m.")
+    y_bias_m: float = Field(0, description="Constant error to the left of the boresight, m.")
+
     components: ClassVar[tuple[str, ...]] = ("x", "y")
-    angular: ClassVar[tuple[int, ...]] = ()
+    units: ClassVar[tuple[str, ...]] = ("m", "m")
 
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
+    def sigmas(self) -> tuple[float, ...]:
+        return (self.position_sigma_m, self.position_sigma_m)
+
+    def biases(self) -> tuple[float, ...]:
+        return (self.x_bias_m, self.y_bias_m)
+
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         dx, dy = target[0] - pose[0], target[1] - pose[1]
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return linalg.vector([c * dx + s * dy, c * dy - s * dx])
 
-    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
+    @classmethod
+    def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return linalg.matrix([[c, s, 0, 0], [-s, c, 0, 0]])
 
-    def position(self, scan: Scan) -> Gaussian:
+    @classmethod
+    def position(cls, scan: Scan) -> Gaussian:
         sx, sy, yaw = scan.sensor_pose
         c, s = np.cos(yaw), np.sin(yaw)
         x, y = scan.measurement
@@ -34,6 +52,3 @@ class Lidar:
         return Gaussian(
             linalg.vector([sx + c * x - s * y, sy + s * x + c * y]), linalg.quadratic(rotation, scan.noise_covariance)
         )
-
-    def radial_velocity(self, scan: Scan) -> Array:
-        return np.zeros((2, *scan.measurement.shape[1:]))

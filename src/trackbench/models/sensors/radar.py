@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from trackbench import linalg
+from trackbench.config import Angle
+from trackbench.models.sensors.base import Sensor
 from trackbench.types import Array, Gaussian, Scan
 from trackbench.units import cos_sin
 
@@ -14,36 +17,19 @@ from trackbench.units import cos_sin
 MIN_RANGE = 1e-6
 
 
-class Radar:
-    """Range m, azimuth rad (counter-clockwise from the boresight), range rate m/s (relative to the moving sensor)."""
+class Polar(Sensor):
+    """What the kinds of radar have in common: range m, azimuth rad from the boresight, and a third component, m/s."""
 
-    kind: ClassVar[str] = "radar"
-    components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
+    range_sigma_m: float = Field(gt=0, le=1000, description="Standard deviation of the range, m.")
+    azimuth_sigma_deg: float = Field(gt=0, le=90, description="Standard deviation of the azimuth, degrees.")
+    range_bias_m: float = Field(0, description="Constant error of the range, m.")
+    azimuth_bias_deg: Angle = Field(0, description="Constant error of the azimuth, degrees.")
+
     angular: ClassVar[tuple[int, ...]] = (1,)
+    units: ClassVar[tuple[str, ...]] = ("m", "rad", "m/s")
 
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
-        dx, dy = target[0] - pose[0], target[1] - pose[1]
-        r = np.maximum(np.sqrt(dx * dx + dy * dy), MIN_RANGE)
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        azimuth = np.arctan2(c * dy - s * dx, c * dx + s * dy)
-        rate = (dx * (target[2] - velocity[0]) + dy * (target[3] - velocity[1])) / r
-        return linalg.vector([r, azimuth, rate])
-
-    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
-        dx, dy = target[0] - pose[0], target[1] - pose[1]
-        inverse = 1.0 / np.maximum(np.sqrt(dx * dx + dy * dy), MIN_RANGE)
-        ux, uy = dx * inverse, dy * inverse
-        # Velocity across the line of sight, over the range: the rate at which the line of sight turns.
-        turn = (ux * (target[3] - velocity[1]) - uy * (target[2] - velocity[0])) * inverse
-        return linalg.matrix(
-            [
-                [ux, uy, 0, 0],
-                [-uy * inverse, ux * inverse, 0, 0],
-                [-uy * turn, ux * turn, ux, uy],
-            ]
-        )
-
-    def position(self, scan: Scan) -> Gaussian:
+    @classmethod
+    def position(cls, scan: Scan) -> Gaussian:
         """Unbiased conversion from polar to Cartesian.
 
         Source: Mo, Song, Zhou, Sun and Bar-Shalom (1998), "Unbiased converted measurements for tracking", with the
@@ -62,7 +48,47 @@ class Radar:
         xy = common * r * r * c * s + 0.5 * square * twice * (2 * c * s)
         return Gaussian(mean, linalg.matrix([[xx, xy], [xy, yy]]))
 
-    def radial_velocity(self, scan: Scan) -> Array:
+
+class Radar(Polar):
+    """Measures range, azimuth and range rate (relative to the moving sensor)."""
+
+    range_rate_sigma_mps: float = Field(gt=0, le=1000, description="Standard deviation of the range rate, m/s.")
+    range_rate_bias_mps: float = Field(0, description="Constant error of the range rate, m/s.")
+
+    components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
+
+    def sigmas(self) -> tuple[float, ...]:
+        return (self.range_sigma_m, np.deg2rad(self.azimuth_sigma_deg), self.range_rate_sigma_mps)
+
+    def biases(self) -> tuple[float, ...]:
+        return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.range_rate_bias_mps)
+
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        dx, dy = target[0] - pose[0], target[1] - pose[1]
+        r = np.maximum(np.sqrt(dx * dx + dy * dy), MIN_RANGE)
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        azimuth = np.arctan2(c * dy - s * dx, c * dx + s * dy)
+        rate = (dx * (target[2] - velocity[0]) + dy * (target[3] - velocity[1])) / r
+        return linalg.vector([r, azimuth, rate])
+
+    @classmethod
+    def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        dx, dy = target[0] - pose[0], target[1] - pose[1]
+        inverse = 1.0 / np.maximum(np.sqrt(dx * dx + dy * dy), MIN_RANGE)
+        ux, uy = dx * inverse, dy * inverse
+        # Velocity across the line of sight, over the range: the rate at which the line of sight turns.
+        turn = (ux * (target[3] - velocity[1]) - uy * (target[2] - velocity[0])) * inverse
+        return linalg.matrix(
+            [
+                [ux, uy, 0, 0],
+                [-uy * inverse, ux * inverse, 0, 0],
+                [-uy * turn, ux * turn, ux, uy],
+            ]
+        )
+
+    @classmethod
+    def radial_velocity(cls, scan: Scan) -> Array:
         along = along_sight(scan)
         return linalg.vector([along[0] + scan.sensor_velocity[0], along[1] + scan.sensor_velocity[1]])
 

@@ -5,32 +5,44 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from trackbench import linalg
-from trackbench.models.sensors.radar import Radar, along_sight
+from trackbench.models.sensors.radar import Polar, Radar, along_sight
 from trackbench.types import Array, Scan
 
 #: Speed below which the direction of motion is not defined, m/s; keeps the Jacobian finite at rest.
 MIN_SPEED = 1e-6
 
 
-class SpeedRadar(Radar):
-    """Range m, azimuth rad (counter-clockwise from the boresight), speed of the target over ground m/s.
+class SpeedRadar(Polar):
+    """Measures range, azimuth and, in place of the range rate, the target's speed over ground.
 
-    No radar reads this, but trackers have been written and published for it.
+    No radar does; it is for trackers that were written for such measurements.
     """
 
-    kind: ClassVar[str] = "speed_radar"
+    speed_sigma_mps: float = Field(gt=0, le=1000, description="Standard deviation of the speed, m/s.")
+    speed_bias_mps: float = Field(0, description="Constant error of the speed, m/s.")
+
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "speed")
 
-    def measure(self, target: Array, pose: Array, velocity: Array) -> Array:
-        r, azimuth, _ = super().measure(target, pose, velocity)
+    def sigmas(self) -> tuple[float, ...]:
+        return (self.range_sigma_m, np.deg2rad(self.azimuth_sigma_deg), self.speed_sigma_mps)
+
+    def biases(self) -> tuple[float, ...]:
+        return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.speed_bias_mps)
+
+    @classmethod
+    def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        r, azimuth, _ = Radar.measure(target, pose, velocity)
         return linalg.vector([r, azimuth, np.hypot(target[2], target[3])])
 
-    def jacobian(self, target: Array, pose: Array, velocity: Array) -> Array:
-        h = super().jacobian(target, pose, velocity)
+    @classmethod
+    def jacobian(cls, target: Array, pose: Array, velocity: Array) -> Array:
+        h = Radar.jacobian(target, pose, velocity)
         inverse = 1.0 / np.maximum(np.hypot(target[2], target[3]), MIN_SPEED)
         return linalg.matrix([[*h[0]], [*h[1]], [0, 0, target[2] * inverse, target[3] * inverse]])
 
-    def radial_velocity(self, scan: Scan) -> Array:
+    @classmethod
+    def radial_velocity(cls, scan: Scan) -> Array:
         return along_sight(scan)

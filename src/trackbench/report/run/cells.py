@@ -20,6 +20,7 @@ TONE: dict[str, Tone] = {
     "pessimistic": "warn",
     "coloured": "warn",
     "undecided": "",
+    "": "",
 }
 
 TRACKER = Column("tracker", left=True)

@@ -75,6 +75,8 @@ def faulty_ukf(
     acceleration_sigma_mps2: float, yaw_acceleration_sigma_radps2: float, sensors: list[str], initial: dict[str, object]
 ) -> FaultyTracker:
     """The tracker, with the options that a built-in UKF has."""
-    motion = ConstantTurnRateVelocity(acceleration_sigma_mps2, yaw_acceleration_sigma_radps2)
+    motion = ConstantTurnRateVelocity(
+        acceleration_sigma_mps2=acceleration_sigma_mps2, yaw_acceleration_sigma_radps2=yaw_acceleration_sigma_radps2
+    )
     start = InitialConfig.model_validate(initial)
     return FaultyTracker(FaultyUkf(motion, classic(None)), start, sensors=sensors)

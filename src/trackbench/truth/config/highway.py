@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from trackbench.config import MAPPING, PROBLEM, WORD, Config, shape
+from trackbench.truth.base import Draw, LoadedTruth, SteppedTruth
 from trackbench.truth.config.observer import FixedObserver
+from trackbench.types import Progress, no_progress
 
 
 class NearestTargets(Config):
@@ -46,10 +50,9 @@ Targets = Annotated[
 ]
 
 
-class HighwayTruth(Config):
+class HighwayTruth(SteppedTruth):
     """Traffic simulated by highway-env."""
 
-    source: Literal["highway-env"] = Field(description="Where the true motion comes from.")
     env: str = Field(
         min_length=1,
         description="A registered highway-env id, such as highway-v0 (`trackbench list envs` shows them).",
@@ -58,10 +61,6 @@ class HighwayTruth(Config):
         default_factory=dict, description="The environment's own configuration; unknown keys are refused."
     )
     seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the traffic.")
-    duration_s: float = Field(gt=0, le=3600, description="Length of the scene, s.")
-    rate_hz: int = Field(
-        ge=1, le=1000, description="Steps of the truth per second, Hz; every sensor's rate divides it."
-    )
     observer: Observer = Field(
         "ego", description="What carries the sensors: the ego vehicle, or a fixed point {x, y, yaw_deg}."
     )
@@ -78,3 +77,21 @@ class HighwayTruth(Config):
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
+
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        from trackbench.truth import simulated
+
+        return simulated.load(self, cache, progress)
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+        from trackbench.truth import highway
+
+        highway.validate(self)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from trackbench.config import Config, Name, Positive, Problem
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.truth.base import Draw, LoadedTruth, TruthSource
 from trackbench.truth.config.observer import FixedObserver
+from trackbench.types import Progress, no_progress
 
-#: The components of a measurement of each kind of sensor, as columns are called that hold them.
-MEASUREMENT_COLUMNS = {kind: model.components for kind, model in SENSOR_MODELS.items()}
 #: The two ways to state a velocity.
 VELOCITY = (("vx", "vy"), ("speed", "course"))
 TABLES = ("csv", "parquet")
@@ -71,29 +71,28 @@ class TruthColumns(Config):
 
 
 class MeasurementColumns(Config):
-    """Names of the columns that hold a sensor's measurements; where they are empty, it did not detect the object."""
+    """Names of the columns that hold a sensor's measurements; where they are empty, it did not detect the object.
+
+    Beside the keys below there is one for each component of the sensor's measurement: range, azimuth and range_rate of
+    a radar, range, azimuth and speed of a speed_radar, x and y of a lidar (`trackbench list sensors` shows them).
+    """
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, str] = Field(init=False)
 
     path: str | None = Field(None, description="The file, of the same format; that of the truth unless given.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
     object: str | None = Field(None, description="Name of the object; named as in truth.columns unless given.")
-    range: str | None = Field(None, description="radar: range.")
-    azimuth: str | None = Field(None, description="radar: azimuth in the sensor's frame, counter-clockwise.")
-    range_rate: str | None = Field(None, description="radar: range rate, relative to the moving sensor.")
-    speed: str | None = Field(None, description="speed_radar: speed of the object over ground.")
-    x: str | None = Field(None, description="lidar: position along the boresight, in the sensor's frame.")
-    y: str | None = Field(None, description="lidar: position to the left of the boresight, in the sensor's frame.")
 
     @property
     def components(self) -> dict[str, str]:
         """The column of each component of a measurement that is given."""
-        named = {name: getattr(self, name) for names in MEASUREMENT_COLUMNS.values() for name in names}
-        return {name: column for name, column in named.items() if column is not None}
+        return dict(self.__pydantic_extra__)
 
 
-class RecordingTruth(Config):
+class RecordingTruth(TruthSource):
     """Motion from a file, and measurements where it has them."""
 
-    source: Literal["recording"] = Field(description="Where the true motion comes from.")
     format: Literal["udacity", "csv", "parquet"] = Field(
         description="udacity: text of the Udacity simulator, whose L lines feed the sensor of type lidar and whose R "
         "lines that of type radar. csv (with a line of column names) and parquet: tables, one row for each time and "
@@ -115,10 +114,24 @@ class RecordingTruth(Config):
     length_m: Positive = Field(4.5, description="Length of every object, m, to draw it.")
     width_m: Positive = Field(1.8, description="Width of every object, m, to draw it.")
 
-    @property
-    def random(self) -> bool:
-        """Whether any motion differs from run to run."""
-        return False
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        from trackbench.truth import recorded
+
+        recording = recorded.load(self, sensors or {}, folder)
+        return LoadedTruth(recording.truth, measurements=recording.measurements)
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+        from trackbench.truth import recorded
+
+        recorded.load(self, sensors or {}, folder or Path())
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements are recorded."""

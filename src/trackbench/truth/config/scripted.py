@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field
 
-from trackbench.config import Angle, Config, Name, NonNegative, Positive, Problem
-from trackbench.trackers.config import MOTION_NOISE, NOISE_KEYS, MotionName
+from trackbench.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
+from trackbench.models.motion import MOTION_MODELS, MotionModel
+from trackbench.truth.base import Draw, LoadedTruth, SteppedTruth
 from trackbench.truth.config.observer import MovingObserver
+from trackbench.types import Progress, no_progress
 
 #: The kinds of motion that a piece can have, and the keys that each adds.
 KINDS: dict[str, tuple[str, ...]] = {
@@ -45,28 +48,13 @@ class Start(Config):
                 )
 
 
-class WhiteMotion(Config):
+class WhiteMotion(OptionsBeside):
     """A motion model driven by its own noise, drawn anew in each run and at each truth step."""
 
-    motion: MotionName = Field(description="The motion model (`trackbench list motion-models` shows them).")
-    acceleration_sigma_mps2: Positive | None = Field(
-        None, description="Standard deviation of the acceleration that drives cv and ctrv, m/s^2; required there."
+    motion: Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)] = Field(
+        description="The motion model (`trackbench list motion-models` shows them), or one of your own as "
+        "`module:Class`. Its options stand beside it."
     )
-    jerk_sigma_mps3: Positive | None = Field(
-        None, description="Standard deviation of the jerk that drives ca and ctra, m/s^3; required there."
-    )
-    yaw_acceleration_sigma_radps2: Positive | None = Field(
-        None,
-        description="Standard deviation of the yaw acceleration that drives ctrv and ctra, rad/s^2; required there.",
-    )
-
-    def problems(self) -> Iterator[Problem]:
-        used = MOTION_NOISE[self.motion]
-        for key in NOISE_KEYS:
-            if key in used and getattr(self, key) is None:
-                yield Problem((key,), f"missing: motion {self.motion} needs {' and '.join(used)}")
-            if key not in used and key in self.model_fields_set:
-                yield Problem((key,), f"motion {self.motion} does not use this; it uses {' and '.join(used)}")
 
 
 class WhiteAcceleration(Config):
@@ -145,14 +133,9 @@ class ScriptedObject(Config):
         return any(piece.random for piece in self.pieces)
 
 
-class ScriptedTruth(Config):
+class ScriptedTruth(SteppedTruth):
     """Motion written down piece by piece, exact in position and velocity."""
 
-    source: Literal["scripted"] = Field(description="Where the true motion comes from.")
-    duration_s: float = Field(gt=0, le=3600, description="Length of the scene, s.")
-    rate_hz: int = Field(
-        ge=1, le=1000, description="Steps of the truth per second, Hz; every sensor's rate divides it."
-    )
     observer: MovingObserver = Field(default_factory=MovingObserver, description="The point that carries the sensors.")
     objects: dict[Name, ScriptedObject] = Field(min_length=1, description="The objects, by name.")
 
@@ -160,6 +143,24 @@ class ScriptedTruth(Config):
     def random(self) -> bool:
         """Whether any motion differs from run to run."""
         return any(body.random for body in self.objects.values())
+
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        from trackbench.truth import scripted
+
+        return LoadedTruth(scripted.script(self, *draw))
+
+    def most_runs(self) -> int | None:
+        from trackbench.truth import scripted
+
+        return scripted.most_runs(self) if self.random else None
 
     def problems(self) -> Iterator[Problem]:
         for name, body in self.objects.items():

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from trackbench.errors import InputError, nearest
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth.config import RecordingTruth
 from trackbench.truth.config.recording import (
-    MEASUREMENT_COLUMNS,
     MeasurementColumns,
     ObserverColumns,
     TruthColumns,
@@ -30,10 +30,8 @@ METRES = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048}
 METRES_PER_SECOND = {"mps": 1.0, "kmph": 1 / 3.6, "mph": 0.44704}
 RADIANS = {"rad": 1.0, "deg": np.pi / 180}
 
-#: What each column measures.
-LENGTHS = {"px", "py", "range", "x", "y"}
-SPEEDS = {"vx", "vy", "speed", "range_rate"}
-ANGLES = {"course", "heading", "yaw", "yaw_rate", "azimuth"}
+#: The SI unit of the columns that are no angles (per second).
+MOTION_UNITS = {**dict.fromkeys(("px", "py"), "m"), **dict.fromkeys(("vx", "vy", "speed"), "m/s")}
 
 
 def load(
@@ -61,7 +59,7 @@ def load(
                 other = files.find(entry.path, folder, f"truth.readings.{name}.path")
                 source = rows.read(other, config.format, _own(entry, columns))
             times = _seconds(source.times(entry.time or columns.time), start, config.units)
-        logs[name] = _log(source, entry, columns, times, config.units, MEASUREMENT_COLUMNS[kinds[name]], motions)
+        logs[name] = _log(source, entry, columns, times, config.units, SENSOR_MODELS[kinds[name]], motions)
     times = assemble.grid([motion.time for motion in motions.values()] + [log.time for log in logs.values()])
     observer = None if columns.observer is None else _observer(table, columns.observer, seconds, times, config.units)
     truth = assemble.truth(config, motions, logs, observer, times, {"file": file.name, "rows": len(table)})
@@ -103,11 +101,16 @@ def _log(
     columns: TruthColumns,
     seconds: Array,
     units: Units,
-    components: tuple[str, ...],
+    sensor: type[Sensor],
     motions: Mapping[str, Motion],
 ) -> Log:
-    named = entry.components
-    measurement = np.stack([_scaled(table.numbers(named[name], optional=True), name, units) for name in components])
+    named, components = entry.components, sensor.components
+    measurement = np.stack(
+        [
+            _converted(table.numbers(named[name], optional=True), unit, units)
+            for name, unit in zip(components, sensor.units, strict=True)
+        ]
+    )
     there = np.isfinite(measurement)
     for row in np.flatnonzero(there.any(axis=0) & ~there.all(axis=0)).tolist():
         missing = named[components[int(np.argmin(there[:, row]))]]
@@ -161,6 +164,9 @@ def _seconds(stamps: list[Decimal], start: Decimal, units: Units) -> Array:
 
 
 def _scaled(values: Array, name: str, units: Units) -> Array:
-    if name in LENGTHS:
-        return values * METRES[units.length]
-    return values * (METRES_PER_SECOND[units.speed] if name in SPEEDS else RADIANS[units.angle])
+    return _converted(values, MOTION_UNITS.get(name, "rad"), units)
+
+
+def _converted(values: Array, unit: str, units: Units) -> Array:
+    factors = {"m": METRES[units.length], "m/s": METRES_PER_SECOND[units.speed], "rad": RADIANS[units.angle]}
+    return values * factors.get(unit, 1.0)

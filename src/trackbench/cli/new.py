@@ -1,0 +1,48 @@
+"""``trackbench new``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from trackbench.scaffold import KINDS, class_name, new
+
+#: How a scenario names a new plug-in of each kind.
+NAMED = {
+    "tracker": '  trackers: {{mine: {{use: "{use}"}}}}',
+    "motion-model": '  trackers: {{mine: {{filter: ekf, motion: "{use}", ...}}}}',
+    "sensor": '  sensors: {{front: {{type: "{use}", rate_hz: 10, ...}}}}',
+    "truth": '  truth: {{source: "{use}", duration_s: 20, rate_hz: 20, ...}}',
+}
+
+
+@click.command("new")
+@click.argument("kind", type=click.Choice(list(KINDS)), metavar="KIND")
+@click.argument("name")
+@click.option("--around", metavar="MODULE:CLASS", help="A filter with predict and update for the tracker to run.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=".",
+    metavar="DIR",
+    help="Where to; here unless given.",
+)
+def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
+    """Write a working start for a plug-in of your own: a module and its test.
+
+    KIND is tracker, motion-model, sensor or truth; a tracker gets a scenario too. No file is overwritten.
+
+    \b
+    Examples:
+      trackbench new tracker my_tracker
+      trackbench new tracker my_ekf --around my_filters:Ekf
+    """
+    paths = new(kind, name, out, around)
+    for path in paths:
+        click.echo(f"written: {path}")
+    use = f"{name}:{class_name(name)}"
+    click.echo(f"\nTest it:\n  pytest {paths[1]}")
+    if kind == "tracker":
+        click.echo(f"Run it:\n  trackbench run {paths[2]}")
+    click.echo(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")

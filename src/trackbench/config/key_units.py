@@ -1,0 +1,115 @@
+"""The unit that a key's name ends in, and conversion between units of one kind."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+
+class Unit(NamedTuple):
+    """A unit as keys and users write it."""
+
+    quantity: str
+    """What it measures; units of one quantity convert into each other."""
+    factor: float
+    """Its size in SI units (rad for angles)."""
+    words: str
+    """As it is read in a sentence."""
+
+
+UNITS = {
+    "m": Unit("length", 1, "metres"),
+    "cm": Unit("length", 0.01, "centimetres"),
+    "mm": Unit("length", 0.001, "millimetres"),
+    "km": Unit("length", 1000, "kilometres"),
+    "ft": Unit("length", 0.3048, "feet"),
+    "rad": Unit("angle", 1, "radians"),
+    "mrad": Unit("angle", 0.001, "milliradians"),
+    "deg": Unit("angle", math.pi / 180, "degrees"),
+    "s": Unit("time", 1, "seconds"),
+    "ms": Unit("time", 0.001, "milliseconds"),
+    "us": Unit("time", 1e-6, "microseconds"),
+    "min": Unit("time", 60, "minutes"),
+    "hz": Unit("rate", 1, "Hz"),
+    "khz": Unit("rate", 1000, "kHz"),
+    "mps": Unit("speed", 1, "m/s"),
+    "kmh": Unit("speed", 1 / 3.6, "km/h"),
+    "mph": Unit("speed", 0.44704, "miles per hour"),
+    "mps2": Unit("acceleration", 1, "m/s^2"),
+    "g": Unit("acceleration", 9.80665, "g"),
+    "mps3": Unit("jerk", 1, "m/s^3"),
+    "radps": Unit("turn rate", 1, "rad/s"),
+    "degps": Unit("turn rate", math.pi / 180, "degrees per second"),
+    "radps2": Unit("turn acceleration", 1, "rad/s^2"),
+    "degps2": Unit("turn acceleration", math.pi / 180, "degrees per second squared"),
+}
+
+#: Other spellings, as they are found in keys and after numbers.
+SPELLINGS = {
+    "metre": "m",
+    "metres": "m",
+    "meter": "m",
+    "meters": "m",
+    "degree": "deg",
+    "degrees": "deg",
+    "°": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "sec": "s",
+    "second": "s",
+    "seconds": "s",
+    "kph": "kmh",
+    "kmph": "kmh",
+    "km/h": "kmh",
+    "m/s": "mps",
+    "m/s^2": "mps2",
+    "m/s2": "mps2",
+    "m/s^3": "mps3",
+    "m/s3": "mps3",
+    "rad/s": "radps",
+    "deg/s": "degps",
+    "°/s": "degps",
+    "rad/s^2": "radps2",
+    "rad/s2": "radps2",
+}
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d[\d_]*(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*")
+
+
+def unit_of(name: str) -> Unit | None:
+    """The unit of this name or spelling, in any case."""
+    low = name.lower()
+    return UNITS.get(SPELLINGS.get(low, low))
+
+
+def split_key(key: str) -> tuple[str, Unit | None]:
+    """A key without its unit, and the unit: ``range_sigma_m`` gives ``range_sigma`` and metres."""
+    stem, _, last = key.rpartition("_")
+    unit = unit_of(last) if stem else None
+    return (stem, unit) if unit else (key, None)
+
+
+def convert(value: float, source: Unit, target: Unit) -> float | None:
+    """``value`` in another unit; None between different quantities."""
+    return value * source.factor / target.factor if source.quantity == target.quantity else None
+
+
+def read_number(text: str) -> tuple[float, str] | None:
+    """The number that a text starts with and the unit after it: ``"20 m"`` gives 20 and ``"m"``."""
+    match = _NUMBER_AND_UNIT.fullmatch(text)
+    if match is None:
+        return None
+    return float(match[1].replace("_", "").replace(",", ".")), match[2]
+
+
+def show(value: float) -> str:
+    """A number as it is written in a scenario file, to four digits where it was converted."""
+    return f"{value:.4g}" if abs(value) < 1e4 and value != round(value) else f"{value:.10g}"
+
+
+def in_words(key: str, value: object) -> str:
+    """An option as it is read in a sentence: "acceleration sigma 3 m/s^2"."""
+    stem, unit = split_key(key)
+    shown = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    return " ".join([stem.replace("_", " "), shown, *([unit.words] if unit else [])])

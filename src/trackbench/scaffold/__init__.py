@@ -1,0 +1,88 @@
+"""A working start for the author of a plug-in: a module, its test and, for a tracker, a scenario."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+
+import jinja2
+
+from trackbench.errors import InputError
+from trackbench.scaffold.around import Wrapped, wrapped
+
+#: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
+KINDS: Mapping[str, Mapping[str, str]] = {
+    "tracker": {
+        "{name}.py": "tracker.py.j2",
+        "test_{name}.py": "test_tracker.py.j2",
+        "{name}.yaml": "tracker.yaml.j2",
+    },
+    "motion-model": {"{name}.py": "motion_model.py.j2", "test_{name}.py": "test_motion_model.py.j2"},
+    "sensor": {"{name}.py": "sensor.py.j2", "test_{name}.py": "test_sensor.py.j2"},
+    "truth": {"{name}.py": "truth.py.j2", "test_{name}.py": "test_truth.py.j2"},
+}
+
+
+def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path]:
+    """Write the files of a new plug-in.
+
+    Args:
+        kind: one of ``KINDS``.
+        name: of the module; the class is named after it.
+        out: the folder, made if there is none.
+        around: ``"module:Class"`` of a filter with ``predict`` and ``update`` that the tracker runs.
+
+    Returns:
+        The files, in the order of ``KINDS``.
+
+    Raises:
+        InputError: the name is no name of a module, a file is there already, or the filter cannot be wrapped. Nothing
+            is written then.
+    """
+    if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
+        raise InputError(f"{name!r} is no name for a module: write it in small letters, digits and _")
+    if around is not None and kind != "tracker":
+        raise InputError(f"--around goes with a tracker, not with a {kind}")
+    filter_ = None if around is None else wrapped(around)
+    texts = {
+        out / pattern.format(name=name): _rendered(_template(template, filter_), name, filter_)
+        for pattern, template in KINDS[kind].items()
+    }
+    there = [str(path) for path in texts if path.exists()]
+    if there:
+        raise InputError(f"{' and '.join(there)} {'is' if len(there) == 1 else 'are'} there already: use another name")
+    _write(texts)
+    return list(texts)
+
+
+def class_name(name: str) -> str:
+    """The class that a module is named after: ``my_tracker`` has ``MyTracker``."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def _template(template: str, around: Wrapped | None) -> str:
+    return "around.py.j2" if around is not None and template == "tracker.py.j2" else template
+
+
+def _rendered(template: str, name: str, around: Wrapped | None) -> str:
+    text = files("trackbench.scaffold").joinpath("templates", template).read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    return environment.from_string(text).render(name=name, cls=class_name(name), around=around)
+
+
+def _write(texts: Mapping[Path, str]) -> None:
+    written: list[Path] = []
+    try:
+        for path, text in texts.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8") as stream:
+                written.append(path)
+                stream.write(text)
+    except OSError as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None

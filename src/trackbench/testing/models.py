@@ -1,0 +1,157 @@
+"""Check-ups of the equations of motion models and sensors: Jacobians by finite differences, batches against loops."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from trackbench.models.motion import InitialSigmas, MotionModel
+from trackbench.models.motion.registry import MOTION_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.types import Array, Gaussian, Scan
+from trackbench.units import difference
+
+#: Half the distance over which a central difference is taken, and how far a derivative may be from it.
+STEP, CLOSE = 1e-5, 1e-6
+DT = (0.05, 0.7)
+#: Targets in the common state, away from rest and from the sensor.
+TARGETS = np.array([[30.0, -12.0, 8.0], [7.0, 40.0, -25.0], [9.0, -6.0, 4.0], [-3.0, 5.0, 11.0]])
+POSE, VELOCITY = np.array([2.0, -1.0, 0.3]), np.array([4.0, -0.5])
+
+
+class ModelCheckError(AssertionError):
+    """A model's equations contradict each other; the text lists how."""
+
+
+def check_motion_model(model: MotionModel) -> None:
+    """Hold a motion model's equations against each other.
+
+    Raises:
+        ModelCheckError: a Jacobian is not the derivative, a step of no time moves the state, a batch differs from its
+            members, a first covariance is not positive definite, or something has the wrong shape; lists all of it.
+    """
+    _raise(type(model).__name__, _motion_problems(model))
+
+
+def check_sensor(sensor: Sensor) -> None:
+    """Hold a sensor's equations against each other.
+
+    Raises:
+        ModelCheckError: the Jacobian is not the derivative, a noiseless measurement does not lead back to the target, a
+            batch differs from its members, or something has the wrong shape; lists all of it.
+    """
+    _raise(type(sensor).__name__, _sensor_problems(sensor))
+
+
+def derivative(function: Callable[[Array], Array], x: Array, angular: tuple[int, ...] = ()) -> Array:
+    """``(m, n)`` the derivative of a function at a state ``(n,)`` by central differences, angles wrapped."""
+    steps = STEP * np.eye(len(x))
+    return np.stack([difference(function(x + h), function(x - h), angular) for h in steps], axis=1) / (2 * STEP)
+
+
+def _raise(name: str, problems: Iterator[str]) -> None:
+    found = list(problems)
+    if found:
+        raise ModelCheckError(f"the equations of {name} do not fit:\n" + "\n".join(f"- {text}" for text in found))
+
+
+def _motion_problems(model: MotionModel) -> Iterator[str]:
+    lacking = MOTION_MODELS.lacks(type(model))
+    if lacking is not None:
+        yield lacking
+        return
+    size, noises = len(model.components), len(model.driving_noise)
+    belief = Gaussian(TARGETS, np.repeat(np.diag([1.0, 1.0, 4.0, 4.0])[..., None], TARGETS.shape[1], axis=2))
+    first = model.from_cartesian(belief, InitialSigmas(acceleration=2.0, yaw_rate=0.2))
+    if first.mean.shape != (size, TARGETS.shape[1]):
+        yield f"from_cartesian gives a mean of shape {first.mean.shape}, not {(size, TARGETS.shape[1])}"
+        return
+    if not np.allclose(model.to_cartesian(first.mean), TARGETS):
+        yield "to_cartesian does not lead back from from_cartesian"
+    smallest = np.linalg.eigvalsh(np.moveaxis(first.covariance, -1, 0)).min()
+    if not smallest > 0:
+        yield f"the first covariance of from_cartesian is not positive definite (smallest eigenvalue {smallest:.1e})"
+    # Off zero in the components that position and velocity do not determine.
+    states = first.mean + np.linspace(0.1, 0.4, size)[:, None]
+    for x in states.T:
+        still = model.transition(x, 0.0)
+        if not np.allclose(difference(still, x, model.angular), 0.0):
+            yield "transition moves the state in a step of no time"
+            break
+    for dt in DT:
+        batch = model.transition(states, dt)
+        for i, x in enumerate(states.T):
+            if not np.allclose(model.transition(x, dt), batch[:, i]):
+                yield f"transition of a batch differs from that of its members (dt {dt:g} s)"
+                break
+        jacobian, transition = partial(_at, model.jacobian, dt), partial(_at, model.transition, dt)
+        yield from _compared("jacobian", "transition", states, jacobian, transition, model.angular)
+        gain = model.noise_gain(states[:, 0], dt)
+        if gain.shape != (size, noises):
+            yield f"noise_gain has the shape {gain.shape}, not {(size, noises)}"
+    yield from _compared("cartesian_jacobian", "to_cartesian", states, model.cartesian_jacobian, model.to_cartesian)
+    if pickle.loads(pickle.dumps(model)) != model or hash(model) != hash(model.model_copy()):
+        yield "it does not survive pickling, or its copies have another hash"
+
+
+def _at(function: Callable[[Array, float], Array], dt: float, x: Array) -> Array:
+    return function(x, dt)
+
+
+def _sensor_problems(sensor: Sensor) -> Iterator[str]:
+    lacking = SENSOR_MODELS.lacks(type(sensor))
+    if lacking is not None:
+        yield lacking
+        return
+    size = len(sensor.components)
+    for name, values in (("sigmas", sensor.sigmas()), ("biases", sensor.biases())):
+        if len(values) != size:
+            yield f"{name}() gives {len(values)} numbers for {size} components"
+    batch = sensor.measure(TARGETS, POSE, VELOCITY)
+    if batch.shape != (size, TARGETS.shape[1]):
+        yield f"measure gives the shape {batch.shape}, not {(size, TARGETS.shape[1])}"
+        return
+    for i, target in enumerate(TARGETS.T):
+        if not np.allclose(sensor.measure(target, POSE, VELOCITY), batch[:, i]):
+            yield "measure of a batch differs from that of its members"
+            break
+    yield from _compared(
+        "jacobian", "measure", TARGETS, lambda x: sensor.jacobian(x, POSE, VELOCITY),
+        lambda x: sensor.measure(x, POSE, VELOCITY), sensor.angular,
+    )  # fmt: skip
+    exact = np.eye(size) * 1e-12
+    valid = np.ones(TARGETS.shape[1], dtype=bool)
+    scan = Scan(0.0, "sensor", sensor.type, batch, valid, exact, POSE, VELOCITY, 0.0)
+    position = sensor.position(scan)
+    if not np.allclose(position.mean, TARGETS[:2], atol=1e-6):
+        yield "position does not lead back from a measurement without noise to where the target is"
+    if position.covariance.shape != (2, 2, TARGETS.shape[1]) and position.covariance.shape != (2, 2):
+        yield f"position has a covariance of shape {position.covariance.shape}"
+    if sensor.radial_velocity(scan).shape != (2, TARGETS.shape[1]):
+        yield f"radial_velocity has the shape {sensor.radial_velocity(scan).shape}, not {(2, TARGETS.shape[1])}"
+
+
+def _compared(
+    name: str,
+    of: str,
+    states: Array,
+    jacobian: Callable[[Array], Array],
+    function: Callable[[Array], Array],
+    angular: tuple[int, ...] = (),
+) -> Iterator[str]:
+    for x in states.T:
+        given, wanted = np.asarray(jacobian(x)), derivative(function, x, angular)
+        if given.shape != wanted.shape:
+            yield f"{name} has the shape {given.shape}, not {wanted.shape}"
+            return
+        wrong = np.abs(given - wanted) > CLOSE * (1.0 + np.abs(wanted))
+        if wrong.any():
+            row, column = (int(i) for i in np.argwhere(wrong)[0])
+            yield (
+                f"{name} is not the derivative of {of}: entry {row}, {column} is {given[row, column]:.6g}, "
+                f"by finite differences {wanted[row, column]:.6g}"
+            )
+            return

@@ -1,0 +1,278 @@
+"""The check-up of a tracker on short synthetic drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
+from trackbench.trackers.base import Tracker
+from trackbench.trackers.published import create
+from trackbench.types import Array, Estimate, Scan
+
+NOISE = {
+    "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
+    "speed_radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
+    "lidar": np.diag([0.15, 0.15]) ** 2,
+}
+#: A tracker of a target in plain sight that is further off than this has not followed it, m and m/s.
+LOST = 5.0
+
+
+class TrackerCheckError(AssertionError):
+    """A tracker does not keep the contract; the text lists every broken rule."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One rule and whether the tracker keeps it."""
+
+    rule: str
+    problem: str | None
+    """None where it is kept."""
+
+
+def check_tracker(use: str | Callable[..., Tracker], **options: Any) -> list[Check]:
+    """Try a tracker on short synthetic drives, as the bench would use it.
+
+    Args:
+        use: its class, a published name or ``"module:Class"``.
+        options: what a scenario would give it.
+
+    Returns:
+        Every rule, all of them kept.
+
+    Raises:
+        TrackerCheckError: rules are broken; says which and how.
+        InputError: the tracker cannot be imported or started.
+    """
+    if isinstance(use, str):
+        make = create(use, options)
+    else:
+        factory = use
+
+        def make() -> Tracker:
+            return factory(**options)
+
+    checks = [Check(rule, _problem(test, make)) for rule, test in RULES.items()]
+    broken = [f"- {check.rule}: {check.problem}" for check in checks if check.problem]
+    if broken:
+        raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(broken))
+    return checks
+
+
+def drive(
+    kinds: Sequence[str],
+    times: Sequence[float],
+    missed: Sequence[int] = (),
+    target: int = 0,
+    velocity: tuple[float, float] = (0.0, 0.0),
+) -> list[Scan]:
+    """Measurements of a target that drives past a sensor which is neither at the origin nor looks along x.
+
+    Args:
+        kinds: "radar", "speed_radar" or "lidar" of each scan.
+        times: when each is taken, s.
+        missed: numbers of the scans that do not detect the target.
+        target: another number is another target and other noise.
+        velocity: vx, vy of the sensor, m/s.
+    """
+    random = np.random.default_rng(target)
+    own = np.array(velocity)
+    scans = []
+    for number, (kind, time) in enumerate(zip(kinds, times, strict=True)):
+        model, noise = SENSOR_MODELS[kind], NOISE[kind]
+        pose = np.array([4.0 + own[0] * time, -3.0 + own[1] * time, 0.4])
+        ideal = model.measure(_target(time, target), pose, own)
+        valid = np.array(number not in missed)
+        measurement = np.where(valid, ideal + np.sqrt(np.diag(noise)) * random.standard_normal(len(ideal)), np.nan)
+        # As in the bench, the arrays are read-only: a tracker that writes into them is found out.
+        for shared in (measurement, valid, noise, pose, own):
+            shared.setflags(write=False)
+        scans.append(Scan(time, kind, kind, measurement, valid, noise, pose, own, time))
+    return scans
+
+
+def _target(time: float, target: int = 0) -> Array:
+    """``(4,)`` px, py, vx, vy."""
+    vx, vy = 12.0 - target, 3.0
+    return np.array([20.0 + vx * time, 15.0 + 4.0 * target + vy * time, vx, vy])
+
+
+def _usual(**changes: Any) -> list[Scan]:
+    times = [0.05 * i for i in range(120)]
+    return drive(["lidar", "radar"] * 60, times, **changes)
+
+
+def _stack(targets: Sequence[Sequence[Scan]]) -> list[Scan]:
+    """Scans with a batch axis from those of single targets."""
+    stacked = []
+    for scans in zip(*targets, strict=True):
+        measurement, valid = (
+            np.stack([scan.measurement for scan in scans], axis=-1),
+            np.array([scan.valid for scan in scans]),
+        )
+        for shared in (measurement, valid):
+            shared.setflags(write=False)
+        stacked.append(scans[0]._replace(measurement=measurement, valid=valid))
+    return stacked
+
+
+def _answers(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Iterator[Estimate | None]:
+    """What a fresh tracker says of a drive, each answer of the right form, finite and definite."""
+    tracker = make()
+    batched = bool(getattr(tracker, "batched", False))
+    state: Any = None
+    seen = begun = False
+    for scan in scans:
+        one = scan.valid.ndim == 0
+        given = _stack([[scan]])[0] if batched and one else scan
+        seen = seen or bool(np.any(given.valid))
+        if not seen:
+            continue
+        state, answer = unpack(tracker.step(state, given))
+        estimate = checked(answer, given)
+        if estimate is None:
+            if begun:
+                raise TrackerFault(f"{GIVEN_UP} ({scan.time:g} s)")
+            yield None
+            continue
+        if batched and np.isnan(estimate.mean).any() and not begun:
+            yield None
+            continue
+        begun = True
+        if not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
+            raise TrackerFault(f"{NOT_FINITE} at {scan.time:g} s")
+        if not np.all(linalg.cholesky(estimate.covariance).positive):
+            raise TrackerFault(f"{NOT_DEFINITE} at {scan.time:g} s")
+        if batched and one:
+            estimate = Estimate(estimate.mean[..., 0], estimate.covariance[..., 0])
+        yield estimate
+
+
+def _means(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Array:
+    """``(scans, 4, ...)`` estimates of a drive, those before the first left out."""
+    return np.array([answer.mean for answer in _answers(make, scans) if answer is not None])
+
+
+def _problem(test: Callable[[Callable[[], Tracker]], None], make: Callable[[], Tracker]) -> str | None:
+    try:
+        test(make)
+    except (TrackerFault, TrackerCheckError) as fault:
+        return str(fault)
+    except (Exception, SystemExit) as error:
+        return f"{type(error).__name__}: {error}"
+    return None
+
+
+def _gives_estimates(make: Callable[[], Tracker]) -> None:
+    if len(_means(make, _usual())) == 0:
+        raise TrackerCheckError("120 measurements of one target give no estimate")
+
+
+def _follows(**changes: Any) -> Callable[[Callable[[], Tracker]], None]:
+    def test(make: Callable[[], Tracker]) -> None:
+        scans = _usual(**changes)
+        means = _means(make, scans)
+        if len(means) == 0:
+            raise TrackerCheckError("there is no estimate")
+        error = float(np.hypot(*(means[-1, :2] - _target(scans[-1].time)[:2])))
+        if not error < LOST:
+            raise TrackerCheckError(f"after 120 measurements the estimate is {error:.1f} m off a target in plain sight")
+        # On average: the differences of measurements that a tracker without a filter gives are noisy, but not biased.
+        late = means[len(means) // 2 :, 2:].mean(axis=0)
+        bias = float(np.hypot(*(late - _target(0.0)[2:])))
+        if not bias < LOST:
+            raise TrackerCheckError(f"the velocity is {bias:.1f} m/s off that of a target in plain sight, on average")
+
+    return test
+
+
+def _bears_misses(make: Callable[[], Tracker]) -> None:
+    list(_answers(make, _usual(missed=[1, 5, 6, 30, *range(60, 90)])))
+
+
+def _bears_simultaneous(make: Callable[[], Tracker]) -> None:
+    list(_answers(make, drive(["lidar", "radar"] * 40, [0.1 * (i // 2) for i in range(80)])))
+
+
+def _bears_uneven_times(make: Callable[[], Tracker]) -> None:
+    list(_answers(make, drive(["radar", "lidar"] * 20, [0.01 * i**1.7 for i in range(40)])))
+
+
+def _one_sensor(kind: str) -> Callable[[Callable[[], Tracker]], None]:
+    def test(make: Callable[[], Tracker]) -> None:
+        list(_answers(make, drive([kind] * 60, [0.05 * i for i in range(60)])))
+
+    return test
+
+
+def _is_deterministic(make: Callable[[], Tracker]) -> None:
+    if not np.array_equal(_means(make, _usual()), _means(make, _usual())):
+        raise TrackerCheckError("two fresh trackers give different estimates of the same measurements")
+
+
+def _keeps_state(make: Callable[[], Tracker]) -> None:
+    tracker = make()
+    scans = _stack([_usual()]) if getattr(tracker, "batched", False) else _usual()
+    state: Any = None
+    for scan in scans[:40]:
+        after, first = unpack(tracker.step(state, scan))
+        again = unpack(tracker.step(state, scan))[1]
+        one, two = checked(first, scan), checked(again, scan)
+        same = one is two is None or (
+            one is not None and two is not None and np.array_equal(one.mean, two.mean, equal_nan=True)
+        )
+        if not same:
+            raise TrackerCheckError(
+                f"at {scan.time:g} s the same state and scan give another estimate the second time: "
+                "the state was changed in place, or the tracker remembers something beside it"
+            )
+        state = after
+
+
+def _stands_alone(make: Callable[[], Tracker]) -> None:
+    """Two trackers at once do not disturb each other."""
+    alone = _means(make, _usual(target=1))
+    one, two = _answers(make, _usual()), _answers(make, _usual(target=1))
+    together = [b for _, b in zip(one, two, strict=False)]
+    shared = np.array([answer.mean for answer in together if answer is not None])
+    if not np.array_equal(alone[: len(shared)], shared):
+        raise TrackerCheckError("a second tracker at work at the same time changes the estimates")
+
+
+def _batch_is_loop(make: Callable[[], Tracker]) -> None:
+    if not getattr(make(), "batched", False):
+        return
+    missed: list[Sequence[int]] = [[0], [0, 9, 10], range(15)]
+    targets = [_usual(target=target, missed=numbers) for target, numbers in enumerate(missed)]
+    tracker, state, batch = make(), None, []
+    for scan in _stack(targets):
+        state, answer = unpack(tracker.step(state, scan))
+        estimate = checked(answer, scan)
+        batch.append(np.full((4, 3), np.nan) if estimate is None else estimate.mean)
+    for target, scans in enumerate(targets):
+        single = _means(make, scans)
+        if not np.allclose(np.array(batch)[-len(single) :, :, target], single, rtol=1e-9, atol=1e-9):
+            raise TrackerCheckError(f"target {target} of a batch of 3 has other estimates than alone")
+
+
+RULES: dict[str, Callable[[Callable[[], Tracker]], None]] = {
+    "gives estimates of the right shape, finite, with a positive definite covariance": _gives_estimates,
+    "follows a target in plain sight": _follows(),
+    "follows it from a sensor that moves": _follows(velocity=(-10.0, -8.0)),
+    "goes on through missed measurements": _bears_misses,
+    "takes two sensors at the same instant": _bears_simultaneous,
+    "takes uneven time steps": _bears_uneven_times,
+    "works with lidar alone": _one_sensor("lidar"),
+    "works with radar alone": _one_sensor("radar"),
+    "gives the same estimates every time": _is_deterministic,
+    "leaves the state that it is given as it is": _keeps_state,
+    "does not disturb another tracker": _stands_alone,
+    "gives a batch the same estimates as single targets (if batched)": _batch_is_loop,
+}

@@ -1,0 +1,114 @@
+"""The trackers that a scenario can name with ``use:``."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from pydantic import BaseModel, ValidationError
+
+from trackbench.config.base import Config
+from trackbench.config.explain import explain
+from trackbench.errors import InputError, InputErrors
+from trackbench.plugins import Registry, searched
+from trackbench.plugins.imports import one_line
+from trackbench.trackers.base import Tracker
+
+Factory = Callable[..., Tracker]
+
+
+def _lacks(found: Any) -> str | None:
+    made = _returned(found) if inspect.isfunction(found) else found
+    if not isinstance(made, type):
+        return "it is neither a class nor a function that says which tracker it returns (-> MyTracker)"
+    if not callable(getattr(made, "step", None)):
+        return f"{made.__qualname__} has no method step(state, scan)"
+    options = getattr(found, "Options", None)
+    if options is not None and not (isinstance(options, type) and issubclass(options, BaseModel)):
+        return "its Options are no pydantic model"
+    return None
+
+
+def _returned(function: Any) -> Any:
+    try:
+        return get_type_hints(function).get("return")
+    except (NameError, TypeError):
+        return None
+
+
+#: The trackers by the names that scenarios use.
+TRACKERS: Registry[Factory] = Registry("trackbench.trackers", "tracker", _lacks)
+
+
+def options_of(factory: Factory) -> type[BaseModel] | None:
+    """The options that a tracker declares: a pydantic model named ``Options``, by which they are validated."""
+    return getattr(factory, "Options", None)
+
+
+def check_options(use: str, options: Mapping[str, Any], folder: Path | None = None) -> Factory:
+    """Find a tracker and hold its options against what it declares, or against its signature; it is not started.
+
+    Raises:
+        InputError: the name does not resolve, or the options do not fit; with the option's key where it is known.
+    """
+    factory = TRACKERS.get(use, folder)
+    declared = options_of(factory)
+    if declared is None:
+        _bind(use, factory, options)
+        return factory
+    try:
+        declared.model_validate(options, context={"folder": folder})
+    except ValidationError as invalid:
+        found = invalid.errors(include_url=False)
+        if issubclass(declared, Config):
+            problems = explain(found, declared)
+        else:
+            problems = [(item["loc"], item["msg"]) for item in found]
+        errors = [InputError(message, key=".".join(map(str, path)) or None) for path, message in problems]
+        raise errors[0] if len(errors) == 1 else InputErrors(errors) from None
+    return factory
+
+
+def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
+    try:
+        signature = inspect.signature(factory)
+    except ValueError:
+        return
+    try:
+        signature.bind(**options)
+    except TypeError as error:
+        takes = ", ".join(name for name in signature.parameters) or "none"
+        raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes})") from None
+
+
+def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:
+    """A function of no arguments that makes a fresh tracker with the given options; one is made to see that it can be.
+
+    Raises:
+        InputError: the name does not resolve, the options do not fit, or what is made has no ``step``.
+    """
+    try:
+        factory = check_options(use, options, folder)
+    except InputErrors as errors:
+        raise InputError(f"{use!r} does not start with these options: {'; '.join(map(str, errors.errors))}") from errors
+    except InputError as error:
+        if error.key is None:
+            raise
+        raise InputError(f"{use!r} does not start with these options: {error}") from error
+
+    def make() -> Tracker:
+        # A tracker may load what its options name while it starts.
+        with searched(folder):
+            return factory(**options)
+
+    try:
+        tracker = make()
+    except InputError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{use!r} does not start with these options: {one_line(error)}") from error
+    if not callable(getattr(tracker, "step", None)):
+        raise InputError(f"{use!r} has no method step(state, scan)")
+    return make

@@ -1,0 +1,107 @@
+"""What a truth source is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import Field, model_validator
+
+from trackbench.config import Config
+from trackbench.plugins import Registry, lacks_class
+from trackbench.types import Progress, RecordedMeasurements, Truth, no_progress
+
+
+class Draw(NamedTuple):
+    """What random motion is drawn by: ``streams.stream(seed, scenario, run, "motion of <object>")``."""
+
+    seed: int
+    scenario: str
+    runs: int
+
+
+class LoadedTruth(NamedTuple):
+    """A truth and how it was come by."""
+
+    truth: Truth
+    cached: bool = False
+    """Whether it was read from the cache."""
+    notes: tuple[str, ...] = ()
+    """What went wrong with the cache, a line each."""
+    measurements: dict[str, RecordedMeasurements] | None = None
+    """By sensor; None where measurements are to be synthesised."""
+
+
+class TruthSource(Config, ABC):
+    """Where the true motion comes from. The fields of a subclass are its options in a scenario."""
+
+    source: str = Field("", description="Where the true motion comes from.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, data: Any) -> Any:
+        return {"source": TRUTH_SOURCES.name_of(cls), **data} if isinstance(data, dict) else data
+
+    @abstractmethod
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        """The truth that these options describe.
+
+        Args:
+            draw: what random motion is drawn by.
+            folder: the scenario's, where relative paths start.
+            sensors: the kind of each of the scenario's sensors, which a recording may feed.
+            cache: whether a simulated truth is read from the cache and kept there.
+            progress: called with the number of steps simulated and of all.
+
+        Raises:
+            InputError: it cannot be had; ``key`` names the option at fault (``truth.env``).
+        """
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+        """Check everything that can be checked without simulating, as far as the options alone do not show it.
+
+        Args:
+            folder: the scenario's, where relative paths start; the working directory unless given.
+            sensors: the kind of each of the scenario's sensors, which a recording may feed.
+
+        Raises:
+            InputError: as in ``load``.
+        """
+
+    @property
+    def random(self) -> bool:
+        """Whether the motion differs from run to run."""
+        return False
+
+    def most_runs(self) -> int | None:
+        """The number of runs whose motion fits the memory; None where it does not depend on them."""
+        return None
+
+    def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
+        """Those of the sensors, given by name with their kinds, whose measurements the source has."""
+        return {}
+
+
+class SteppedTruth(TruthSource):
+    """A truth source that makes its motion at a regular rate, into which the sensors' rates have to fit."""
+
+    duration_s: float = Field(gt=0, le=3600, description="Length of the scene, s.")
+    rate_hz: int = Field(
+        ge=1, le=1000, description="Steps of the truth per second, Hz; every sensor's rate divides it."
+    )
+
+
+#: The truth sources by the names that scenarios use.
+TRUTH_SOURCES: Registry[type[TruthSource]] = Registry(
+    "trackbench.truth_sources", "truth source", lacks_class(TruthSource)
+)

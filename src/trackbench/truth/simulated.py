@@ -1,0 +1,49 @@
+"""Simulated truth, from the cache if it is there."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from trackbench.truth import cache as store
+from trackbench.truth.base import LoadedTruth
+from trackbench.truth.config import HighwayTruth
+from trackbench.types import Progress
+
+OWN_CLASSES = "highway_env."
+
+log = logging.getLogger(__name__)
+
+
+def load(config: HighwayTruth, cache: bool, progress: Progress) -> LoadedTruth:
+    """Read the truth from the cache, or simulate and keep it."""
+    file = store.path(config) if cache and _determined(config) else None
+    notes = []
+    if file is not None:
+        try:
+            stored = store.read(file, config)
+        except ValueError as error:
+            notes.append(f"cache: {error}; simulated again")
+        else:
+            if stored is not None:
+                log.info("truth from the cache: %s", file)
+                return LoadedTruth(stored, cached=True)
+
+    from trackbench.truth import highway
+
+    begin = time.perf_counter()
+    truth = highway.simulate(config, progress)
+    log.info("truth simulated in %.1f s: %s", time.perf_counter() - begin, config.env)
+    if file is not None:
+        try:
+            store.write(file, config, truth)
+            log.info("truth kept in the cache: %s", file)
+        except OSError as error:
+            notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
+    return LoadedTruth(truth, cached=False, notes=tuple(notes))
+
+
+def _determined(config: HighwayTruth) -> bool:
+    """Whether the configuration and the versions determine the truth: a user's own driver class may change."""
+    vehicles = config.config.get("other_vehicles_type", OWN_CLASSES)
+    return str(vehicles).startswith(OWN_CLASSES)

@@ -1,0 +1,126 @@
+"""``trackbench new``: what it writes works as it is."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Cli = Callable[..., Any]
+
+FILTER = """
+import numpy as np
+
+class Kf:
+    def __init__(self, {arguments}):
+        self.x, self.P = np.zeros({shape}), np.eye(4)
+
+    def predict(self, {predict}):
+        F, G = np.eye(4) + dt * np.eye(4, k=2), np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
+        self.x, self.P = F @ self.x, F @ self.P @ F.T + 9 * G @ G.T
+
+    def update(self, {update}):
+        H = np.eye(2, 4)
+        K = self.P @ H.T @ np.linalg.inv(H @ self.P @ H.T + R)
+        self.x = self.x + K @ (z - H @ self.x)
+        A = np.eye(4) - K @ H
+        self.P = A @ self.P @ A.T + K @ R @ K.T
+"""
+
+
+def run_pytest(folder: Path, *files: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *files]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_what_is_written_passes_its_own_tests(tmp_path: Path, cli: Cli) -> None:
+    kinds = {"tracker": "gains", "motion-model": "fading", "sensor": "sonar", "truth": "ring"}
+    for kind, name in kinds.items():
+        done = cli("new", kind, name)
+        assert done.status == 0, done.err
+        assert f"pytest test_{name}.py" in done.out
+    done = run_pytest(tmp_path)
+    assert done.returncode == 0, done.stdout
+    assert "4 passed" in done.stdout
+
+
+def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackbench: str) -> None:
+    cli("new", "tracker", "gains_scenario", "--out", "deep/folder")
+    command = [trackbench, "run", "gains_scenario.yaml", "--runs", "2", "--json", "--no-recording"]
+    done = subprocess.run(command, cwd=tmp_path / "deep/folder", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert [entry["failed"] for entry in json.loads(done.stdout)["trackers"]] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("changes", "calls"),
+    [
+        ({}, ["predict(dt)", "update(z, R)"]),
+        ({"update": "measurement, R=None", "predict": "time_step"}, ["predict(dt)", "update(z, R=R)"]),
+        ({"shape": "(4, 1)"}, ["predict(dt)", "update(z, R)"]),
+        ({"arguments": "dim_x, dim_z"}, ["Kf(dim_x=4, dim_z=2)"]),
+    ],
+)
+def test_a_filter_is_wrapped(
+    tmp_path: Path, cli: Cli, write_module: Any, changes: dict[str, str], calls: list[str]
+) -> None:
+    parts = {"arguments": "", "shape": "4", "predict": "dt", "update": "z, R", **changes}
+    code = FILTER.format(**parts)
+    if "measurement" in parts["update"]:
+        code = code.replace("H = np.eye(2, 4)", "H, z = np.eye(2, 4), measurement")
+    if parts["predict"] != "dt":
+        code = code.replace("        F, G =", f"        dt = {parts['predict']}\n        F, G =")
+    module = write_module(tmp_path, code)
+    done = cli("new", "tracker", f"around_{module}", "--around", f"{module}:Kf")
+    assert done.status == 0, done.err
+    text = (tmp_path / f"around_{module}.py").read_text(encoding="utf-8")
+    assert all(call in text for call in calls)
+    done = run_pytest(tmp_path, f"test_around_{module}.py")
+    assert done.returncode == 0, done.stdout
+
+
+def test_what_a_signature_leaves_open_is_left_to_the_author(tmp_path: Path, cli: Cli, write_module: Any) -> None:
+    code = FILTER.format(arguments="model", shape="4", predict="", update="z, gate").replace("dt", "0.1")
+    module = write_module(tmp_path, code)
+    assert cli("new", "tracker", f"open_{module}", "--around", f"{module}:Kf").status == 0
+    text = (tmp_path / f"open_{module}.py").read_text(encoding="utf-8")
+    for decision in ("what model is", "how predict() learns dt", "whether gate of update is R"):
+        assert f"# Decide {decision}" in text
+    compile(text, "written", "exec")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("tracker", "my-tracker"), "'my-tracker' is no name for a module"),
+        (("tracker", "class"), "'class' is no name for a module"),
+        (("sensor", "sonar", "--around", "os:path"), "--around goes with a tracker, not with a sensor"),
+        (("tracker", "mine", "--around", "os:system"), "'os:system' cannot be wrapped: it is not a class"),
+        (("tracker", "mine", "--around", "io:StringIO"), "cannot be wrapped: it has no predict and no update"),
+        (("tracker", "mine", "--around", "io:StringOI"), "module 'io' has no 'StringOI': did you mean 'StringIO'?"),
+        (("tracker", "mine", "--around", "Kf"), "'Kf' is no name in a module"),
+        (("tracker", "mine", "--out", "taken.txt/in"), "cannot be written"),
+    ],
+)
+def test_what_cannot_be_written_leaves_nothing(
+    tmp_path: Path, cli: Cli, arguments: tuple[str, ...], message: str
+) -> None:
+    (tmp_path / "taken.txt").write_text("")
+    done = cli("new", *arguments)
+    assert done.status == 2
+    assert message in done.err
+    assert done.err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["taken.txt"]
+
+
+def test_a_file_that_is_there_is_kept(tmp_path: Path, cli: Cli) -> None:
+    (tmp_path / "mine.yaml").write_text("mine")
+    done = cli("new", "tracker", "mine")
+    assert done.status == 2
+    assert done.err == "mine.yaml is there already: use another name\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"]
