@@ -35,7 +35,7 @@ class Pairs:
         for found in differences:
             if found.metric != "position_rmse":
                 continue
-            better = {"a better": True, "b better": False}.get(found.verdict)
+            better = None if found.better is None else found.better == found.a
             self._pairs[found.a, found.b] = Pair(found.value, found.ci95, better)
             flipped = None if found.ci95 is None else (-found.ci95[1], -found.ci95[0])
             self._pairs[found.b, found.a] = Pair(-found.value, flipped, None if better is None else not better)
