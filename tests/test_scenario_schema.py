@@ -9,7 +9,8 @@ import yaml
 
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Scenario
-from trackbench.scenario.docs import EXAMPLES, scenario_markdown
+from trackbench.scenario.docs import scenario_markdown
+from trackbench.scenario.examples import EXAMPLES
 from trackbench.scenario.metric_names import METRICS, metrics_by_path
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.source import parse
