@@ -11,7 +11,7 @@ from trackbench.errors import InputError, nearest
 from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, scaled
 from trackbench.metrics.protocol import Direction
-from trackbench.results import OwnMetricSummary
+from trackbench.results.summary import OwnMetricSummary
 from trackbench.types import Array
 
 #: Metrics that are another one over a bound, of which there is one value for all runs.
