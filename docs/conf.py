@@ -17,7 +17,7 @@ exclude_patterns = ["site"]
 
 #: The menu: by heading, the pages in their order.
 MENU = {
-    "Start": ["Quick start <self>"],
+    "Start": ["Quick start <self>", "tour"],
     "Scenarios": ["scenario-file", "sensors", "sensor-presets"],
     "Trackers": ["motion-models", "filters", "own-tracker", "adaptors"],
     "Results": ["metrics", "reading-a-report", "reading-a-recording", "compare"],

@@ -77,7 +77,7 @@ def test_the_example_s_extended_filter_is_the_built_in_one() -> None:
             {"filter": "own_filters:make_efk"},
             "filter: module 'own_filters' has no 'make_efk': did you mean 'make_kf'?",
         ),
-        ({"stat": []}, "stat: unknown; did you mean 'state'?"),
+        ({"stat": []}, "stat: unknown key; did you mean 'state'?"),
         ({"transition": None, "process_noise": None}, "dt_s: missing: the filter's own F and Q hold for one interval"),
     ],
 )

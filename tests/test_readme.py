@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ README = ROOT / "README.md"
 
 @pytest.mark.docs_pages
 def test_the_readme_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    shutil.copytree(ROOT / "scenarios", tmp_path / "scenarios")
     assert run_page(README, tmp_path) > 0
 
 

@@ -35,8 +35,8 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 def report_command(run: Path, format: Format, out: Path | None) -> None:
     """Write the report of a saved result in any format.
 
-    RUN is the folder of a run, of several runs, which are compared, or of an examination. Nothing is run again; of an
-    examination the figures are in its report.html alone.
+    RUN is the folder of a run, of several runs, which are compared, or of an examination, or a comparison.json. Nothing
+    is run again; of an examination the figures are in its report.html alone.
 
     \b
     Examples:
@@ -63,7 +63,7 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
 
 
 def _document(run: Path) -> Document:
-    from trackbench.compare import compare, find
+    from trackbench.compare import compare, find, load
     from trackbench.report.comparison import document
     from trackbench.report.run import run_document
 
@@ -72,6 +72,8 @@ def _document(run: Path) -> Document:
         from trackbench.report.examination import examination_document
 
         return examination_document(Examination.load(run / results.EXAMINATION))
+    if run.suffix == ".json" and run.name != results.SUMMARY:
+        return document(load(run))
     found = find(run)
     if len(found.entries) == 1:
         return run_document(found.entries[0].result)

@@ -93,7 +93,7 @@ def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | 
             )
             continue
         result = (unpaired if runs is None else paired)(own, other)
-        yield PairDifference(
+        item = PairDifference(
             scenario=match.scenario,
             metric=metric.path,
             unit=metric.unit,
@@ -107,6 +107,8 @@ def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | 
             paired_runs=None if runs is None else len(runs),
             verdict=NO_DIFFERENCE,
         )
+        # The rest of rounding is another on each machine.
+        yield item.model_copy(update={"difference": 0.0, "ci95": (0.0, 0.0)}) if item.identical else item
 
 
 def _corrected(family: Sequence[PairDifference], metric: ComparedMetric) -> list[PairDifference]:

@@ -81,7 +81,11 @@ def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
     if most is not None and max_runs > most:
         message = f"random motion is kept for all runs at once; at most {most} fit"
         raise InputError(message, file=loaded.path, key="--max-runs")
-    runs = min(max_runs, max(FIRST_RUNS, loaded.config.recording.run + 1))
+    recorded = loaded.config.recording.run
+    if recorded >= max_runs:
+        message = f"must be from 0 to {max_runs - 1}, because --max-runs is {max_runs}"
+        raise InputError(message, file=loaded.path, key="recording.run")
+    runs = min(max_runs, max(FIRST_RUNS, recorded + 1))
     return _with_runs(loaded, runs)
 
 

@@ -125,5 +125,4 @@ def difference_figure(
         alternative=f"Differences in {metric}: " + ", ".join(f"{label} {value:+.1f} %" for label, value, *_ in drawn),
         paint=paint,
         height=50 + _ROW * len(drawn),
-        width=_WIDTH,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.palette import tracker_colours
+from trackbench.report.calibration import NOTABLE, QUANTITIES
+from trackbench.report.conditions import BY, TITLE
 from trackbench.report.document import (
     Block,
     Code,
@@ -22,8 +24,7 @@ from trackbench.report.document import (
 from trackbench.report.document.styles import tracker_styles
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
-from trackbench.report.run.breakdown import BY, TITLE, calibrations, errors, shares
-from trackbench.report.run.calibration import NOTABLE, QUANTITIES
+from trackbench.report.run.breakdown import calibrations, errors, shares
 from trackbench.report.run.figures.autocorrelation import autocorrelation
 from trackbench.report.run.figures.breakdown import errors_by_class
 from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
