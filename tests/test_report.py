@@ -9,9 +9,9 @@ import pyarrow as pa
 import pytest
 from tests.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
 
+from trackbench.document.html import to_html
 from trackbench.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
 from trackbench.report.calibration import calibration_clauses
-from trackbench.report.document.html import to_html
 from trackbench.report.run import run_document
 from trackbench.results import Breakdown, Result
 

@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 from tests.example_result import RMSE, make_result
 
+from trackbench.document.markdown import to_markdown
 from trackbench.report.console import print_summary
-from trackbench.report.document.markdown import to_markdown
 from trackbench.report.run import run_document
 from trackbench.report.run.pairs import Pairs, groups
 from trackbench.results import Difference, Result

@@ -57,9 +57,9 @@ def compare_command(
     Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
     """
     from trackbench.compare import Limit, compare, find
+    from trackbench.document.save import require_ending
+    from trackbench.document.terminal import print_document
     from trackbench.report.comparison import ENDINGS, comparison_files, document
-    from trackbench.report.document.save import require_ending
-    from trackbench.report.document.terminal import print_document
     from trackbench.report.junit import suites_of_comparison, to_xml
 
     parsed = [Limit.parse(text) for text in limits]

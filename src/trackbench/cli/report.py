@@ -14,8 +14,8 @@ from trackbench.palette import tracker_colours
 from trackbench.words import counted
 
 if TYPE_CHECKING:
-    from trackbench.report.document import Document
-    from trackbench.report.document.files import Format
+    from trackbench.document import Document
+    from trackbench.document.files import Format
 
 #: Of the main file of a format; the other formats have none.
 _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
@@ -44,8 +44,8 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
       trackbench report results/highway --format latex --out paper
       trackbench report results --format html --out page.html
     """
-    from trackbench.report.document.files import files
-    from trackbench.report.document.terminal import print_document
+    from trackbench.document.files import files
+    from trackbench.document.terminal import print_document
 
     document = _document(run)
     if format == "terminal" and out is None:

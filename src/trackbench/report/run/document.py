@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.palette import tracker_colours
-from trackbench.report.calibration import NOTABLE, QUANTITIES
-from trackbench.report.conditions import BY, TITLE
-from trackbench.report.document import (
+from trackbench.document import (
     Block,
     Code,
     Document,
@@ -21,7 +18,10 @@ from trackbench.report.document import (
     Table,
     TrackerStyle,
 )
-from trackbench.report.document.styles import tracker_styles
+from trackbench.document.styles import tracker_styles
+from trackbench.palette import tracker_colours
+from trackbench.report.calibration import NOTABLE, QUANTITIES
+from trackbench.report.conditions import BY, TITLE
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import calibrations, errors, shares

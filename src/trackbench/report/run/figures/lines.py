@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.axes import Axes
 
-from trackbench.report.document import TrackerStyle
-from trackbench.report.document.axes import time_axis
+from trackbench.document import TrackerStyle
+from trackbench.document.axes import time_axis
 from trackbench.report.run.figures.columns import column, where
 from trackbench.types import Array
 

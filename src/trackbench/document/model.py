@@ -89,7 +89,7 @@ class LegendEntry:
 
     label: str
     colour: str
-    """``#rrggbb``, or one of the colours of :mod:`trackbench.report.document.drawing`."""
+    """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
     mark: Literal["line", "dash", "band", "dot"] = "line"
     key: str = ""
     """That of the tracker, where the entry is one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from trackbench.report.document.model import (
+from trackbench.document.model import (
     Block,
     Cell,
     Code,
