@@ -108,7 +108,8 @@ def test_a_run_does_not_depend_on_the_others(run_tiny: Run) -> None:
     for name in ("position_rmse_m", "nees_mean"):
         for who in ("raw", "ekf"):
             few_runs = column(few.tables["runs"], name, tracker=who)
-            np.testing.assert_array_equal(few_runs, column(many.tables["runs"], name, tracker=who)[:3])
+            # The sums of a run go through BLAS, whose rounding on some processors depends on how many runs are summed.
+            np.testing.assert_allclose(few_runs, column(many.tables["runs"], name, tracker=who)[:3], rtol=1e-14)
     assert few.summary.fingerprint != many.summary.fingerprint
 
 

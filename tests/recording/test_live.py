@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from trackbench.palette import tracker_colour
+from trackbench.palette import tracker_colours
 from trackbench.recording import live, painter
 from trackbench.recording.contents import colours_of
 from trackbench.recording.live import Live, Scene
@@ -141,7 +141,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         drawing.finish()
         return read_file(tmp_path / f"{name}.rrd")
 
-    colours = tracker_colour(["other", "raw", "ekf"])
+    colours = tracker_colours(["other", "raw", "ekf"])
     about = Scene("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
@@ -175,7 +175,7 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
     for item in seen[4:]:
         del item.estimates["ekf"]
     drawing = Painter("failing")
-    drawing.take([Scene("tiny", tracker_colour(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing.take([Scene("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()
     read = read_file(tmp_path / "failing.rrd")
     raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))

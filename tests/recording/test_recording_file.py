@@ -19,7 +19,7 @@ from scipy import stats
 
 from trackbench import recording
 from trackbench.errors import InputError, TrackbenchError
-from trackbench.palette import TRACKER_COLOURS, tracker_colour
+from trackbench.palette import TRACKER_COLOURS, tracker_colours
 from trackbench.results import Failure, Result, Tables
 
 
@@ -131,7 +131,7 @@ def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path
 
 
 def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
-    for name, colour in tracker_colour(tracker.name for tracker in result.summary.trackers).items():
+    for name, colour in tracker_colours(tracker.name for tracker in result.summary.trackers).items():
         expected = [int(colour[1:] + "FF", 16)]
         assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
         assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected
