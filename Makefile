@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all doctor-rates lint types contracts docs install benchmark reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long doctor-rates lint types contracts docs install benchmark reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -20,9 +20,12 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-dev lint types contracts docs
 	$(BIN)/pytest -n auto -m "not docs_pages and not slow"
 
+# The slow tests, and the commands of the documentation's pages as they are printed.
+test-long: $(VENV)/.installed-dev
+	$(BIN)/pytest -n auto -m "docs_pages or slow"
+
 # Everything that must hold of a commit.
-test-all: $(VENV)/.installed-dev lint types contracts docs
-	$(BIN)/pytest -n auto
+test-all: test test-long
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
