@@ -49,7 +49,11 @@ BAD_SCENARIO = [
     ("rate_hz: 5", "rate_hz: 0.2, phase_s: 4", "13: sensors.lidar.phase_s: the first measurement is after the end"),
     ("use: raw", "use: raw, sensors: [ldar]", "15: trackers.raw.sensors.0: the scenario has no sensor 'ldar'; did you"),
     ("use: raw", "use: rw", "15: trackers.raw.use: no tracker is published as 'rw': did you mean 'raw'?"),
-    ("use: raw", "use: raw, options: {a: 1}", "15: trackers.raw.use: 'raw' does not start with these options: Type"),
+    (
+        "use: raw",
+        "use: raw, options: {a: 1}",
+        "15: trackers.raw.use: 'raw' does not start with these options: got an unexpected keyword argument 'a' (it",
+    ),
 ]
 
 

@@ -214,7 +214,10 @@ def test_an_interrupt_leaves_nothing(cli: Callable[..., Any], tmp_path: Path, mo
         (["ekff"], "no tracker is published as 'ekff': did you mean 'ekf'?"),
         (["MODULE:Good", "--option", "gain"], "--option: write KEY=VALUE, such as sigma=3, not 'gain'"),
         (["MODULE:Good", "--option", "gain=[1"], "--option gain=[1:1: not valid YAML"),
-        (["MODULE:Good", "--option", "gian=1"], "'MODULE:Good' does not start with these options: TypeError"),
+        (
+            ["MODULE:Good", "--option", "gian=1"],
+            "'MODULE:Good' does not start with these options: got an unexpected keyword argument 'gian' (it takes: gain)",
+        ),
         (["MODULE:Good", "--scenario", "none.yaml"], "none.yaml: there is no such file"),
         (["MODULE:Good", "--out", "/proc/doctor/x"], "--out: cannot write to /proc/doctor"),
         (["MODULE:Good", "--out", "."], ".: there already, and not a folder with examination.json: not replaced"),

@@ -44,9 +44,7 @@ class Commands(click.Group):
 def cli() -> None:
     """Run vehicle trackers on the same truth and noise, and compare their errors.
 
-    \b
-    Example:
-      trackbench run highway
+    Example: trackbench run highway
     """
 
 

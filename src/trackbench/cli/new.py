@@ -29,7 +29,7 @@ NAMED = {
     help="Where to; here unless given.",
 )
 def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
-    """Write a working start for a plug-in of your own: a module and its test.
+    """Write a plug-in of your own that works, with its test.
 
     KIND is tracker, motion-model, sensor or truth; a tracker gets a scenario too. No file is overwritten.
 
