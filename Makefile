@@ -8,7 +8,7 @@ GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
 	@echo "make test      linter, types, import contracts, documentation site and tests: under 4 minutes on 2 cores"
-	@echo "make test-all  the same, and the commands of the documentation's pages as they are printed"
+	@echo "make test-all  the same, with the slow tests and the commands of the documentation's pages as they are printed"
 
 # The main job: a shipped highway-env scenario to a result, a report and a recording.
 demo: $(VENV)/.installed
@@ -18,7 +18,7 @@ demo: $(VENV)/.installed
 
 # What a change is tried with. Tests that need Chromium or a Vulkan driver are skipped where it is missing.
 test: $(VENV)/.installed-dev lint types contracts docs
-	$(BIN)/pytest -n auto -m "not docs_pages"
+	$(BIN)/pytest -n auto -m "not docs_pages and not slow"
 
 # Everything that must hold of a commit.
 test-all: $(VENV)/.installed-dev lint types contracts docs

@@ -28,7 +28,7 @@ MENU = {
         "projects/udacity-ukf",
         "projects/udacity-simulator",
     ],
-    "Python": ["python", "api"],
+    "Python": ["python", "plug-ins", "api"],
 }
 
 # Markdown as GitHub reads it.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from trackbench.doctor.examine import Doctor
 from trackbench.doctor.subject import subject
-from trackbench.report.document.drawing import svg_file
+from trackbench.document.drawing import svg_file
 from trackbench.report.examination.figures import innovation_figure
 
 DOCS = Path(__file__).parent

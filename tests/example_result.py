@@ -140,7 +140,8 @@ def make_summary() -> dict[str, Any]:
             "value": RMSE[a] - RMSE[b],
             "ci95": [RMSE[a] - RMSE[b] - 0.005, RMSE[a] - RMSE[b] + 0.005],
             "p_value": 0.3 if {a, b} in TIED else 1e-9,
-            "verdict": "no difference shown" if {a, b} in TIED else "a better" if RMSE[a] < RMSE[b] else "b better",
+            "better": None if {a, b} in TIED else a if RMSE[a] < RMSE[b] else b,
+            "verdict": "no difference shown" if {a, b} in TIED else f"{a if RMSE[a] < RMSE[b] else b} better",
         }
         for i, a in enumerate(names)
         for b in names[i + 1 :]

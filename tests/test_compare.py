@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, load
+from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, assembly, compare, find, load
 from trackbench.compare.comparability import Comparability, comparability
 from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
 from trackbench.errors import InputError
@@ -309,7 +309,7 @@ def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monk
     def larger(path: str, key: str, own: object = ()) -> ComparedMetric:
         return replace(compared_metric(path, key), better="larger")
 
-    monkeypatch.setattr("trackbench.compare.assembly.compared_metric", larger)
+    monkeypatch.setattr(assembly, "compared_metric", larger)
     sets = [keep(), keep(WORSE_EKF)]
     assert judged(sets, 0)["ekf"] == "passed"
     assert judged(sets[::-1], 0)["ekf"] == "failed"

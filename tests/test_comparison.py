@@ -14,10 +14,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from trackbench.compare import Comparison, compare, results_in
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
 from trackbench.palette import tracker_colours
 from trackbench.report.comparison import batch_files, comparison_files, document
-from trackbench.report.document.html import to_html
-from trackbench.report.document.markdown import to_markdown
 from trackbench.results import Result
 
 RUNS = 20

@@ -77,10 +77,10 @@ def test_an_injected_fault_has_the_right_name_first(doctor: Doctor, fault: str) 
     "name",
     [
         "PlainEkf first_reading",
-        "FilterPyUkf two_readings",
+        pytest.param("FilterPyUkf two_readings", marks=pytest.mark.slow),
         "kf ca calm, two_readings",
-        "ukf ctrv lively, first_reading",
-        "ekf ctra usual, two_readings",
+        pytest.param("ukf ctrv lively, first_reading", marks=pytest.mark.slow),
+        pytest.param("ekf ctra usual, two_readings", marks=pytest.mark.slow),
         "raw",
         "alpha_beta",
     ],

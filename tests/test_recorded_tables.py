@@ -12,7 +12,7 @@ import pytest
 
 from trackbench.errors import InputError
 from trackbench.truth import Draw, LoadedTruth
-from trackbench.truth.config import RecordingTruth
+from trackbench.truth.sources import RecordingTruth
 
 #: Two cars, at irregular times; the second is seen later. km, km/h and degrees.
 HEAD = ["t_ms", "who", "x_km", "y_km", "v_kmph", "course_deg", "r_km", "az_deg", "rr_kmph"]

@@ -11,8 +11,8 @@ from tests.udacity import recorded_lines, synthetic_lines
 
 from trackbench.errors import InputError
 from trackbench.truth import Draw, LoadedTruth
-from trackbench.truth.config import RecordingTruth
 from trackbench.truth.recorded.udacity_file import parse
+from trackbench.truth.sources import RecordingTruth
 
 KINDS = {"roof": "lidar", "front": "radar"}
 LINES = synthetic_lines(8)

@@ -9,10 +9,10 @@ import pyarrow as pa
 import pytest
 from tests.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
 
+from trackbench.document.html import to_html
 from trackbench.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
-from trackbench.report.document.html import to_html
+from trackbench.report.calibration import calibration_clauses
 from trackbench.report.run import run_document
-from trackbench.report.run.calibration import calibration_clauses
 from trackbench.results import Breakdown, Result
 
 
@@ -253,7 +253,7 @@ def test_one_run_gives_no_intervals() -> None:
             if isinstance(value, dict) and "ci95" in value:
                 value["ci95"] = None
     for entry in summary["differences"]:
-        entry |= {"ci95": None, "p_value": 1.0, "verdict": "no difference shown"}
+        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "no difference shown"}
     page = Page(render(Result.from_json(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text

@@ -7,8 +7,8 @@ from tests.browser import Seen, look
 from tests.example_result import make_result
 
 from trackbench.compare import compare, results_in
+from trackbench.document.html import to_html
 from trackbench.report.comparison import document
-from trackbench.report.document.html import to_html
 from trackbench.report.run import run_document
 from trackbench.results import Result
 

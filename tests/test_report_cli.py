@@ -12,7 +12,7 @@ import pytest
 
 from trackbench.doctor.examine import Examination
 from trackbench.doctor.findings import CheckResult, Finding
-from trackbench.report.document.html import to_html
+from trackbench.document.html import to_html
 from trackbench.report.run import run_document
 from trackbench.results import Result
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
-from trackbench.scenario.docs import EXAMPLES
+from trackbench.scenario.examples import EXAMPLES
 
 TEXT = "".join(EXAMPLES.values())
 VALID = yaml.safe_load(TEXT)

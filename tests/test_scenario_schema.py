@@ -10,7 +10,8 @@ import yaml
 from trackbench.metrics.registry import by_path, known
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Scenario
-from trackbench.scenario.docs import EXAMPLES, scenario_markdown
+from trackbench.scenario.docs import scenario_markdown
+from trackbench.scenario.examples import EXAMPLES
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.source import parse
 
@@ -85,6 +86,17 @@ def test_schema_accepts_what_a_preset_supplies() -> None:
 
     assert without in EXAMPLE
     assert errors(EXAMPLE.replace(without, "")) == []
+
+
+def test_schema_knows_the_options_that_a_published_tracker_declares() -> None:
+    options = "{filter: 'a:b', state: [px, py, vx, vy], initial: own}"
+    mine = EXAMPLE.replace("raw: {use: raw}", f"raw: {{use: raw}}\n  mine: {{use: filterpy, options: {options}}}")
+    assert errors(mine) == []
+    assert errors(mine.replace("initial: own", "initial: birth"))
+    assert errors(mine.replace("filter: 'a:b', ", ""))
+    own = EXAMPLE.replace("motion: cv\n    acceleration_sigma_mps2: 3", "motion: 'mine:Model'\n    gain: 3")
+    assert own != EXAMPLE
+    assert errors(own) == []
 
 
 def test_the_page_is_up_to_date() -> None:

@@ -278,20 +278,25 @@ def test_the_page_shows_what_happens(tmp_path):
         assert logged[0] in page
 
 
-def fails(*options: str) -> str:
-    done = subprocess.run([*COMMAND, *options], capture_output=True, text=True, timeout=SECONDS, check=False)
-    assert done.returncode == 2
-    assert done.stdout == ""
-    return done.stderr
+@pytest.fixture
+def fails(cli):
+    """Serves what cannot be served, and returns what is said of it."""
+
+    def call(*options: str) -> str:
+        done = cli("serve", "udacity", *options)
+        assert (done.status, done.out) == (2, "")
+        return done.err
+
+    return call
 
 
-def test_a_port_in_use(server, scenario):
+def test_a_port_in_use(server, scenario, fails):
     port = str(server("ekf").port)
     message = fails("--port", port, "--tracker", f"{scenario}#ekf")
     assert message == f"--port: port {port} of 127.0.0.1 is in use; name another one, or 0 for any that is free\n"
 
 
-def test_what_cannot_be_served_is_said_in_one_line(scenario):
+def test_what_cannot_be_served_is_said_in_one_line(scenario, fails):
     assert fails("--tracker", f"{scenario}#eff").endswith("no tracker 'eff' in this scenario; did you mean 'ekf'?\n")
     assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO#NAME, not '{scenario}'\n"
     assert "there is no such file; did you mean 'cyclist.yaml'?" in fails(

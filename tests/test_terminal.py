@@ -191,9 +191,7 @@ def test_letters_that_say_nothing_at_a_glance_are_left_out(tiny_result: Result) 
     names = [f"t{i}" for i in range(26)]
     pattern = tiny_result.summary.differences[0]
     # Each differs from its partner alone, which takes a letter for every choice of partners: more than fit.
-    pairs = [
-        pattern.model_copy(update={"a": names[i], "b": names[i + 1], "verdict": "a better"}) for i in range(0, 8, 2)
-    ]
+    pairs = [pattern.model_copy(update={"a": names[i], "b": names[i + 1], "better": names[i]}) for i in range(0, 8, 2)]
     result = result_of(names, tiny_result).updated(differences=pairs)
     console = Console(width=80, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
     with console.file:

@@ -105,7 +105,9 @@ def test_the_examples_of_the_documentation_pass(use: str, monkeypatch: pytest.Mo
 def test_what_cannot_be_started_is_an_input_error() -> None:
     with pytest.raises(InputError, match="did you mean 'raw'"):
         check_tracker("rawr")
-    with pytest.raises(InputError, match="'raw' does not start with these options: TypeError"):
+    with pytest.raises(
+        InputError, match="'raw' does not start with these options: got an unexpected keyword argument 'gain'"
+    ):
         check_tracker("raw", gain=1)
 
 
@@ -132,7 +134,7 @@ def test_memory_beside_the_state() -> None:
     assert "remembers something beside it" in broken(Remembers)[LEAVES]
 
 
-@pytest.mark.parametrize("field", ["measurement", "noise", "sensor_pose", "sensor_velocity"])
+@pytest.mark.parametrize("field", ["measurement", "noise_covariance", "sensor_pose", "sensor_velocity"])
 @pytest.mark.parametrize("base", [Good, GoodBatch])
 def test_scan_changed_in_place(field: str, base: type) -> None:
     class Spoils(base):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trackbench.truth import Draw, LoadedTruth, cache, highway
-from trackbench.truth.config import HighwayTruth
+from trackbench.truth.sources import HighwayTruth
 from trackbench.types import Progress, Truth
 
 CONFIG = HighwayTruth(source="highway-env", env="u-turn-v1", seed=1, duration_s=1, rate_hz=10)

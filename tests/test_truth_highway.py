@@ -11,8 +11,8 @@ from highway_env.vehicle.behavior import IDMVehicle
 
 from trackbench.errors import InputError
 from trackbench.truth import list_envs
-from trackbench.truth.config import HighwayTruth
 from trackbench.truth.highway import simulate
+from trackbench.truth.sources import HighwayTruth
 from trackbench.types import Truth
 
 ROADSIDE = {"x": -32, "y": -32, "yaw_deg": 45}
@@ -213,7 +213,7 @@ def test_nothing_leaks_to_the_terminal() -> None:
     """Old ids warn, and pygame and highway-env like to greet."""
     code = (
         "from pathlib import Path; from trackbench.truth import Draw;"
-        "from trackbench.truth.config import HighwayTruth;"
+        "from trackbench.truth.sources import HighwayTruth;"
         "config = HighwayTruth(source='highway-env', env='roundabout-v0', duration_s=4, rate_hz=10);"
         "config.load(Draw(0, 'test', 1), folder=Path(), cache=False)"
     )

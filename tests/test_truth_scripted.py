@@ -13,7 +13,7 @@ from trackbench.report.run.audit import audit_sentences
 from trackbench.runner.block import run_block
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import Draw
-from trackbench.truth.config import ScriptedTruth
+from trackbench.truth.sources import ScriptedTruth
 from trackbench.types import Truth
 
 WHITE = {"white": {"motion": "cv", "acceleration_sigma_mps2": 3}}

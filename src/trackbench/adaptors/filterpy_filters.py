@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, UnscentedKalmanFilter
 
-from trackbench.adaptors.filterpy_kinds import KINDS, Sensing, kind_of
+from trackbench.adaptors.filterpy_kinds import KINDS, SensorUse, kind_of
 from trackbench.adaptors.filterpy_options import FilterPyOptions
 from trackbench.adaptors.filterpy_tracker import FilterPyTracker
 from trackbench.adaptors.options import function, made
@@ -64,7 +64,7 @@ class MatrixTracker(FilterPyTracker):
         return self._h(self._of(scan), scan)(self._shaped(x))
 
     @abstractmethod
-    def _h(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         """The matrix H at a state."""
 
     def _transition_matrix(self, x: Array, dt: float) -> Array:
@@ -93,14 +93,14 @@ class LinearTracker(MatrixTracker):
                 fits = f"not {(len(names), len(options.state))}, which maps the state to {', '.join(names)}"
                 raise InputError(f"filter: its H has the shape {self._own_h.shape}, {fits}")
 
-    def _h(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         own = self._own_h
         return lambda x: how.reader.slope(x.reshape(-1), scan) if own is None else own
 
-    def _hx(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         return lambda x: self._h(how, scan)(x) @ x
 
-    def _take(self, running: Any, how: Sensing, scan: Scan, z: Array, r: Array | None) -> None:
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
         running.update(z, R=r, H=self._h(how, scan)(running.x))
 
 
@@ -120,17 +120,17 @@ class ExtendedTracker(MatrixTracker):
         if moved is not None:
             running.x = np.reshape(moved, running.x.shape)
 
-    def _h(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _h(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         if how.jacobian is not None:
             return _with(how.jacobian, *_args(how, scan))
         return lambda x: how.reader.slope(x.reshape(-1), scan)
 
-    def _hx(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         if how.hx is not None:
             return _with(how.hx, *_args(how, scan))
         return lambda x: self._shaped(how.reader.expected(x.reshape(-1), scan))
 
-    def _take(self, running: Any, how: Sensing, scan: Scan, z: Array, r: Array | None) -> None:
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
         residual = (how.residual or np.subtract) if how.own else partial(how.reader.residual, scan=scan)
         running.update(z, self._h(how, scan), self._hx(how, scan), R=r, residual=residual)
 
@@ -154,13 +154,13 @@ class UnscentedTracker(FilterPyTracker):
     def _move(self, running: Any, dt: float) -> None:
         running.predict(dt=dt)
 
-    def _hx(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         if not how.own:
             return lambda x: how.reader.expected(x, scan)
         fields = dict(zip(how.args, _args(how, scan), strict=True))
         return partial(how.hx or self._filter.hx, **fields)
 
-    def _take(self, running: Any, how: Sensing, scan: Scan, z: Array, r: Array | None) -> None:
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
         before = running.residual_z, running.z_mean
         if how.own:
             residual, mean = how.residual or before[0], how.mean or before[1]
@@ -172,7 +172,7 @@ class UnscentedTracker(FilterPyTracker):
         running.residual_z, running.z_mean = before
 
 
-def _args(how: Sensing, scan: Scan) -> tuple[Any, ...]:
+def _args(how: SensorUse, scan: Scan) -> tuple[Any, ...]:
     return tuple(getattr(scan, name) for name in how.args)
 
 

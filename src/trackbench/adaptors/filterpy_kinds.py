@@ -72,7 +72,7 @@ def _only(given: set[str], used: tuple[str, ...], kind: type, where: str) -> Non
         raise InputError(f"{where}{key}: not used with {kind.__name__}, which takes {', '.join(used)}")
 
 
-class Sensing(NamedTuple):
+class SensorUse(NamedTuple):
     """How the measurements of a sensor are given to the filter, its functions found."""
 
     reader: Reader
@@ -86,7 +86,7 @@ class Sensing(NamedTuple):
     args: tuple[str, ...] = ()
 
 
-def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, Sensing] | Sensing:
+def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, SensorUse] | SensorUse:
     """How each sensor's measurements are given to the filter, by the sensor's name or kind, or how those of all are.
 
     Raises:
@@ -95,12 +95,12 @@ def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, S
     # A linear filter can be given nothing but a position, unless the user says what its own H is of.
     usual = POSITION if kind is KalmanFilter else None
 
-    def found(name: str, sensor: FilterPySensor) -> Sensing:
+    def found(name: str, sensor: FilterPySensor) -> SensorUse:
         def of(key: str) -> Callable[..., Array] | None:
             reference = getattr(sensor, key)
             return None if reference in (None, OWN) else function(f"sensors.{name}.{key}", reference)
 
-        return Sensing(
+        return SensorUse(
             Reader(layout, sensor.measurement or usual),
             sensor.states_noise,
             sensor.hx is not None,
@@ -112,5 +112,5 @@ def sensing(options: FilterPyOptions, kind: type, layout: Layout) -> dict[str, S
         )
 
     if options.sensors is None:
-        return Sensing(Reader(layout, usual))
+        return SensorUse(Reader(layout, usual))
     return {name: found(name, sensor) for name, sensor in options.sensors.items()}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.adaptors.filterpy_kinds import Sensing, sensing
+from trackbench.adaptors.filterpy_kinds import SensorUse, sensing
 from trackbench.adaptors.filterpy_options import FilterPyOptions
 from trackbench.adaptors.options import function, of_sensor, takes_state
 from trackbench.adaptors.tracker import AdaptedTracker, Updated
@@ -38,11 +38,11 @@ class FilterPyTracker(AdaptedTracker):
         """Predict in place."""
 
     @abstractmethod
-    def _take(self, running: Any, how: Sensing, scan: Scan, z: Array, r: Array | None) -> None:
+    def _take(self, running: Any, how: SensorUse, scan: Scan, z: Array, r: Array | None) -> None:
         """Update in place with a measurement; its covariance is None where the filter's own is meant."""
 
     @abstractmethod
-    def _hx(self, how: Sensing, scan: Scan) -> Callable[[Array], Array]:
+    def _hx(self, how: SensorUse, scan: Scan) -> Callable[[Array], Array]:
         """What is expected to be measured of a state."""
 
     def _own(self, time: float) -> Any:
@@ -72,8 +72,8 @@ class FilterPyTracker(AdaptedTracker):
         self._take(belief, how, scan, self._shaped(measured.mean), noise)
         return Updated(belief, np.reshape(belief.y, -1).astype(float), np.array(belief.S, dtype=float))
 
-    def _of(self, scan: Scan) -> Sensing:
-        return self._sensing if isinstance(self._sensing, Sensing) else of_sensor(self._sensing, scan)
+    def _of(self, scan: Scan) -> SensorUse:
+        return self._sensing if isinstance(self._sensing, SensorUse) else of_sensor(self._sensing, scan)
 
     def _shaped(self, vector: Array) -> Array:
         """A vector as FilterPy has the state: as it is, or as a column."""

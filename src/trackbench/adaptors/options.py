@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from trackbench import plugins
@@ -24,6 +24,10 @@ Found = TypeVar("Found")
 OWN = "own"
 #: How a track may start from measurements.
 STARTS = ("first_reading", "two_readings")
+
+
+#: The JSON Schema of ``initial``: a word, or the mapping that it is short for.
+STARTED = {"anyOf": [{"enum": [OWN, *STARTS]}, {"type": "object"}]}
 
 
 class SensorOptions(Config):
@@ -75,7 +79,7 @@ class AdaptorOptions(Config):
     """Its name."""
 
     state: list[str] = Field(description="the components of the state in the filter's order, such as [px, vx, py, vy]")
-    initial: Annotated[InitialConfig | None, BeforeValidator(_start)] = Field(
+    initial: Annotated[InitialConfig | None, BeforeValidator(_start), WithJsonSchema(STARTED)] = Field(
         description="own (x and P as they are set), first_reading or two_readings"
     )
     """None: as the filter itself is set."""

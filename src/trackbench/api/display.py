@@ -6,10 +6,10 @@ from html import escape
 from pathlib import Path
 
 from trackbench import results
-from trackbench.report.document import Cell, Document, Figure, Table
-from trackbench.report.document.files import text
-from trackbench.report.document.html import to_html
-from trackbench.report.document.save import files_by_ending, require_ending
+from trackbench.document import Cell, Document, Figure, Table
+from trackbench.document.files import text
+from trackbench.document.html import to_html
+from trackbench.document.save import files_by_ending, require_ending
 
 #: Of a report in a notebook, pixels; it scrolls.
 HEIGHT = 640
@@ -61,7 +61,7 @@ class ReportFigure:
         return f"<figure {self.figure.name}: {self.figure.title}>"
 
     def _repr_svg_(self) -> str:
-        from trackbench.report.document.drawing import svg_file
+        from trackbench.document.drawing import svg_file
 
         return svg_file(self.figure)
 
@@ -72,7 +72,7 @@ class ReportFigure:
             InputError: the ending is another one.
             TrackbenchError: the file cannot be written.
         """
-        from trackbench.report.document.drawing import pdf_file, svg_file
+        from trackbench.document.drawing import pdf_file, svg_file
 
         file = Path(path)
         require_ending(file, FIGURE_ENDINGS)

@@ -32,8 +32,8 @@ def save(
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
     from trackbench import recording as rerun
-    from trackbench.report.document.html import to_html
-    from trackbench.report.document.markdown import to_markdown
+    from trackbench.document.html import to_html
+    from trackbench.document.markdown import to_markdown
     from trackbench.report.run import run_document
 
     document = run_document(result, colours)

@@ -44,7 +44,7 @@ def compare_command(
     """Compare the trackers of finished runs, or versions of them.
 
     A and B are folders of a run, or of the runs of several scenarios. The first is the baseline; nothing is run
-    again. A comparison.json is shown as it was kept.
+    again. `trackbench report` shows a comparison.json again.
 
     \b
     Examples:
@@ -56,10 +56,10 @@ def compare_command(
     \b
     Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
     """
-    from trackbench.compare import Limit, compare, find, load
+    from trackbench.compare import Limit, compare, find
+    from trackbench.document.save import require_ending
+    from trackbench.document.terminal import print_document
     from trackbench.report.comparison import ENDINGS, comparison_files, document
-    from trackbench.report.document.save import require_ending
-    from trackbench.report.document.terminal import print_document
     from trackbench.report.junit import suites_of_comparison, to_xml
 
     parsed = [Limit.parse(text) for text in limits]
@@ -71,12 +71,7 @@ def compare_command(
         if path is not None:
             results.require_file(path, key)
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    if paths[0].suffix == ".json" and paths[0].name != results.SUMMARY:
-        if len(paths) > 1 or metrics or parsed or chosen:
-            raise InputError("a comparison that was kept is shown as it is: name it alone", file=paths[0])
-        found = load(paths[0])
-    else:
-        found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
+    found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
     for file, content in comparison_files(found, out) if out is not None else ():
         results.write_bytes(file, content)
     if junit is not None:

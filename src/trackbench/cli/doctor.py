@@ -101,8 +101,8 @@ def _examine(examined: Subject) -> tuple[Examination, list[EvidenceRun]]:
 
 
 def _save(examination: Examination, evidence: Sequence[EvidenceRun], folder: Path) -> list[str]:
+    from trackbench.document.html import to_html
     from trackbench.recording import examination as recording
-    from trackbench.report.document.html import to_html
     from trackbench.report.examination import examination_document
 
     files = {

@@ -14,8 +14,8 @@ from trackbench.palette import tracker_colours
 from trackbench.words import counted
 
 if TYPE_CHECKING:
-    from trackbench.report.document import Document
-    from trackbench.report.document.files import Format
+    from trackbench.document import Document
+    from trackbench.document.files import Format
 
 #: Of the main file of a format; the other formats have none.
 _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
@@ -35,8 +35,8 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 def report_command(run: Path, format: Format, out: Path | None) -> None:
     """Write the report of a saved result in any format.
 
-    RUN is the folder of a run, of several runs, which are compared, or of an examination. Nothing is run again; of an
-    examination the figures are in its report.html alone.
+    RUN is the folder of a run, of several runs, which are compared, or of an examination, or a comparison.json. Nothing
+    is run again; of an examination the figures are in its report.html alone.
 
     \b
     Examples:
@@ -44,8 +44,8 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
       trackbench report results/highway --format latex --out paper
       trackbench report results --format html --out page.html
     """
-    from trackbench.report.document.files import files
-    from trackbench.report.document.terminal import print_document
+    from trackbench.document.files import files
+    from trackbench.document.terminal import print_document
 
     document = _document(run)
     if format == "terminal" and out is None:
@@ -63,7 +63,7 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
 
 
 def _document(run: Path) -> Document:
-    from trackbench.compare import compare, find
+    from trackbench.compare import compare, find, load
     from trackbench.report.comparison import document
     from trackbench.report.run import run_document
 
@@ -72,6 +72,8 @@ def _document(run: Path) -> Document:
         from trackbench.report.examination import examination_document
 
         return examination_document(Examination.load(run / results.EXAMINATION))
+    if run.suffix == ".json" and run.name != results.SUMMARY:
+        return document(load(run))
     found = find(run)
     if len(found.entries) == 1:
         return run_document(found.entries[0].result)

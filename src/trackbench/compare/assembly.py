@@ -10,7 +10,7 @@ from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comp
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
-from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
+from trackbench.compare.metrics import ComparedMetric, compared_metric
 from trackbench.compare.ranking import RANKED_BY, Pairings, ranking, scores
 from trackbench.errors import InputError, nearest
 from trackbench.results import Result
@@ -100,9 +100,9 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
 
 
 def _metric(path: str, key: str, sets: Sequence[ResultSet]) -> ComparedMetric:
-    """A metric by its path, which may be one of a scenario's plug-ins."""
-    entries = [entry for item in sets for entry in item.entries] if path not in BUILT_IN else []
-    return compared_metric(path, key, [metric for entry in entries for metric in entry.scenario.score.metrics])
+    """A metric by its path, which may be one that is not built in."""
+    own = [metric for item in sets for entry in item.entries for metric in entry.result.summary.score.metrics]
+    return compared_metric(path, key, own)
 
 
 def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) -> None:

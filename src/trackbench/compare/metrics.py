@@ -10,7 +10,8 @@ import numpy as np
 from trackbench.errors import InputError, nearest
 from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, scaled
-from trackbench.metrics.protocol import Direction, Metric
+from trackbench.metrics.protocol import Direction
+from trackbench.results.summary import OwnMetricSummary
 from trackbench.types import Array
 
 #: Metrics that are another one over a bound, of which there is one value for all runs.
@@ -64,14 +65,15 @@ class ComparedMetric:
         return None if found is None else scaled(found, 1.0 / bound)
 
 
-def compared_metric(path: str, key: str, own: Sequence[Metric] = ()) -> ComparedMetric:
-    """A metric by its path; ``own`` are those of the scenario's plug-ins.
+def compared_metric(path: str, key: str, own: Sequence[OwnMetricSummary] = ()) -> ComparedMetric:
+    """A metric by its path; ``own`` are those that are not built in.
 
     Raises:
         InputError: it has no value in each run; ``key`` is the option that names it.
     """
-    named = {*BUILT_IN, *(metric.name for metric in own)}
-    found = {item.path: item for item in registry.known(own) if item.path in named}
-    if path not in found:
-        raise InputError(f"{path!r} is not compared run by run; {nearest(path, found)}", key=key)
-    return ComparedMetric(path, found[path].unit, found[path].better)
+    found = {item.path: ComparedMetric(item.path, item.unit, item.better) for item in registry.known()}
+    known = {name: metric for name, metric in found.items() if name in BUILT_IN}
+    known |= {item.name: ComparedMetric(item.name, item.unit, item.better) for item in own if not item.per_sensor}
+    if path not in known:
+        raise InputError(f"{path!r} is not compared run by run; {nearest(path, known)}", key=key)
+    return known[path]

@@ -14,8 +14,8 @@ from pydantic import Field
 from trackbench.config import Config, Name, NonNegative, Positive, Probability
 from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense
-from trackbench.truth.config import ScriptedTruth
 from trackbench.truth.scripted import script
+from trackbench.truth.sources import ScriptedTruth
 from trackbench.types import Array, Scan
 
 #: Rate of the truth, Hz: a multiple of all sensors' rates.

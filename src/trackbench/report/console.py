@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.text import Text
 
-from trackbench.report.document.terminal import STYLE
+from trackbench.document.terminal import STYLE
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import Pairs, groups

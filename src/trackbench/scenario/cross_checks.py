@@ -15,7 +15,7 @@ from trackbench.models.sensors.presets import presets
 from trackbench.scenario import recorded_checks
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import SteppedTruth
-from trackbench.truth.config import RecordingTruth
+from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Expectation, Scenario

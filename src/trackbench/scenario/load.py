@@ -14,7 +14,7 @@ from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.config import Scenario
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.shipped import find_scenario
-from trackbench.scenario.source import Document, dotted, parse
+from trackbench.scenario.source import YamlDocument, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
 from trackbench.words import counted
 
@@ -29,7 +29,7 @@ class LoadedScenario:
     """The file as it is on disk, without the overrides."""
     overrides: tuple[str, ...]
     """Each ``key.path=value`` that was set over the file."""
-    document: Document
+    document: YamlDocument
     """The plain values that were validated, each with its place."""
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """By the name of each tracker with a sweep, the names of its points."""
@@ -102,7 +102,7 @@ def _read(path: Path) -> str:
         raise InputError(message, file=path, line=line) from None
 
 
-def _in_file_order(document: Document, problems: Iterable[tuple[KeyPath, str]]) -> InputError:
+def _in_file_order(document: YamlDocument, problems: Iterable[tuple[KeyPath, str]]) -> InputError:
     errors = []
     for path, message in problems:
         origin = document.origin(path)
@@ -114,7 +114,7 @@ def _in_file_order(document: Document, problems: Iterable[tuple[KeyPath, str]]) 
     return unique[0] if len(unique) == 1 else InputErrors(unique)
 
 
-def _key_path(document: Document, key: str | None) -> KeyPath:
+def _key_path(document: YamlDocument, key: str | None) -> KeyPath:
     """A dotted key as the path that the document knows; indices of lists become numbers."""
     path: KeyPath = ()
     node = document.value

@@ -9,10 +9,10 @@ from typing import Any
 
 from trackbench.config import KeyPath
 from trackbench.errors import InputError
-from trackbench.scenario.source import Document, Origin, dotted, parse
+from trackbench.scenario.source import Origin, YamlDocument, dotted, parse
 
 
-def apply_overrides(document: Document, overrides: Sequence[str]) -> Document:
+def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDocument:
     """A copy of ``document`` with each ``key.path=value`` set; values are read as YAML, list indices count from 0.
 
     Whether a key exists is left to the validation.

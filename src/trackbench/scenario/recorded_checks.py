@@ -9,7 +9,7 @@ from trackbench.config import Problem
 from trackbench.errors import nearest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import FilterConfig
-from trackbench.truth.config import RecordingTruth
+from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import Scenario

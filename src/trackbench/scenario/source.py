@@ -30,7 +30,7 @@ class Origin(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Document:
+class YamlDocument:
     """A YAML document as plain values (dict, list, str, int, float, bool, None)."""
 
     value: Any
@@ -59,7 +59,7 @@ def dotted(path: KeyPath) -> str:
     return ".".join(part if (part := str(raw)).isprintable() else repr(part) for raw in path)
 
 
-def parse(text: str, file: str) -> Document:
+def parse(text: str, file: str) -> YamlDocument:
     """Parse one YAML document.
 
     Raises:
@@ -80,7 +80,7 @@ def parse(text: str, file: str) -> Document:
     if builder.repeated:
         raise InputErrors(builder.repeated)
     builder.origins[()] = Origin(file, node.start_mark.line + 1 if node is not None else 1)
-    return Document(value, builder.origins)
+    return YamlDocument(value, builder.origins)
 
 
 class _Loader(yaml.SafeLoader):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from trackbench.config import KeyPath
 from trackbench.errors import InputError
 from trackbench.scenario.overrides import set_value
-from trackbench.scenario.source import Document, dotted
+from trackbench.scenario.source import YamlDocument, dotted
 
 #: More trackers than this in one scenario are a slip of the pen.
 MAX_POINTS = 1000
@@ -35,7 +35,7 @@ class Point(NamedTuple):
         return "_".join(_word(value) for value in self.values.values())
 
 
-def expand_sweeps(document: Document) -> tuple[Document, dict[str, tuple[str, ...]]]:
+def expand_sweeps(document: YamlDocument) -> tuple[YamlDocument, dict[str, tuple[str, ...]]]:
     """The document with a tracker for each point of each sweep, and the names of the points by their sweep's.
 
     Errors at a point lead back to the line where the value or the option was written.
@@ -66,7 +66,7 @@ def expand_sweeps(document: Document) -> tuple[Document, dict[str, tuple[str, ..
     return replace(document, value={**document.value, "trackers": expanded}, written=written), sweeps
 
 
-def _named(document: Document, name: str, points: Sequence[Point], taken: set[str]) -> dict[str, Point]:
+def _named(document: YamlDocument, name: str, points: Sequence[Point], taken: set[str]) -> dict[str, Point]:
     """The points by the names of their trackers, which are then taken."""
     named = {}
     for point in points:
@@ -81,7 +81,7 @@ def _named(document: Document, name: str, points: Sequence[Point], taken: set[st
     return named
 
 
-def _set(document: Document, entry: dict[str, Any], option: str, value: Any, place: KeyPath) -> KeyPath:
+def _set(document: YamlDocument, entry: dict[str, Any], option: str, value: Any, place: KeyPath) -> KeyPath:
     """Set an option of a point, and return its path in the tracker's entry."""
     parts = option.split(".")
     try:
@@ -95,7 +95,7 @@ def _has_sweep(entry: Any) -> bool:
     return isinstance(entry, dict) and "sweep" in entry
 
 
-def _points(document: Document, sweep: Any, at: KeyPath) -> Sequence[Point]:
+def _points(document: YamlDocument, sweep: Any, at: KeyPath) -> Sequence[Point]:
     if isinstance(sweep, dict) and sweep:
         return list(_combinations(document, sweep, at))
     if isinstance(sweep, list) and sweep:
@@ -105,7 +105,7 @@ def _points(document: Document, sweep: Any, at: KeyPath) -> Sequence[Point]:
     raise _error(document, at, f"not a sweep: {FORM}")
 
 
-def _combinations(document: Document, sweep: Mapping[str, Any], at: KeyPath) -> Iterator[Point]:
+def _combinations(document: YamlDocument, sweep: Mapping[str, Any], at: KeyPath) -> Iterator[Point]:
     for option, values in sweep.items():
         _require_option(document, option, (*at, option))
         if not isinstance(values, list) or not values:
@@ -121,7 +121,7 @@ def _combinations(document: Document, sweep: Mapping[str, Any], at: KeyPath) -> 
         )
 
 
-def _listed(document: Document, point: Any, at: KeyPath) -> Point:
+def _listed(document: YamlDocument, point: Any, at: KeyPath) -> Point:
     if not isinstance(point, dict) or not point:
         raise _error(document, at, f"a mapping of options to values is needed: {FORM}")
     for option in point:
@@ -129,7 +129,7 @@ def _listed(document: Document, point: Any, at: KeyPath) -> Point:
     return Point(dict(point), {option: (*at, option) for option in point})
 
 
-def _require_option(document: Document, option: str, at: KeyPath) -> None:
+def _require_option(document: YamlDocument, option: str, at: KeyPath) -> None:
     if not all(option.split(".")) or option.split(".")[0] == "sweep":
         raise _error(document, at, f"{option!r} is not an option of a tracker")
 
@@ -147,6 +147,6 @@ def _word(value: Any) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "-", str(value))
 
 
-def _error(document: Document, path: KeyPath, message: str) -> InputError:
+def _error(document: YamlDocument, path: KeyPath, message: str) -> InputError:
     origin = document.origin(path)
     return InputError(message, key=dotted(path), file=origin.file, line=origin.line)

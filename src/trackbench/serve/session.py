@@ -34,7 +34,7 @@ class TrackerFailed(Exception):
     """The tracker cannot go on; when and why."""
 
 
-class Sensor(NamedTuple):
+class ServedSensor(NamedTuple):
     """A sensor of the scenario."""
 
     name: str
@@ -52,7 +52,7 @@ class Served:
     name: str
     config: FilterConfig | PluginConfig
     folder: Path
-    sensors: Mapping[str, Sensor]
+    sensors: Mapping[str, ServedSensor]
     """By kind: the scenario's lidar and radar."""
 
     def stepper(self) -> Stepper:
@@ -74,14 +74,14 @@ def served(loaded: LoadedScenario, name: str) -> Served:
     tracker = config.trackers.get(name)
     if tracker is None:
         raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
-    sensors: dict[str, Sensor] = {}
+    sensors: dict[str, ServedSensor] = {}
     for sensor_name, sensor in config.sensors.items():
         other = sensors.get(sensor.type)
         if other is not None:
             message = f"a second {sensor.type} beside {other.name}; the simulator has one lidar and one radar"
             raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
         if isinstance(sensor, Lidar | Radar):
-            sensors[sensor.type] = Sensor(
+            sensors[sensor.type] = ServedSensor(
                 sensor_name, sensor, *_noise_and_pose(sensor, getattr(config.truth, "observer", None))
             )
     if not sensors:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.truth.config import HighwayTruth
+from trackbench.truth.config import HighwayOptions
 from trackbench.types import Observer, Truth
 
 #: To be raised whenever the same configuration leads to another truth, or is stored in another way.
@@ -36,12 +36,12 @@ def folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "trackbench"
 
 
-def path(config: HighwayTruth) -> Path:
+def path(config: HighwayOptions) -> Path:
     """The file of the truth that ``config`` and the installed versions determine."""
     return folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
 
-def read(file: Path, config: HighwayTruth) -> Truth | None:
+def read(file: Path, config: HighwayOptions) -> Truth | None:
     """The stored truth; None where there is none.
 
     Raises:
@@ -68,7 +68,7 @@ def read(file: Path, config: HighwayTruth) -> Truth | None:
     return truth
 
 
-def write(file: Path, config: HighwayTruth, truth: Truth) -> None:
+def write(file: Path, config: HighwayOptions, truth: Truth) -> None:
     """Store ``truth``, under its final name only when it is whole.
 
     Raises:
@@ -86,7 +86,7 @@ def write(file: Path, config: HighwayTruth, truth: Truth) -> None:
         raise
 
 
-def _key(config: HighwayTruth) -> str:
+def _key(config: HighwayOptions) -> str:
     meaning = {
         "config": config.model_dump(mode="json"),
         "versions": {package: version(package) for package in PACKAGES},

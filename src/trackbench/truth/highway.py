@@ -17,7 +17,7 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.truth.audit import Reported, audit
-from trackbench.truth.config import FixedObserver, HighwayTruth, IdTargets, NearestTargets
+from trackbench.truth.config import FixedObserver, HighwayOptions, IdTargets, NearestTargets
 from trackbench.truth.frames import Frames, held
 from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
@@ -65,7 +65,7 @@ def list_envs() -> list[str]:
     return sorted(name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith("highway_env"))
 
 
-def validate(config: HighwayTruth) -> None:
+def validate(config: HighwayOptions) -> None:
     """Set the environment up without simulating it.
 
     Raises:
@@ -75,7 +75,7 @@ def validate(config: HighwayTruth) -> None:
         _prepare(config).close()
 
 
-def simulate(config: HighwayTruth, progress: Progress = no_progress) -> Truth:
+def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     """Run the environment and record every simulation step of every vehicle.
 
     Args:
@@ -111,7 +111,7 @@ def simulate(config: HighwayTruth, progress: Progress = no_progress) -> Truth:
     return _truth(config, frames, env.road.network.lanes_list(), early)
 
 
-def _truth(config: HighwayTruth, frames: Frames, lanes: list[Any], ended_early: dict[str, Any] | None) -> Truth:
+def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: dict[str, Any] | None) -> Truth:
     observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
     targets = _targets(config, frames, observer)
     truth = frames.truth(targets, observer)
@@ -133,7 +133,7 @@ def _fixed(at: FixedObserver, steps: int) -> Observer:
     return Observer(px, py, yaw, zero, zero, zero)
 
 
-def _targets(config: HighwayTruth, frames: Frames, observer: Observer) -> list[int]:
+def _targets(config: HighwayOptions, frames: Frames, observer: Observer) -> list[int]:
     bodies = [i for i in range(len(frames.ids)) if i > 0 or config.observer != "ego"]
     if isinstance(config.targets, IdTargets):
         known = {frames.ids[i]: i for i in bodies}
@@ -152,7 +152,7 @@ def _targets(config: HighwayTruth, frames: Frames, observer: Observer) -> list[i
     return bodies
 
 
-def _prepare(config: HighwayTruth) -> AbstractEnv:
+def _prepare(config: HighwayOptions) -> AbstractEnv:
     """The environment, reset and with the ego's driver in place."""
     ids = list_envs()
     if config.env not in ids:
@@ -171,7 +171,7 @@ def _prepare(config: HighwayTruth) -> AbstractEnv:
     return env
 
 
-def _settings(config: HighwayTruth, defaults: dict[str, Any]) -> dict[str, Any]:
+def _settings(config: HighwayOptions, defaults: dict[str, Any]) -> dict[str, Any]:
     variants = {
         "action": {name: _parameters(cls) for name, cls in ACTIONS.items()},
         "observation": {name: _parameters(cls) for name, cls in OBSERVATIONS.items()},

@@ -11,8 +11,8 @@ from trackbench.errors import InputError
 from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVelocity, Kinematics, MotionModel
 from trackbench.streams import stream
 from trackbench.truth.audit import nothing_to_find
-from trackbench.truth.config import MovingObserver, ScriptedTruth
-from trackbench.truth.config.scripted import Piece, ScriptedObject, Start
+from trackbench.truth.config import MovingObserver, ScriptedOptions
+from trackbench.truth.config.scripted import Piece, ScriptedObject, ScriptedStart
 from trackbench.types import Array, Observer, Truth
 from trackbench.units import wrap_angle
 
@@ -25,7 +25,7 @@ LARGEST = 20_000_000
 STEADY = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sigma_radps2=1.0)
 
 
-def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
+def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Truth:
     """The motion that a script describes; with random motion in it, that of every run.
 
     Raises:
@@ -67,12 +67,12 @@ def script(config: ScriptedTruth, seed: int, scenario: str, runs: int) -> Truth:
     )
 
 
-def most_runs(config: ScriptedTruth) -> int:
+def most_runs(config: ScriptedOptions) -> int:
     """The number of runs whose motion, if it is random, fits the memory."""
     return LARGEST // ((_steps(config) + 1) * len(config.objects))
 
 
-def _steps(config: ScriptedTruth) -> int:
+def _steps(config: ScriptedOptions) -> int:
     return int(config.duration_s * config.rate_hz + 1e-6)
 
 
@@ -163,7 +163,7 @@ def _last(path: Kinematics) -> Kinematics:
     return Kinematics(*(field[-1] for field in path))
 
 
-def _start(start: Start, runs: int) -> Kinematics:
+def _start(start: ScriptedStart, runs: int) -> Kinematics:
     if start.vx_mps is None and start.vy_mps is None:
         speed, course = start.speed_mps or 0.0, np.deg2rad(start.course_deg or 0.0)
     else:

@@ -7,7 +7,7 @@ import time
 
 from trackbench.truth import cache as store
 from trackbench.truth.base import LoadedTruth
-from trackbench.truth.config import HighwayTruth
+from trackbench.truth.config import HighwayOptions
 from trackbench.types import Progress
 
 OWN_CLASSES = "highway_env."
@@ -15,7 +15,7 @@ OWN_CLASSES = "highway_env."
 log = logging.getLogger(__name__)
 
 
-def load(config: HighwayTruth, cache: bool, progress: Progress) -> LoadedTruth:
+def load(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
     """Read the truth from the cache, or simulate and keep it."""
     file = store.path(config) if cache and _determined(config) else None
     notes = []
@@ -43,7 +43,7 @@ def load(config: HighwayTruth, cache: bool, progress: Progress) -> LoadedTruth:
     return LoadedTruth(truth, cached=False, notes=tuple(notes))
 
 
-def _determined(config: HighwayTruth) -> bool:
+def _determined(config: HighwayOptions) -> bool:
     """Whether the configuration and the versions determine the truth: a user's own driver class may change."""
     vehicles = config.config.get("other_vehicles_type", OWN_CLASSES)
     return str(vehicles).startswith(OWN_CLASSES)

@@ -1,9 +1,8 @@
 """Sensors. Those that a scenario can name are published under the entry points of ``SENSOR_MODELS``."""
 
-from trackbench.models.sensors.base import Dropout, Mount, Sensor
+from trackbench.models.sensors.base import SENSOR_MODELS, Dropout, Mount, Sensor
 from trackbench.models.sensors.lidar import Lidar
 from trackbench.models.sensors.radar import Radar
-from trackbench.models.sensors.registry import SENSOR_MODELS
 from trackbench.models.sensors.speed_radar import SpeedRadar
 
 __all__ = ["SENSOR_MODELS", "Dropout", "Lidar", "Mount", "Radar", "Sensor", "SpeedRadar"]

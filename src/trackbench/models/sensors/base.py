@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from trackbench.config import Angle, Config, NonNegative, Positive, Probability, Problem, reject
 from trackbench.errors import nearest
 from trackbench.models.sensors.presets import presets
+from trackbench.plugins import Registry, lacks_class
 from trackbench.types import Array, Gaussian, Scan
 
 
@@ -90,8 +91,6 @@ class Sensor(Config, ABC):
     @classmethod
     def kind(cls) -> str:
         """The name by which a scenario asks for this class."""
-        from trackbench.models.sensors.registry import SENSOR_MODELS
-
         return SENSOR_MODELS.name_of(cls)
 
     @abstractmethod
@@ -128,3 +127,14 @@ class Sensor(Config, ABC):
         A first guess from one measurement; zero where the measurement says nothing of the velocity.
         """
         return np.zeros((2, *scan.measurement.shape[1:]))
+
+
+def _lacks(found: Any) -> str | None:
+    lacking = lacks_class(Sensor)(found)
+    if lacking is None and len(found.units) != len(found.components):
+        return f"it has {len(found.components)} components and {len(found.units)} units"
+    return lacking
+
+
+#: The sensors by the names that scenarios use; ``SENSOR_MODELS[scan.kind]`` has the equations of a scan.
+SENSOR_MODELS: Registry[type[Sensor]] = Registry("trackbench.sensors", "sensor", _lacks)

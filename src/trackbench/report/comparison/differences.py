@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import VERDICTS, ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.report.comparison.figures import difference_figure
-from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
 from trackbench.words import counted
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from trackbench.compare import Comparison
+from trackbench.document import Block, Document, Item, Items, Section
+from trackbench.document.styles import tracker_styles
 from trackbench.palette import tracker_colours
 from trackbench.report.comparison import differences, ranking
-from trackbench.report.document import Block, Document, Item, Items, Section
-from trackbench.report.document.styles import tracker_styles
 
 
 def document(

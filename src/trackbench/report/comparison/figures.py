@@ -10,8 +10,8 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Rectangle
 
 from trackbench.compare import Comparison, PairDifference
-from trackbench.report.document import Figure
-from trackbench.report.document.drawing import INK, MUTED
+from trackbench.document import Figure
+from trackbench.document.drawing import INK, MUTED
 from trackbench.report.numbers import fixed
 
 _WIDTH = 760.0

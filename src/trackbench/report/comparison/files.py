@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from trackbench.compare import Comparison
+from trackbench.document import save
+from trackbench.document.files import files
+from trackbench.document.save import files_by_ending
 from trackbench.report.comparison.document import document
-from trackbench.report.document import save
-from trackbench.report.document.files import files
-from trackbench.report.document.save import files_by_ending
 from trackbench.results import to_json
 
 ENDINGS = (*save.ENDINGS, ".json")

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import RESAMPLES
+from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.report.comparison.figures import efficiency_figure, rank_figure
-from trackbench.report.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
 from trackbench.words import counted
 

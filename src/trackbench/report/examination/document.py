@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.doctor.evidence import EvidenceRun
 from trackbench.doctor.examine import Examination
 from trackbench.doctor.findings import CheckResult, known_faults
-from trackbench.report.document import (
+from trackbench.document import (
     Block,
     Cell,
     Column,

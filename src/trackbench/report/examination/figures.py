@@ -11,13 +11,13 @@ from matplotlib.ticker import LogLocator
 
 from trackbench.doctor.evidence import EvidenceRun, SensorInnovations
 from trackbench.doctor.run_errors import RunErrors, run_errors
+from trackbench.document import Figure, LegendEntry
+from trackbench.document.axes import TIME_LABEL, fit_value_axis, time_axis
+from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.palette import TRACKER_COLOURS
-from trackbench.report.document import Figure, LegendEntry
-from trackbench.report.document.drawing import DASHED, INK, MUTED, WIDTH
 from trackbench.report.examination.mismatch import first_mismatch, innovation_unit, mismatched_components
-from trackbench.report.figures.axes import TIME_LABEL, fit_value_axis, time_axis
 from trackbench.report.numbers import joined
 from trackbench.types import COMMON_STATE, Array
 

@@ -2,43 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal
+from collections.abc import Sequence
 
-from trackbench.report.document import Cell, Column, Table, Tone
+from trackbench.document import Cell, Column, Table, Tone
+from trackbench.report.calibration import Quantity, calibration
+from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
-from trackbench.report.run.calibration import Quantity, calibration
 from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT
 from trackbench.results import ConditionScores, MetricValue, TrackerResult
 
-By = Literal["manoeuvre", "range"]
-BY: tuple[By, ...] = ("manoeuvre", "range")
-TITLE = {"manoeuvre": "manoeuvre", "range": "range band"}
-UNIT = {"position": "m", "velocity": "m/s"}
-
 _NOT_MET = "no estimate of the tracker falls into it"
 _TONE: dict[str, Tone] = {"optimistic": "bad", "pessimistic": "warn"}
-
-
-def conditions(tracker: TrackerResult, by: By) -> Mapping[str, ConditionScores]:
-    """A tracker's scores by manoeuvre or range band."""
-    if tracker.breakdown is None:
-        return {}
-    return tracker.breakdown.manoeuvre if by == "manoeuvre" else tracker.breakdown.range
-
-
-def classes(trackers: Sequence[TrackerResult], by: By) -> list[str]:
-    """Every manoeuvre or range band that any tracker met, in their order."""
-    every = [list(conditions(tracker, by)) for tracker in trackers]
-    longest = max(every, key=len, default=[])
-    return longest + list(dict.fromkeys(name for names in every for name in names if name not in longest))
-
-
-def rmse(scores: ConditionScores | None, quantity: Quantity) -> MetricValue | None:
-    """The RMSE of a quantity under one condition."""
-    if scores is None:
-        return None
-    return scores.position_rmse if quantity == "position" else scores.velocity_rmse
 
 
 def errors(trackers: Sequence[TrackerResult], by: By, quantity: Quantity) -> Table:

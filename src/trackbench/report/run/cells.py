@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from trackbench.report.document import Cell, Column, Tone
+from trackbench.document import Cell, Column, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
 from trackbench.results import MetricValue, TrackerResult
 

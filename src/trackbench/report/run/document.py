@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.palette import tracker_colours
-from trackbench.report.document import (
+from trackbench.document import (
     Block,
     Code,
     Document,
@@ -19,17 +18,19 @@ from trackbench.report.document import (
     Table,
     TrackerStyle,
 )
-from trackbench.report.document.styles import tracker_styles
-from trackbench.report.figures.autocorrelation import autocorrelation
-from trackbench.report.figures.breakdown import errors_by_class
-from trackbench.report.figures.consistency import nees_over_time, nis_over_time
-from trackbench.report.figures.cost import cost_against_accuracy
-from trackbench.report.figures.errors import error_over_time, spread
-from trackbench.report.figures.map import map_of_run
+from trackbench.document.styles import tracker_styles
+from trackbench.palette import tracker_colours
+from trackbench.report.calibration import NOTABLE, QUANTITIES
+from trackbench.report.conditions import BY, TITLE
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
-from trackbench.report.run.breakdown import BY, TITLE, calibrations, errors, shares
-from trackbench.report.run.calibration import NOTABLE, QUANTITIES
+from trackbench.report.run.breakdown import calibrations, errors, shares
+from trackbench.report.run.figures.autocorrelation import autocorrelation
+from trackbench.report.run.figures.breakdown import errors_by_class
+from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
+from trackbench.report.run.figures.cost import cost_against_accuracy
+from trackbench.report.run.figures.errors import error_over_time, spread
+from trackbench.report.run.figures.map import map_of_run
 from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
 from trackbench.words import counted

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trackbench.report.calibration import calibration_clauses
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
-from trackbench.report.run.calibration import calibration_clauses
 from trackbench.report.run.pairs import Pairs
 from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted

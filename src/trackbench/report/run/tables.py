@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import pairwise
 
-from trackbench.report.document import Cell, Column, Table, Tone
+from trackbench.document import Cell, Column, Table, Tone
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
 from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT, count, metric_of, missing, names, values
 from trackbench.report.run.pairs import Pair, Pairs, groups

@@ -1,18 +1,18 @@
-"""Where the true motion comes from."""
+"""The options of the built-in sources of truth."""
 
 from __future__ import annotations
 
-from trackbench.truth.config.highway import HighwayTruth, IdTargets, NearestTargets
+from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets
 from trackbench.truth.config.observer import FixedObserver, MovingObserver
-from trackbench.truth.config.recording import RecordingTruth
-from trackbench.truth.config.scripted import ScriptedTruth
+from trackbench.truth.config.recording import RecordingOptions
+from trackbench.truth.config.scripted import ScriptedOptions
 
 __all__ = [
     "FixedObserver",
-    "HighwayTruth",
+    "HighwayOptions",
     "IdTargets",
     "MovingObserver",
     "NearestTargets",
-    "RecordingTruth",
-    "ScriptedTruth",
+    "RecordingOptions",
+    "ScriptedOptions",
 ]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from trackbench.config import MAPPING, PROBLEM, WORD, Config, shape
-from trackbench.truth.base import Draw, LoadedTruth, SteppedTruth
+from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.observer import FixedObserver
-from trackbench.types import Progress, no_progress
 
 
 class NearestTargets(Config):
@@ -50,7 +47,7 @@ Targets = Annotated[
 ]
 
 
-class HighwayTruth(SteppedTruth):
+class HighwayOptions(SteppedTruth):
     """Traffic simulated by highway-env."""
 
     env: str = Field(
@@ -77,21 +74,3 @@ class HighwayTruth(SteppedTruth):
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
-
-    def load(
-        self,
-        draw: Draw,
-        *,
-        folder: Path,
-        sensors: Mapping[str, str] | None = None,
-        cache: bool = True,
-        progress: Progress = no_progress,
-    ) -> LoadedTruth:
-        from trackbench.truth import simulated
-
-        return simulated.load(self, cache, progress)
-
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
-        from trackbench.truth import highway
-
-        highway.validate(self)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Literal
 
 from pydantic import ConfigDict, Field
 
 from trackbench.config import Config, Name, Positive, Problem
-from trackbench.truth.base import Draw, LoadedTruth, TruthSource
+from trackbench.truth.base import TruthSource
 from trackbench.truth.config.observer import FixedObserver
-from trackbench.types import Progress, no_progress
 
 #: The two ways to state a velocity.
 VELOCITY = (("vx", "vy"), ("speed", "course"))
@@ -90,7 +88,7 @@ class MeasurementColumns(Config):
         return dict(self.__pydantic_extra__)
 
 
-class RecordingTruth(TruthSource):
+class RecordingOptions(TruthSource):
     """Motion from a file, and measurements where it has them."""
 
     format: Literal["udacity", "csv", "parquet"] = Field(
@@ -113,25 +111,6 @@ class RecordingTruth(TruthSource):
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
     length_m: Positive = Field(4.5, description="Length of every object, m, to draw it.")
     width_m: Positive = Field(1.8, description="Width of every object, m, to draw it.")
-
-    def load(
-        self,
-        draw: Draw,
-        *,
-        folder: Path,
-        sensors: Mapping[str, str] | None = None,
-        cache: bool = True,
-        progress: Progress = no_progress,
-    ) -> LoadedTruth:
-        from trackbench.truth import recorded
-
-        recording = recorded.load(self, sensors or {}, folder)
-        return LoadedTruth(recording.truth, measurements=recording.measurements)
-
-    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
-        from trackbench.truth import recorded
-
-        recorded.load(self, sensors or {}, folder or Path())
 
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements are recorded."""

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Annotated
 
 from pydantic import Field
 
 from trackbench.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
 from trackbench.models.motion import MOTION_MODELS, MotionModel
-from trackbench.truth.base import Draw, LoadedTruth, SteppedTruth
+from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.observer import MovingObserver
-from trackbench.types import Progress, no_progress
 
 #: The kinds of motion that a piece can have, and the keys that each adds.
 KINDS: dict[str, tuple[str, ...]] = {
@@ -26,7 +24,7 @@ STEADY = ("turn_rate_degps", "acceleration_mps2")
 Waypoint = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-class Start(Config):
+class ScriptedStart(Config):
     """Where an object is at the start, and its velocity: speed and course, or its components."""
 
     x: float = Field(0, description="Position along x in the fixed frame, m.")
@@ -118,7 +116,7 @@ class Piece(Config):
 class ScriptedObject(Config):
     """An object and its motion."""
 
-    start: Start = Field(default_factory=Start, description="Position and velocity at the start.")
+    start: ScriptedStart = Field(default_factory=ScriptedStart, description="Position and velocity at the start.")
     length_m: Positive = Field(4.5, description="Length, m, to draw it.")
     width_m: Positive = Field(1.8, description="Width, m, to draw it.")
     pieces: list[Piece] = Field(
@@ -133,7 +131,7 @@ class ScriptedObject(Config):
         return any(piece.random for piece in self.pieces)
 
 
-class ScriptedTruth(SteppedTruth):
+class ScriptedOptions(SteppedTruth):
     """Motion written down piece by piece, exact in position and velocity."""
 
     observer: MovingObserver = Field(default_factory=MovingObserver, description="The point that carries the sensors.")
@@ -143,24 +141,6 @@ class ScriptedTruth(SteppedTruth):
     def random(self) -> bool:
         """Whether any motion differs from run to run."""
         return any(body.random for body in self.objects.values())
-
-    def load(
-        self,
-        draw: Draw,
-        *,
-        folder: Path,
-        sensors: Mapping[str, str] | None = None,
-        cache: bool = True,
-        progress: Progress = no_progress,
-    ) -> LoadedTruth:
-        from trackbench.truth import scripted
-
-        return LoadedTruth(scripted.script(self, *draw))
-
-    def most_runs(self) -> int | None:
-        from trackbench.truth import scripted
-
-        return scripted.most_runs(self) if self.random else None
 
     def problems(self) -> Iterator[Problem]:
         for name, body in self.objects.items():

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from trackbench.truth.config import RecordingTruth
+from trackbench.truth.config import RecordingOptions
 from trackbench.types import RecordedMeasurements, Truth
 
 __all__ = ["Recording", "load"]
@@ -20,7 +20,7 @@ class Recording(NamedTuple):
     """By sensor."""
 
 
-def load(config: RecordingTruth, kinds: Mapping[str, str], folder: Path) -> Recording:
+def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
     """Read a recording.
 
     Args:

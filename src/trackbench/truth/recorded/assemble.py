@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.truth.config import FixedObserver, RecordingTruth
+from trackbench.truth.config import FixedObserver, RecordingOptions
 from trackbench.types import Array, Indices, Observer, RecordedMeasurements, Truth
 from trackbench.units import wrap_angle
 
@@ -40,7 +40,7 @@ class Log(NamedTuple):
 
 
 def truth(
-    config: RecordingTruth,
+    config: RecordingOptions,
     motions: Mapping[str, Motion],
     logs: Mapping[str, Log],
     observer: Observer | None,

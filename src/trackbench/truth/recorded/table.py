@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.truth.config import RecordingTruth
+from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.recording import (
     MeasurementColumns,
     ObserverColumns,
@@ -35,7 +35,7 @@ MOTION_UNITS = {**dict.fromkeys(("px", "py"), "m"), **dict.fromkeys(("vx", "vy",
 
 
 def load(
-    config: RecordingTruth, kinds: Mapping[str, str], folder: Path
+    config: RecordingOptions, kinds: Mapping[str, str], folder: Path
 ) -> tuple[Truth, dict[str, RecordedMeasurements]]:
     """The truth of all objects, and the measurements of the sensors whose columns are named.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.truth.config import RecordingTruth
+from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded import assemble, files
 from trackbench.truth.recorded.udacity import Measurement, parse_line
 from trackbench.types import RecordedMeasurements, Truth
@@ -17,7 +17,7 @@ OBJECT = "cyclist"
 
 
 def load(
-    config: RecordingTruth, kinds: Mapping[str, str], folder: Path
+    config: RecordingOptions, kinds: Mapping[str, str], folder: Path
 ) -> tuple[Truth, dict[str, RecordedMeasurements]]:
     """The one object's truth at every line, and the measurements of the sensors of the given kinds.
 

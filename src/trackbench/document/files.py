@@ -9,7 +9,7 @@ from typing import Literal, TypeVar, get_args
 
 from rich.console import Console
 
-from trackbench.report.document.model import Document
+from trackbench.document.model import Document
 
 Format = Literal["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -34,23 +34,23 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
     if format == "terminal":
         yield f"{name}.txt", lambda: text(document).encode()
     elif format == "html":
-        from trackbench.report.document.html import to_html
+        from trackbench.document.html import to_html
 
         yield f"{name}.html", lambda: to_html(document).encode()
     elif format == "markdown":
-        from trackbench.report.document.markdown import to_markdown
+        from trackbench.document.markdown import to_markdown
 
         yield f"{name}.md", lambda: to_markdown(document, figures=_FIGURES).encode()
         yield from _figures(document, "svg")
     elif format == "latex":
-        from trackbench.report.document.latex import table_to_latex, to_latex
+        from trackbench.document.latex import table_to_latex, to_latex
 
         yield f"{name}.tex", lambda: to_latex(document, tables=_TABLES, figures=_FIGURES).encode()
         for table in document.tables:
             yield f"{_TABLES}/{table.name}.tex", partial(_encoded, table_to_latex, table)
         yield from _figures(document, "pdf")
     elif format == "csv":
-        from trackbench.report.document.csv import to_csv
+        from trackbench.document.csv import to_csv
 
         for table in document.tables:
             yield f"{_TABLES}/{table.name}.csv", partial(_encoded, to_csv, table)
@@ -60,7 +60,7 @@ def files(document: Document, format: Format, name: str = "report") -> Iterator[
 
 def text(document: Document, width: int = TEXT_WIDTH) -> str:
     """The document as plain text."""
-    from trackbench.report.document.terminal import print_document
+    from trackbench.document.terminal import print_document
 
     output = io.StringIO()
     print_document(document, Console(file=output, width=width, no_color=True, force_terminal=False))
@@ -68,7 +68,7 @@ def text(document: Document, width: int = TEXT_WIDTH) -> str:
 
 
 def _figures(document: Document, ending: Literal["svg", "pdf"]) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    from trackbench.report.document.drawing import pdf_file, svg_file
+    from trackbench.document.drawing import pdf_file, svg_file
 
     for figure in document.figures:
         draw = partial(pdf_file, figure) if ending == "pdf" else partial(_encoded, svg_file, figure)

@@ -8,14 +8,14 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.report.document import Figure, LegendEntry, TrackerStyle
-from trackbench.report.document.drawing import DASHED, INK, MUTED
-from trackbench.report.document.styles import legend_of, tooltips_of
-from trackbench.report.figures.axes import TIME_LABEL, fit_value_axis, time_axis
-from trackbench.report.figures.lines import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
+from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.axes import TIME_LABEL, fit_value_axis, time_axis
+from trackbench.document.drawing import DASHED, INK, MUTED
+from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.report.calibration import Quantity
+from trackbench.report.conditions import UNIT
 from trackbench.report.numbers import joined
-from trackbench.report.run.breakdown import UNIT
-from trackbench.report.run.calibration import Quantity
+from trackbench.report.run.figures.lines import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
 from trackbench.words import counted
 
 _HEIGHT = 250.0

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.report.document import Figure, TrackerStyle
-from trackbench.report.document.styles import legend_of, tooltips_of
-from trackbench.report.figures.axes import logarithmic
+from trackbench.document import Figure, TrackerStyle
+from trackbench.document.axes import logarithmic
+from trackbench.document.styles import legend_of, tooltips_of
 from trackbench.results import TrackerResult
 from trackbench.types import Array
 

@@ -9,10 +9,10 @@ import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
-from trackbench.report.document import Figure, LegendEntry, TrackerStyle
-from trackbench.report.document.drawing import MUTED
-from trackbench.report.document.styles import legend_of, tooltips_of
-from trackbench.report.figures.columns import column, where
+from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.drawing import MUTED
+from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.report.run.figures.columns import column, where
 from trackbench.types import Array
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class LegendEntry:
 
     label: str
     colour: str
-    """``#rrggbb``, or one of the colours of :mod:`trackbench.report.document.drawing`."""
+    """``#rrggbb``, or one of the colours of :mod:`trackbench.document.drawing`."""
     mark: Literal["line", "dash", "band", "dot"] = "line"
     key: str = ""
     """That of the tracker, where the entry is one."""
@@ -214,3 +214,15 @@ def every(blocks: Sequence[Block]) -> Iterator[Block]:
         yield block
         if isinstance(block, (Row, Section)):
             yield from every(block.blocks)
+
+
+def without_figures(blocks: Sequence[Block]) -> tuple[Block, ...]:
+    """The blocks for a format that shows no figure; a row or section that held nothing else is left out."""
+    found: list[Block] = []
+    for block in blocks:
+        if isinstance(block, (Row, Section)):
+            inner = without_figures(block.blocks)
+            found += [replace(block, blocks=inner)] if inner else []
+        elif not isinstance(block, Figure):
+            found.append(block)
+    return tuple(found)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from trackbench.document.model import LegendEntry, TrackerStyle
 from trackbench.palette import TRACKER_COLOURS
-from trackbench.report.document.model import LegendEntry, TrackerStyle
 
 _LINES = ("solid", (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1.5)))
 

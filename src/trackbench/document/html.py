@@ -9,15 +9,15 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from trackbench.report.document import model
-from trackbench.report.document.drawing import IN_PAGE, WIDTH, svg_in_page
-from trackbench.report.document.model import Block, Document, Figure
+from trackbench.document import model
+from trackbench.document.drawing import IN_PAGE, WIDTH, svg_in_page
+from trackbench.document.model import Block, Document, Figure
 
 
 def to_html(document: Document) -> str:
     """The text of the file, the same for the same document. Each figure is drawn once."""
     environment = Environment(
-        loader=PackageLoader("trackbench.report.document"),
+        loader=PackageLoader("trackbench.document"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from trackbench.report.document.model import (
+from trackbench.document.model import (
     Block,
     Cell,
     Code,
@@ -17,6 +17,7 @@ from trackbench.report.document.model import (
     Section,
     Status,
     Table,
+    without_figures,
 )
 
 _SPACES = re.compile("[^\\S\N{NO-BREAK SPACE}]+")
@@ -36,7 +37,7 @@ def to_markdown(document: Document, *, figures: str = "") -> str:
         lines += [escape(document.lead), ""]
     if document.facts:
         lines += [escape(", ".join(document.facts)), ""]
-    for block in document.blocks:
+    for block in document.blocks if figures else without_figures(document.blocks):
         lines += _lines(block, 2, figures)
     return "\n".join(lines).rstrip("\n") + "\n"
 
@@ -66,7 +67,7 @@ def _lines(block: Block, level: int, figures: str) -> Iterator[str]:
             yield from (*_fenced(block), "")
         case Table():
             yield from (*_table(block), "")
-        case Figure() if figures:
+        case Figure():
             yield from (f"![{escape(block.alternative)}]({figures}/{block.name}.svg)", "", escape(block.caption), "")
 
 

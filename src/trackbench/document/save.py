@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from trackbench.document.files import Format, files, text
+from trackbench.document.html import to_html
+from trackbench.document.latex import to_latex
+from trackbench.document.markdown import to_markdown
+from trackbench.document.model import Document
 from trackbench.errors import InputError
-from trackbench.report.document.files import Format, files, text
-from trackbench.report.document.html import to_html
-from trackbench.report.document.latex import to_latex
-from trackbench.report.document.markdown import to_markdown
-from trackbench.report.document.model import Document
 
 ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf")
 

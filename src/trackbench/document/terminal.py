@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
-from trackbench.report.document.model import (
+from trackbench.document.model import (
     Block,
     Cell,
     Code,
@@ -20,6 +20,7 @@ from trackbench.report.document.model import (
     Section,
     Status,
     Table,
+    without_figures,
 )
 
 STYLE = {"good": "green", "warn": "yellow", "bad": "bold red", "": ""}
@@ -37,7 +38,7 @@ def print_document(document: Document, console: Console) -> None:
         _say(console, Text(document.lead))
     if document.facts:
         _say(console, Text(", ".join(document.facts), style="dim"))
-    for block in document.blocks:
+    for block in without_figures(document.blocks):
         _print(block, console)
 
 

@@ -12,11 +12,11 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.drawing import GRID, INK, MUTED, WIDTH
 from trackbench.palette import ERROR_COLOURS
-from trackbench.report.document import Figure, LegendEntry, TrackerStyle
-from trackbench.report.document.drawing import GRID, INK, MUTED, WIDTH
-from trackbench.report.figures.columns import column, names, where
 from trackbench.report.numbers import fixed
+from trackbench.report.run.figures.columns import column, names, where
 from trackbench.results import Tables
 from trackbench.types import Array, Indices
 from trackbench.words import counted

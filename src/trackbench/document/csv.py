@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterator
 
-from trackbench.report.document.model import Table
+from trackbench.document.model import Table
 
 _PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " "})
 

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from trackbench.report.document.model import Figure, LegendEntry
+from trackbench.document.model import Figure, LegendEntry
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
 INK, GRID, MUTED = "trackbench:ink", "trackbench:grid", "trackbench:muted"

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.report.document import Figure, TrackerStyle
-from trackbench.report.document.styles import legend_of, tooltips_of
-from trackbench.report.figures.axes import LOG_ABOVE, logarithmic
+from trackbench.document import Figure, TrackerStyle
+from trackbench.document.axes import LOG_ABOVE, logarithmic
+from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.report.calibration import Quantity
+from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
 from trackbench.report.numbers import joined
-from trackbench.report.run.breakdown import TITLE, UNIT, By, classes, conditions, rmse
-from trackbench.report.run.calibration import Quantity
 from trackbench.results import MetricValue, TrackerResult
 
 _HEIGHT = 230.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from trackbench.report.document.model import (
+from trackbench.document.model import (
     Block,
     Cell,
     Code,

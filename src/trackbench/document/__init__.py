@@ -1,6 +1,6 @@
 """A document as data: what a report says, free of any markup. Each renderer writes the same document in its format."""
 
-from trackbench.report.document.model import (
+from trackbench.document.model import (
     Block,
     Cell,
     Code,

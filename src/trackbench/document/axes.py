@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from trackbench.report.document.drawing import GRID
+from trackbench.document.drawing import GRID
 from trackbench.types import Array
 
 #: Values that differ by more than this factor are drawn on a logarithmic axis.

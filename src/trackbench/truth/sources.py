@@ -1,0 +1,71 @@
+"""The built-in sources of truth: the options of each, and how its truth is had.
+
+The simulator takes a second to import, so nothing here imports it before it is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from trackbench.truth import recorded, scripted, simulated
+from trackbench.truth.base import Draw, LoadedTruth
+from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
+from trackbench.types import Progress, no_progress
+
+
+class HighwayTruth(HighwayOptions):
+    """Traffic simulated by highway-env."""
+
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        return simulated.load(self, cache, progress)
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+        from trackbench.truth import highway
+
+        highway.validate(self)
+
+
+class ScriptedTruth(ScriptedOptions):
+    """Motion written down piece by piece, exact in position and velocity."""
+
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        return LoadedTruth(scripted.script(self, *draw))
+
+    def most_runs(self) -> int | None:
+        return scripted.most_runs(self) if self.random else None
+
+
+class RecordingTruth(RecordingOptions):
+    """Motion from a file, and measurements where it has them."""
+
+    def load(
+        self,
+        draw: Draw,
+        *,
+        folder: Path,
+        sensors: Mapping[str, str] | None = None,
+        cache: bool = True,
+        progress: Progress = no_progress,
+    ) -> LoadedTruth:
+        recording = recorded.load(self, sensors or {}, folder)
+        return LoadedTruth(recording.truth, measurements=recording.measurements)
+
+    def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
+        recorded.load(self, sensors or {}, folder or Path())
