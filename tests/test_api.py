@@ -53,7 +53,7 @@ def test_the_import_brings_nothing_heavy() -> None:
 
 @pytest.mark.parametrize("before", ["", "import trackbench.truth, trackbench.compare; ", "tb.load; "])
 def test_a_function_is_not_hidden_by_the_package_of_its_name(before: str) -> None:
-    after = "from trackbench.truth import load_truth; import trackbench.compare"
+    after = "from trackbench.truth import LoadedTruth; import trackbench.compare"
     code = f"import trackbench as tb; {before}print(tb.truth.__name__, tb.compare.__name__); {after}; print(tb.truth)"
     first, second = python(code).splitlines()
     assert first == "truth compare"
@@ -79,7 +79,7 @@ def test_text_stays_text_and_a_mapping_is_one(tiny: Path) -> None:
         tiny, {"trackers.new": tracker, "description": "1e-3", "trackers.raw.sensors": np.array(["lidar"])}
     )
     assert loaded.config.description == "1e-3"
-    assert loaded.config.trackers["new"].acceleration_sigma_mps2 == 1e-3
+    assert "0.001" in repr(loaded.config.trackers["new"])
     assert list(loaded.config.trackers["raw"].sensors or ()) == ["lidar"]
 
 
@@ -174,6 +174,19 @@ def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
     x, _, yaw = lidar.sensor_pose
     shown = x + np.cos(yaw) * lidar.measurement[0] - np.sin(yaw) * lidar.measurement[1]
     np.testing.assert_allclose(shown[lidar.valid], np.broadcast_to(truth.px[step], shown.shape)[lidar.valid], atol=2)
+
+
+def test_hidden_identities_leave_the_detections_of_one_run(scenario: tb.Scenario) -> None:
+    known = tb.sense(scenario, range(1, 2))
+    hiding = tb.load("highway", {**SHORT, "sensing.identities": "hidden"})
+    hidden = tb.sense(hiding, range(1, 2))
+    for open_scan, scan in zip(known, hidden, strict=True):
+        assert scan.measurement.shape == (len(scan.noise_covariance), open_scan.valid.sum())
+        np.testing.assert_array_equal(
+            np.sort(scan.measurement[0]), np.sort(open_scan.measurement[0, open_scan.valid[:, 0], 0])
+        )
+    with pytest.raises(tb.InputError, match="ask for one run at a time"):
+        tb.sense(hiding, range(2))
 
 
 def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from trackbench.errors import InputError, TrackbenchError
     from trackbench.scenario import LoadedScenario as Scenario
     from trackbench.testing import check_tracker
-    from trackbench.types import Estimate, Scan, Truth
+    from trackbench.types import Estimate, Scan, Tracks, Truth
 
     __version__: str
 
@@ -36,6 +36,7 @@ _HOMES = {
     "Scan": ("types", "Scan"),
     "Scenario": ("scenario", "LoadedScenario"),
     "TrackbenchError": ("errors", "TrackbenchError"),
+    "Tracks": ("types", "Tracks"),
     "Truth": ("types", "Truth"),
     "check_tracker": ("testing", "check_tracker"),
     "compare": ("api.compare", "compare"),
@@ -53,6 +54,7 @@ __all__ = [
     "Scan",
     "Scenario",
     "TrackbenchError",
+    "Tracks",
     "Truth",
     "check_tracker",
     "compare",
