@@ -134,7 +134,7 @@ def test_options_change_the_run(cli: Cli, tiny: Path, tmp_path: Path) -> None:
     # The command that the result states gives the same measurements again.
     again = summary["command"].split()[1:]
     assert cli(*again, "--no-recording").status == 0
-    assert result(tmp_path / "results" / "tiny")["fingerprint"] == summary["fingerprint"]
+    assert result(tmp_path / "results" / "tiny")["fingerprints"] == summary["fingerprints"]
 
 
 def test_expectations_of_trackers_left_out_are_not_judged(cli: Cli, tiny: Path) -> None:
