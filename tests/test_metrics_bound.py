@@ -42,7 +42,7 @@ def bound(of, sensors, prior=PRIOR, sigma=2.0, rate=1.0):
 def test_on_a_linear_problem_it_is_the_covariance_of_the_kalman_filter():
     of = moving()
     found, _, instants = bound(of, {"lidar": LIDAR})
-    kalman = KalmanFilter(ConstantVelocity(2.0))
+    kalman = KalmanFilter(ConstantVelocity(acceleration_sigma_mps2=2.0))
     belief = Belief(np.zeros(4), np.diag([1.0, 1.0, 9.0, 9.0]))
     for row, step in enumerate(instants):
         if row > 0:
@@ -55,7 +55,7 @@ def test_on_a_linear_problem_it_is_the_covariance_of_the_kalman_filter():
 def test_of_nonlinear_measurements_it_is_the_covariance_of_an_extended_filter_that_knows_the_truth():
     of = moving()
     found, ideal, instants = bound(of, {"radar": RADAR, "lidar": LIDAR})
-    extended = ExtendedKalmanFilter(ConstantVelocity(2.0))
+    extended = ExtendedKalmanFilter(ConstantVelocity(acceleration_sigma_mps2=2.0))
     state = np.stack([of.px, of.py, of.vx, of.vy])[..., 0]
     for i in range(2):
         covariance, before = np.diag([1.0, 1.0, 9.0, 9.0]), 0
