@@ -28,7 +28,7 @@ def test_the_cases_differ_in_their_truth_alone():
 
 @pytest.mark.parametrize("case", CASES)
 def test_expectations_hold(project, case):
-    found = project.result(case, "monte_carlo.runs=200")
+    found = project.result(case)
     assert [item["text"] for item in found.json()["expectations"] if not item["passed"]] == []
     assert not any(tracker["failed"] for tracker in found.json()["trackers"])
 
