@@ -8,6 +8,7 @@ from trackbench.runner.run import work_of
 from trackbench.scenario import LoadedScenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
+from trackbench.sensing.hidden import hide_identities
 from trackbench.types import Scan, Truth
 
 
@@ -32,20 +33,29 @@ def sense(scenario: LoadedScenario | Named, runs: range = range(1)) -> list[Scan
 
     Returns:
         Scans of which ``measurement`` is ``(m, objects, runs)`` and ``valid`` is ``(objects, runs)``; the objects are
-        those of the truth's ``ids``.
+        those of the truth's ``ids``. With ``sensing: {identities: hidden}`` they are ``(m, D)`` and ``(D,)``: the D
+        detections of one run, in an order that means nothing.
 
     Raises:
-        InputError: something is wrong in the scenario, or it has no such run.
+        InputError: something is wrong in the scenario, it has no such run, or identities are hidden and it is not one
+            run.
     """
     loaded = loaded_scenario(scenario)
     there = loaded.config.monte_carlo.runs
     for run in runs:
         if run not in range(there):
             raise InputError(f"there is no run {run}; choose from 0 to {there - 1}", key="runs", file=loaded.path)
+    hidden = loaded.config.sensing.identities == "hidden"
+    if hidden and len(runs) != 1:
+        reason = "with hidden identities each run has detections of its own: ask for one run at a time"
+        raise InputError(reason, key="runs", file=loaded.path)
     found = truth_of(loaded)
     work = work_of(loaded, found)
+    sensed = scans.sense(work.sensors, work.seed, work.scenario, runs).scans
+    if hidden:
+        return hide_identities(sensed, loaded.config.sensors, work.seed, work.scenario, runs[0])
     shape = (len(found.truth.ids), len(runs))
     return [
         scan._replace(measurement=scan.measurement.reshape(-1, *shape), valid=scan.valid.reshape(shape))
-        for scan in scans.sense(work.sensors, work.seed, work.scenario, runs).scans
+        for scan in sensed
     ]
