@@ -96,11 +96,11 @@ def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, t
 @pytest.mark.parametrize(
     ("old", "new", "missed"),
     [
-        ("below: 2", "below: 0.001", "ekf_singer largest_error below 0.001: found 0."),
+        ("below: 2", "below: 0.001", "ekf_singer largest_error below 0.001: 0."),
         (
             "tracker: ekf_singer, metric: largest_error, better_than: gains",
             "tracker: gains, metric: largest_error, better_than: ekf_singer",
-            "gains largest_error better than ekf_singer: found ",
+            "gains largest_error better than ekf_singer: 0.",
         ),
     ],
 )
