@@ -176,17 +176,31 @@ def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
     np.testing.assert_allclose(shown[lidar.valid], np.broadcast_to(truth.px[step], shown.shape)[lidar.valid], atol=2)
 
 
-def test_hidden_identities_leave_the_detections_of_one_run(scenario: tb.Scenario) -> None:
-    known = tb.sense(scenario, range(1, 2))
-    hiding = tb.load("highway", {**SHORT, "sensing.identities": "hidden"})
-    hidden = tb.sense(hiding, range(1, 2))
-    for open_scan, scan in zip(known, hidden, strict=True):
-        assert scan.measurement.shape == (len(scan.noise_covariance), open_scan.valid.sum())
-        np.testing.assert_array_equal(
-            np.sort(scan.measurement[0]), np.sort(open_scan.measurement[0, open_scan.valid[:, 0], 0])
-        )
+def test_scans_with_hidden_identities_are_the_detections_of_one_run() -> None:
+    changes = {
+        "truth.duration_s": 2,
+        "sensors.front_radar.detection_probability": 0.2,
+        "sensors.front_radar.fov_deg": 90,
+    }
+    known = tb.sense(tb.load("highway", changes), range(5, 6))
+    hidden = tb.sense(tb.load("highway", {**changes, "sensing.identities": "hidden"}), range(5, 6))
+    assert len(known) == len(hidden)
+    numbers = set()
+    shuffled = False
+    for before, after in zip(known, hidden, strict=True):
+        detections = before.measurement[:, before.valid]
+        assert after.measurement.shape == detections.shape
+        assert after.valid.tolist() == [True] * detections.shape[1]
+        np.testing.assert_array_equal(np.sort(after.measurement[0]), np.sort(detections[0]))
+        shuffled |= not np.array_equal(after.measurement, detections)
+        numbers.add(detections.shape[1])
+    assert shuffled
+    assert 0 in numbers
+    radar = next(scan for scan in hidden if scan.sensor == "front_radar")
+    assert (radar.detection_probability, radar.clutter_density) == (0.2, 0.0)
+    assert radar.field_of_view.half_angle == pytest.approx(np.pi / 4)
     with pytest.raises(tb.InputError, match="ask for one run at a time"):
-        tb.sense(hiding, range(2))
+        tb.sense(tb.load("highway", {**changes, "sensing.identities": "hidden"}), range(2))
 
 
 def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -> None:
@@ -239,6 +253,10 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
         (lambda r: tb.load("name: x\n"), "scenario.yaml:1: truth: missing; where the true motion comes from"),
         (lambda r: tb.load({}), "scenario.yaml:1: "),
         (lambda r: tb.sense("highway", range(99, 101)), "runs: there is no run 100; choose from 0 to 99"),
+        (
+            lambda r: tb.sense(tb.load("highway", {"sensing.identities": "hidden"}), range(2)),
+            "runs: with hidden identities each run has detections of its own: ask for one run at a time",
+        ),
         (lambda r: tb.run("highway", out="/proc/x"), "cannot write to /proc/x"),
         (lambda r: r["ekf"], "no tracker 'ekf' in this result; did you mean 'ekf_cv'?"),
         (lambda r: r.to_pandas("step"), "no table 'step' in this result; did you mean 'steps'?"),

@@ -231,10 +231,11 @@ def test_a_published_one_is_listed_and_named(
 
 def test_the_schema_takes_every_form() -> None:
     schema = json_schema()["$defs"]["Score"]["properties"]["metrics"]
-    good = ["square", "own:Square", {"use": "own:Square", "options": {"limit_m": 1}}]
+    good = ["own:Square", {"use": "own:Square", "options": {"limit_m": 1}}]
     jsonschema.validate(good, schema)
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate([{"options": {}}], schema)
+    for bad in ("unpublished", {"use": "unpublished"}, {"options": {}}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([bad], schema)
 
 
 def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:

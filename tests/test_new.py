@@ -39,14 +39,14 @@ def run_pytest(folder: Path, *files: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_what_is_written_passes_its_own_tests(tmp_path: Path, cli: Cli) -> None:
-    kinds = {"tracker": "gains", "motion-model": "fading", "sensor": "sonar", "truth": "ring"}
+    kinds = {"tracker": "gains", "motion-model": "fading", "sensor": "sonar", "truth": "ring", "metric": "offset"}
     for kind, name in kinds.items():
         done = cli("new", kind, name)
         assert done.status == 0, done.err
         assert f"pytest test_{name}.py" in done.out
     done = run_pytest(tmp_path)
     assert done.returncode == 0, done.stdout
-    assert "4 passed" in done.stdout
+    assert "5 passed" in done.stdout
 
 
 def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackbench: str) -> None:
@@ -55,6 +55,18 @@ def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackb
     done = subprocess.run(command, cwd=tmp_path / "deep/folder", capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert [entry["failed"] for entry in json.loads(done.stdout)["trackers"]] == [None, None]
+
+
+def test_a_new_metric_is_named_in_a_scenario_as_printed(tmp_path: Path, cli: Cli, tiny: Path) -> None:
+    printed = cli("new", "metric", "offset_named").out.splitlines()[-1]
+    assert printed == '  score: {metrics: ["offset_named:OffsetNamed"]}'
+    tiny.write_text(tiny.read_text(encoding="utf-8") + printed.strip() + "\n", encoding="utf-8")
+    done = cli("run", tiny, "--json", "--no-recording", "--runs", "2")
+    assert done.status == 0, done.err
+    for tracker in json.loads(done.out)["trackers"]:
+        metrics = tracker["metrics"]
+        assert metrics["offset_named"]["unit"] == "m"
+        assert 0 < metrics["offset_named"]["value"] < metrics["position_rmse"]["value"]
 
 
 @pytest.mark.parametrize(
@@ -100,6 +112,8 @@ def test_what_a_signature_leaves_open_is_left_to_the_author(tmp_path: Path, cli:
         (("tracker", "my-tracker"), "'my-tracker' is no name for a module"),
         (("tracker", "class"), "'class' is no name for a module"),
         (("sensor", "sonar", "--around", "os:path"), "--around goes with a tracker, not with a sensor"),
+        (("metric", "nees"), "no metric can be written: its name 'nees' is that of a built-in one"),
+        (("metric", "größe"), "no metric can be written: its name 'größe' may have a to z, 0 to 9 and _ alone"),
         (("tracker", "mine", "--around", "os:system"), "'os:system' cannot be wrapped: it is not a class"),
         (("tracker", "mine", "--around", "io:StringIO"), "cannot be wrapped: it has no predict and no update"),
         (("tracker", "mine", "--around", "io:StringOI"), "module 'io' has no 'StringOI': did you mean 'StringIO'?"),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -26,6 +28,10 @@ trackers:
   ukf_singer: {filter: ukf, motion: {model: singer, acceleration_sigma_mps2: 2}, initial: truth}
   gains: {use: nearest_position, options: {alpha: 0.5}}
 monte_carlo: {runs: 6, seed: 3}
+score: {metrics: [{use: largest_error, options: {after_s: 1}}]}
+expect:
+  - {tracker: ekf_singer, metric: largest_error, below: 2}
+  - {tracker: ekf_singer, metric: largest_error, better_than: gains}
 """
 
 Trackbench = Callable[..., subprocess.CompletedProcess[str]]
@@ -63,6 +69,49 @@ def scenario(folder: Path, *changes: tuple[str, str]) -> str:
     return "plugged.yaml"
 
 
+def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, tmp_path: Path) -> None:
+    done = installed("run", scenario(tmp_path), "--no-recording")
+    assert done.returncode == 0, done.stderr
+    assert "All 2 expectations met" in done.stdout
+    # The terminal's table has the same columns for every scenario.
+    assert "largest_error" not in done.stdout
+    folder = tmp_path / "results" / "plugged"
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    values = {entry["name"]: entry["metrics"]["largest_error"] for entry in result["trackers"]}
+    for entry in result["trackers"]:
+        value = values[entry["name"]]
+        assert value["unit"] == "m"
+        assert value["ci95"][0] < value["value"] < value["ci95"][1]
+        assert value["value"] > entry["metrics"]["position_rmse"]["value"]
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "| tracker | largest_error, m |" in text
+    assert re.search("<th[^>]*>largest_error, m</th>", page)
+    for name, value in values.items():
+        low, high = value["ci95"]
+        assert f"| **{name}** | {value['value']:.3f} ({low:.3f} to {high:.3f}) |" in text
+        assert re.search(f'<td data-label="largest_error, m"[^>]*>{value["value"]:.3f}<', page)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "missed"),
+    [
+        ("below: 2", "below: 0.001", "ekf_singer largest_error below 0.001: 0."),
+        (
+            "tracker: ekf_singer, metric: largest_error, better_than: gains",
+            "tracker: gains, metric: largest_error, better_than: ekf_singer",
+            "gains largest_error better than ekf_singer: 0.",
+        ),
+    ],
+)
+def test_expectations_of_the_metric_can_fail(
+    installed: Trackbench, tmp_path: Path, old: str, new: str, missed: str
+) -> None:
+    done = installed("run", scenario(tmp_path, (old, new)), "--no-recording")
+    assert done.returncode == 1, done.stderr
+    assert missed in done.stdout
+
+
 def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> None:
     done = installed("run", scenario(tmp_path), "--json", "--no-recording")
     assert done.returncode == 0, done.stderr
@@ -81,13 +130,12 @@ def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> N
         ("motion-models", "singer .*time_constant_s .seconds."),
         ("sensors", "sonar .*Measures range and bearing; options range_sigma_m .metres., bearing_sigma_deg .degrees."),
         ("truth-sources", "weave .*options .*amplitude_m .metres."),
+        ("metrics", "largest_error .*mean over the runs of the largest position error in each .m."),
         ("trackers", "nearest_position .*options alpha, beta"),
         ("trackers", "broken .*failed: cannot import 'broken': no module named 'example_missing'"),
     ],
 )
 def test_they_are_listed(installed: Trackbench, what: str, line: str) -> None:
-    import re
-
     done = installed("list", what)
     assert done.returncode == 0, done.stderr
     assert re.search(line.replace(" .*", r"[\s\S]*?"), " ".join(done.stdout.split()))
@@ -98,11 +146,23 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
     assert schema["$defs"]["Sonar"]["properties"]["bearing_sigma_deg"]["maximum"] == 90
     assert "time_constant_s" in schema["$defs"]["FilterConfig"]["properties"]
     assert "amplitude_m" in schema["$defs"]["Weave"]["properties"]
+    metrics = schema["$defs"]["Score"]["properties"]["metrics"]
+    good = ["largest_error", {"use": "largest_error", "options": {"after_s": 1}}, {"use": "own:Metric", "options": {}}]
+    jsonschema.validate(good, metrics)
+    for bad in ("largest_eror", {"use": "largest_error", "options": {"after": 1}}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([bad], metrics)
     env = {**os.environ, "PYTHONPATH": str(site)}
     page = subprocess.run(
         [sys.executable, "-m", "trackbench.scenario.docs"], env=env, capture_output=True, text=True, check=True
     ).stdout
-    for text in ("`type sonar`", "`source weave`", "| `singer` |", "| `nearest_position` | `alpha`, `beta` |"):
+    for text in (
+        "`type sonar`",
+        "`source weave`",
+        "| `singer` |",
+        "| `nearest_position` | `alpha`, `beta` |",
+        "| `largest_error` | m |",
+    ):
         assert text in page
 
 
@@ -137,6 +197,17 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
         ),
         ("amplitude_m: 3", "amplitude: 3", "2: truth.amplitude: unknown key; use amplitude_m (metres)"),
         ("source: weave", "source: weav", "2: truth.source: 'weav' is not known; did you mean 'weave'?"),
+        (
+            "use: largest_error",
+            "use: largest_eror",
+            "11: score.metrics.0: no metric is published as 'largest_eror': did you mean 'largest_error'?",
+        ),
+        ("after_s: 1", "after: 1", "11: score.metrics.0.options.after: unknown key; use after_s (seconds)"),
+        (
+            "metric: largest_error, below",
+            "metric: largest_eror, below",
+            "13: expect.0.metric: there is no metric 'largest_eror'; did you mean 'largest_error'?",
+        ),
         ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: Input should be less than or equal to 1"),
         ("use: nearest_position", "use: broken", "9: trackers.gains.use: cannot import 'broken': no module named"),
     ],

@@ -14,6 +14,7 @@ NAMED = {
     "motion-model": '  trackers: {{mine: {{filter: ekf, motion: "{use}", ...}}}}',
     "sensor": '  sensors: {{front: {{type: "{use}", rate_hz: 10, ...}}}}',
     "truth": '  truth: {{source: "{use}", duration_s: 20, rate_hz: 20, ...}}',
+    "metric": '  score: {{metrics: ["{use}"]}}',
 }
 
 
@@ -31,7 +32,7 @@ NAMED = {
 def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
     """Write a plug-in of your own that works, with its test.
 
-    KIND is tracker, motion-model, sensor or truth; a tracker gets a scenario too. No file is overwritten.
+    KIND is tracker, motion-model, sensor, truth or metric; a tracker gets a scenario too. No file is overwritten.
 
     \b
     Examples:

@@ -75,7 +75,8 @@ class PluginName:
 
     def named(self) -> list[dict[str, Any]]:
         """The JSON Schemas of a published name and of a reference."""
-        return [{"enum": list(self.registry.loaded())}, {"type": "string", "pattern": ":"}]
+        published = list(self.registry.loaded())
+        return [*([{"enum": published}] if published else []), {"type": "string", "pattern": ":"}]
 
     def _validate(self, name: str, info: ValidationInfo) -> str:
         self.find(name, info)

@@ -12,6 +12,15 @@ from trackbench.plugins import Registry
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
+def unfit_name(name: str) -> str | None:
+    """Why no metric of one's own can have this name; None if one can."""
+    if not NAME.fullmatch(name):
+        return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
+    if name in {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}:
+        return f"its name {name!r} is that of a built-in one"
+    return None
+
+
 def _lacks(found: Any) -> str | None:
     if not isinstance(found, type) or not issubclass(found, Metric):
         return "it must be a subclass of trackbench.metrics.OwnMetric"
@@ -19,10 +28,8 @@ def _lacks(found: Any) -> str | None:
     missing += sorted(getattr(found, "__abstractmethods__", ()))
     if missing:
         return f"it lacks {' and '.join(missing)}"
-    if not NAME.fullmatch(found.name):
-        return f"its name {found.name!r} may have a to z, 0 to 9 and _ alone"
-    if found.name in {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}:
-        return f"its name {found.name!r} is that of a built-in one"
+    if unfit := unfit_name(found.name):
+        return unfit
     if found.better not in ("smaller", "larger", None):
         return f'better must be "smaller", "larger" or None, not {found.better!r}'
     return None

@@ -10,6 +10,7 @@ from pathlib import Path
 import jinja2
 
 from trackbench.errors import InputError
+from trackbench.metrics.plugin import unfit_name
 from trackbench.scaffold.around import Wrapped, wrapped
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
@@ -22,6 +23,7 @@ KINDS: Mapping[str, Mapping[str, str]] = {
     "motion-model": {"{name}.py": "motion_model.py.j2", "test_{name}.py": "test_motion_model.py.j2"},
     "sensor": {"{name}.py": "sensor.py.j2", "test_{name}.py": "test_sensor.py.j2"},
     "truth": {"{name}.py": "truth.py.j2", "test_{name}.py": "test_truth.py.j2"},
+    "metric": {"{name}.py": "metric.py.j2", "test_{name}.py": "test_metric.py.j2"},
 }
 
 
@@ -30,7 +32,7 @@ def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path
 
     Args:
         kind: one of ``KINDS``.
-        name: of the module; the class is named after it.
+        name: of the module; the class is named after it, and a metric in results too.
         out: the folder, made if there is none.
         around: ``"module:Class"`` of a filter with ``predict`` and ``update`` that the tracker runs.
 
@@ -45,6 +47,8 @@ def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path
         raise InputError(f"{name!r} is no name for a module: write it in small letters, digits and _")
     if around is not None and kind != "tracker":
         raise InputError(f"--around goes with a tracker, not with a {kind}")
+    if kind == "metric" and (unfit := unfit_name(name)):
+        raise InputError(f"no metric can be written: {unfit}")
     filter_ = None if around is None else wrapped(around)
     texts = {
         out / pattern.format(name=name): _rendered(_template(template, filter_), name, filter_)

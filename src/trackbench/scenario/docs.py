@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from trackbench.config.key_units import show, split_key
+from trackbench.metrics.plugin import METRICS
 from trackbench.metrics.registry import known
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
@@ -208,10 +209,11 @@ def _presets() -> str:
 
 def _metrics() -> str:
     rows = ["### Metrics", "", "| metric | unit | meaning |", "| --- | --- | --- |"]
-    for metric in known():
+    metrics = known([*METRICS.loaded().values()])
+    for metric in metrics:
         unit = " or ".join(f"`{word}`" for word in metric.words) or metric.unit
         rows.append(f"| `{metric.path}` | {unit} | {metric.meaning} |")
-    compared = ", ".join(f"`{metric.path}`" for metric in known() if metric.compared)
+    compared = ", ".join(f"`{metric.path}`" for metric in metrics if metric.compared)
     rows += ["", f"`better_than` compares run by run, and only by {compared}."]
     return "\n".join(rows)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import PlainValidator, ValidationError, ValidationInfo, WithJsonSchema
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import GetJsonSchemaHandler, PlainValidator, ValidationError, ValidationInfo
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from trackbench.config import PROBLEM, KeyPath
 from trackbench.config.explain import explain
+from trackbench.config.plugin import PluginName
 from trackbench.errors import InputError, nearest
 from trackbench.metrics import Metric
 from trackbench.metrics.plugin import METRICS
@@ -47,21 +48,24 @@ def _at(problems: list[tuple[KeyPath, str]]) -> ValidationError:
     return ValidationError.from_exception_data("metrics", lines)
 
 
+class _Forms:
+    """The JSON Schema: a name, or a mapping with the options of the metric that it names."""
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        mappings = [_mapping({"const": name}, _options(found, handler)) for name, found in METRICS.loaded().items()]
+        *names, reference = PluginName(METRICS).named()
+        return {"anyOf": [*names, reference, *mappings, _mapping(reference, {"type": "object"})]}
+
+
+def _options(metric: type[Metric], handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    return handler.resolve_ref_schema(handler(metric.__pydantic_core_schema__))
+
+
+def _mapping(use: dict[str, Any], options: dict[str, Any]) -> dict[str, Any]:
+    needed = ["use", "options"] if options.get("required") else ["use"]
+    properties = {"use": use, "options": options}
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": False}
+
+
 #: A metric by its published name or ``"module:Class"``, or as a mapping with its options.
-AnyMetric = Annotated[
-    Metric,
-    PlainValidator(_made),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "string"},
-                {
-                    "type": "object",
-                    "properties": {"use": {"type": "string"}, "options": {"type": "object"}},
-                    "required": ["use"],
-                    "additionalProperties": False,
-                },
-            ]
-        }
-    ),
-]
+AnyMetric = Annotated[Metric, PlainValidator(_made), _Forms()]

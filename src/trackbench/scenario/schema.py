@@ -31,6 +31,7 @@ def json_schema() -> Schema:
     for form in schema["properties"]["truth"]["oneOf"]:
         _lift(form, "source", parts)
     _options(parts)
+    _metrics(parts["Score"]["properties"]["metrics"]["items"]["anyOf"])
     for part in parts.values():
         _untitle(part)
     for kind, part in filter(None, kinds):
@@ -129,6 +130,12 @@ def _filter(part: Schema) -> None:
             "then": {"properties": {"motion": {"not": {"enum": curved}}}},
         }
     )
+
+
+def _metrics(forms: list[Schema]) -> None:
+    for form in forms:
+        if "properties" in form:
+            _untitle(form["properties"]["options"])
 
 
 def _options(parts: Schema) -> None:
