@@ -22,7 +22,7 @@ Progress = Callable[[float, float], None]
 
 
 def no_progress(done: float, total: float) -> None:
-    """The progress of work that nobody waits for."""
+    """Report no progress."""
 
 
 #: The space in which trackers of different state are compared, in the fixed frame.

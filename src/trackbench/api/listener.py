@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scenario that nothing can stop any more but its own trackers."""
+    """A checked scenario with its truth, ready to run."""
 
     scenario: LoadedScenario
     truth: LoadedTruth

@@ -42,9 +42,11 @@ class Commands(click.Group):
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="trackbench")
 def cli() -> None:
-    """Run vehicle trackers on the same truth and noise, and compare their errors.
-
-    Example: trackbench run highway
+    """
+    \b
+    Run vehicle trackers on the same truth and noise, and compare their errors.
+    Example:
+      trackbench run highway
     """
 
 

@@ -98,7 +98,7 @@ class Nees(BuiltInMetric):
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
-        Field("verdict", "whether the errors are as large as claimed", CONSISTENCY),
+        Field("verdict", "whether the errors are as large as stated", CONSISTENCY),
     )
 
     def finish(self, sums: Scores) -> Outcome:

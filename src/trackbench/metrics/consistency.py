@@ -68,7 +68,7 @@ def verdict(ci95: tuple[float, float] | None, dof: int) -> str:
     """What the interval of a mean NEES or NIS says of the covariance; ``TOLERANCE`` is what does not matter.
 
     ``consistent``: shown to be within the tolerance. ``optimistic``: shown to be above ``dof``, errors are larger than
-    claimed, and not shown to be within the tolerance. ``pessimistic``: the same below. ``undecided``: none of these is
+    stated, and not shown to be within the tolerance. ``pessimistic``: the same below. ``undecided``: none of these is
     shown. So a lack of runs never looks like consistency, and a difference without consequence is not held against a
     tracker because there were many: the logic of an equivalence test (Schuirmann 1987, "A comparison of the two
     one-sided tests procedure and the power approach").

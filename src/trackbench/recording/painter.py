@@ -31,11 +31,11 @@ class Painter:
     def take(self, batch: Iterable[Scene | list[Scan] | RecordedInstant | Result]) -> None:
         """Draw parts of runs, in their order."""
         for _, items in groupby(batch, key=type):
-            alike = list(items)
-            instants = [item for item in alike if isinstance(item, RecordedInstant)]
+            same_kind = list(items)
+            instants = [item for item in same_kind if isinstance(item, RecordedInstant)]
             if instants and self._run is not None:
                 self._run.estimate(instants)
-            for item in alike:
+            for item in same_kind:
                 self._change(item)
 
     def _change(self, item: Scene | list[Scan] | RecordedInstant | Result) -> None:

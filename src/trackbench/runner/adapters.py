@@ -152,7 +152,7 @@ def together(answers: list[Estimate | None], size: int) -> Estimate | None:
     size = next((len(answer.innovation) for answer in given if answer.innovation is not None), size)
     batch = len(answers)
     mean, covariance = np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan)
-    innovation, spread = np.full((size, batch), np.nan), np.full((size, size, batch), np.nan)
+    innovation, innovation_covariance = np.full((size, batch), np.nan), np.full((size, size, batch), np.nan)
     repaired = np.zeros(batch, dtype=bool)
     for member, answer in enumerate(answers):
         if answer is None:
@@ -160,7 +160,9 @@ def together(answers: list[Estimate | None], size: int) -> Estimate | None:
         mean[:, member], covariance[:, :, member] = answer.mean, answer.covariance
         repaired[member] = bool(answer.repaired) if answer.repaired is not None else False
         if answer.innovation is not None and answer.innovation_covariance is not None:
-            innovation[:, member], spread[:, :, member] = answer.innovation, answer.innovation_covariance
+            innovation[:, member], innovation_covariance[:, :, member] = answer.innovation, answer.innovation_covariance
     if np.isnan(innovation).all():
         return Estimate(mean, covariance, repaired=repaired)
-    return Estimate(mean, covariance, innovation=innovation, innovation_covariance=spread, repaired=repaired)
+    return Estimate(
+        mean, covariance, innovation=innovation, innovation_covariance=innovation_covariance, repaired=repaired
+    )

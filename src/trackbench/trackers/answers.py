@@ -60,16 +60,18 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
     batch = np.shape(scan.valid)
     mean = _array("mean", answer.mean, (4, *batch))
     covariance = _array("covariance", answer.covariance, (4, 4, *batch))
-    innovation, sigmas = answer.innovation, answer.innovation_covariance
-    if innovation is not None and sigmas is not None:
+    innovation, innovation_covariance = answer.innovation, answer.innovation_covariance
+    if innovation is not None and innovation_covariance is not None:
         size = len(np.atleast_1d(innovation))
         innovation = _array("innovation", innovation, (size, *batch))
-        sigmas = _array("innovation covariance", sigmas, (size, size, *batch))
+        innovation_covariance = _array("innovation covariance", innovation_covariance, (size, size, *batch))
     repaired = answer.repaired
     if repaired is not None and np.shape(repaired) != batch:
         raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
     # The whitened innovation is left out: it is computed here, rather than believed.
-    return Estimate(mean, covariance, answer.state, answer.state_covariance, innovation, sigmas, None, repaired)
+    return Estimate(
+        mean, covariance, answer.state, answer.state_covariance, innovation, innovation_covariance, None, repaired
+    )
 
 
 def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:

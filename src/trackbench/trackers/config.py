@@ -144,15 +144,15 @@ class FilterConfig(OptionsBeside):
         description="ukf only. scaled: weights from alpha, beta and kappa (van der Merwe). classic: from "
         "kappa alone (Julier).",
     )
-    augmented: bool = Field(True, description="ukf only. Whether the sigma points also sigmas over the process noise.")
-    alpha: float = Field(1, gt=0, le=1, description="ukf with scaled sigma points only. Their sigmas, 0 to 1.")
+    augmented: bool = Field(True, description="ukf only. Whether the sigma points also spread over the process noise.")
+    alpha: float = Field(1, gt=0, le=1, description="ukf with scaled sigma points only. Their spread, 0 to 1.")
     beta: float = Field(
         2, ge=0, description="ukf with scaled sigma points only. 2 is best for a Gaussian distribution."
     )
     kappa: float | None = Field(
         None,
-        description="ukf only. Secondary sigmas of the sigma points. Unless given: 0 with scaled, and 3 "
-        "minus the number of sigmas components with classic.",
+        description="ukf only. Secondary spread of the sigma points. Unless given: 0 with scaled, and 3 "
+        "minus the number of spread components with classic.",
     )
     iterations: int = Field(5, ge=1, le=100, description="iekf only. How often an update is linearised again.")
     sensor_models: dict[str, SensorKind] = Field(

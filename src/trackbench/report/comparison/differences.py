@@ -58,7 +58,7 @@ def _section(
 
 
 def _result(comparison: Comparison, result: ComparedResult) -> Item:
-    """What is compared, and on what grounds."""
+    """What is compared, and how."""
     text = f"{result.label}: {counted(result.runs, 'run')}, seed {result.seed}"
     return Item(text, label=letter(result.set) if len(comparison.sets) > 1 else "", detail=_how(result))
 

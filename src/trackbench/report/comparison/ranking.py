@@ -22,7 +22,7 @@ _POSITION = (
     "the best was shown (paired over runs, Holm)."
 )
 _NEES = (
-    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker claims; pessimistic: smaller; "
+    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; "
     "undecided: too few runs to say."
 )
 _TIME = "Of one predict and update of one run, on this machine."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from trackbench.document import Cell, Column, Table, Tone
@@ -85,12 +85,14 @@ def other_metrics(result: Result) -> Table | None:
 def innovations(result: Result) -> list[Table]:
     """NIS and whiteness of the innovations of each sensor, for each tracker that gives them."""
     tables = []
-    for number, (sensor, about) in enumerate(result.summary.sensors.items()):
+    for number, sensor in enumerate(result.summary.sensors):
         trackers = [tracker for tracker in result.scored if metric_of(tracker, f"nis.{sensor}").value is not None]
         columns = [
             (TRACKER, names(trackers)),
             (
-                Column(f"NIS, {about.dof} expected", "mean, verdict and 95 % interval", details=VERDICT),
+                Column(
+                    f"NIS, {_expected(trackers, sensor)} expected", "mean, verdict and 95 % interval", details=VERDICT
+                ),
                 values(trackers, f"nis.{sensor}"),
             ),
             (
@@ -105,6 +107,12 @@ def innovations(result: Result) -> list[Table]:
         if trackers:
             tables.append(Table.of_columns(f"innovations-{number}", columns, f"Innovations of {sensor}"))
     return tables
+
+
+def _expected(trackers: Sequence[TrackerResult], sensor: str) -> str:
+    """The degrees of freedom of the innovations, which a filter of positions has fewer of."""
+    known = sorted({tracker.metrics[f"nis.{sensor}"].dof or 0 for tracker in trackers}, reverse=True)
+    return " or ".join(str(dof) for dof in known)
 
 
 def key_differences(result: Result) -> Table:
