@@ -187,7 +187,7 @@ BROKEN_MODULES = [
     ("class T:\n    pass\n", "T", "'{0}:T' is no tracker: T has no method step(state, scan)"),
     ("T = 3\n", "T", "'{0}:T' is no tracker: it is neither a class"),
     (
-        "class T:\n    def __init__(self):\n        raise RuntimeError('no licence')\n    def step(self, state, scan): ...\n",
+        "class T:\n    def step(self, state, scan): ...\n    def __init__(self): raise RuntimeError('no licence')\n",
         "T",
         "'{0}:T' does not start with these options: RuntimeError: no licence",
     ),
