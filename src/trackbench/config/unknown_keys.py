@@ -6,7 +6,8 @@ import json
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
-from trackbench.config.base import Config
+from pydantic import BaseModel
+
 from trackbench.config.key_units import Unit, convert, show, split_key
 from trackbench.config.places import Beside, forms, keyed_fields, whole
 from trackbench.config.plugin import plugin_options
@@ -21,7 +22,7 @@ class Advice(NamedTuple):
     """The key that was meant, where that is clear."""
 
 
-def advise(key: str, value: Any, model: type[Config], root: type[Config]) -> Advice:
+def advise(key: str, value: Any, model: type[BaseModel], root: type[BaseModel]) -> Advice:
     """Advice on the unknown ``key`` of ``model``, in a file whose whole is described by ``root``."""
     keys = list(keyed_fields(model))
     if key in keys:
@@ -41,7 +42,7 @@ def _option(key: str, value: Any, keys: list[str]) -> Advice:
     return Advice(f"unknown key; options of a class go under options: {written}", None)
 
 
-def advise_beside(key: str, value: Any, plugged: Beside, root: type[Config]) -> Advice:
+def advise_beside(key: str, value: Any, plugged: Beside, root: type[BaseModel]) -> Advice:
     """Advice on a ``key`` that is neither an option of a plug-in nor of the class beside whose keys they stand."""
     options = list(keyed_fields(plugged.plugin.registry[plugged.name]))
     if key in plugin_options(plugged.plugin):
@@ -52,7 +53,7 @@ def advise_beside(key: str, value: Any, plugged: Beside, root: type[Config]) -> 
     return _advise(key, value, [*options, *own], plugged.model, root)
 
 
-def _advise(key: str, value: Any, keys: list[str], model: type[Config], root: type[Config]) -> Advice:
+def _advise(key: str, value: Any, keys: list[str], model: type[BaseModel], root: type[BaseModel]) -> Advice:
     meant = _same_quantity(key, keys)
     if meant is not None:
         return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
@@ -91,7 +92,7 @@ def _use(key: str, given: Unit | None, value: Any) -> str:
     return words if converted is None else f"{words}: {show(converted)}"
 
 
-def _homes(key: str, found_in: type[Config], model: type[Config], path: tuple[str, ...]) -> list[str]:
+def _homes(key: str, found_in: type[BaseModel], model: type[BaseModel], path: tuple[str, ...]) -> list[str]:
     """The sections of ``model`` in which ``key`` is known, by their dotted names.
 
     Where ``found_in`` is another form of the same section, the name says which form knows the key; a form that no
