@@ -43,7 +43,7 @@ def test_what_is_written_passes_its_own_tests(tmp_path: Path, cli: Cli) -> None:
     for kind, name in kinds.items():
         done = cli("new", kind, name)
         assert done.status == 0, done.err
-        assert f"pytest test_{name}.py" in done.out
+        assert f"  python -m pytest test_{name}.py\n" in done.out
     done = run_pytest(tmp_path)
     assert done.returncode == 0, done.stdout
     assert "5 passed" in done.stdout
@@ -99,11 +99,51 @@ def test_a_filter_is_wrapped(
 def test_what_a_signature_leaves_open_is_left_to_the_author(tmp_path: Path, cli: Cli, write_module: Any) -> None:
     code = FILTER.format(arguments="model", shape="4", predict="", update="z, gate").replace("dt", "0.1")
     module = write_module(tmp_path, code)
-    assert cli("new", "tracker", f"open_{module}", "--around", f"{module}:Kf").status == 0
+    done = cli("new", "tracker", f"open_{module}", "--around", f"{module}:Kf")
+    assert done.status == 0, done.err
     text = (tmp_path / f"open_{module}.py").read_text(encoding="utf-8")
-    for decision in ("what model is", "how predict() learns dt", "whether gate of update is R"):
-        assert f"# Decide {decision}" in text
     compile(text, "written", "exec")
+    lines = text.splitlines()
+    decided = {
+        "what model is.": f"own = {module}.Kf(model=None)",
+        "how predict() learns dt, which is not the same at every scan.": "own.predict()",
+        "whether gate of update is R.": "own.update(z, R)",
+    }
+    numbers = []
+    for decision, call in decided.items():
+        line = next(number for number, text in enumerate(lines, 1) if text.strip() == f"# Decide: {decision}")
+        assert lines[line].strip() == call
+        numbers.append(line)
+    told = ", ".join(map(str, sorted(numbers)))
+    assert done.out.splitlines()[-1] == f"open_{module}.py leaves you 3 decisions: lines {told}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "decision", "call"),
+    [
+        ({"update": "z"}, "how update() learns R, the covariance of z, which is not", "own.update(z)"),
+        ({"predict": "u"}, "whether u of predict is dt", "own.predict(dt)"),
+    ],
+)
+def test_noise_and_time_step_are_not_dropped_in_silence(
+    tmp_path: Path, cli: Cli, write_module: Any, changes: dict[str, str], decision: str, call: str
+) -> None:
+    module = write_module(
+        tmp_path, FILTER.format(**{"arguments": "", "shape": "4", "predict": "dt", "update": "z, R", **changes})
+    )
+    done = cli("new", "tracker", f"silent_{module}", "--around", f"{module}:Kf")
+    lines = (tmp_path / f"silent_{module}.py").read_text(encoding="utf-8").splitlines()
+    line = next(number for number, text in enumerate(lines, 1) if text.strip() == call)
+    assert lines[line - 2].strip().startswith(f"# Decide: {decision}")
+    assert done.out.splitlines()[-1] == f"silent_{module}.py leaves you 1 decision: line {line - 1}"
+
+
+def test_a_filter_of_the_same_name_as_the_tracker_is_wrapped(tmp_path: Path, cli: Cli, write_module: Any) -> None:
+    code = FILTER.format(arguments="", shape="4", predict="dt", update="z, R").replace("class Kf", "class Odd")
+    module = write_module(tmp_path, code)
+    assert cli("new", "tracker", "odd", "--around", f"{module}:Odd").status == 0
+    done = run_pytest(tmp_path, "test_odd.py")
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.mark.parametrize(

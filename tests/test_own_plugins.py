@@ -83,6 +83,54 @@ def test_what_is_something_else_is_refused_without_being_called(registry: Regist
         registry.get(reference)
 
 
+GATED = """
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+class Gated:
+    class Options(BaseModel):
+        model_config = ConfigDict(extra="forbid")
+        class Gate(BaseModel):
+            model_config = ConfigDict(extra="forbid")
+            size_m: float = 1
+        gate: Gate = Gate()
+        sigma_m: float = Field(1, gt=0)
+        count: int = 1
+        on: bool = True
+
+        @field_validator("count")
+        @classmethod
+        def _odd(cls, count):
+            if count % 2 == 0:
+                raise ValueError("must be odd")
+            return count
+
+    def step(self, state, scan): ...
+"""
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sigma": 2}, "sigma: unknown key; use sigma_m (metres)"),
+        ({"sigma_cm": 2}, "sigma_cm: unknown key; use sigma_m (metres): 0.02"),
+        ({"gate": {"size_cm": 3}}, "gate.size_cm: unknown key; use size_m (metres): 0.03"),
+        ({"sigma_m": "3 cm"}, "sigma_m: a number in metres is needed, not '3 cm'; write 0.03"),
+        ({"sigma_m": -1}, "sigma_m: -1 is not possible: it must be above 0; write 1"),
+        ({"count": 1.5}, "count: a whole number is needed, not 1.5; write 1 or 2"),
+        ({"count": 2}, "count: must be odd"),
+        ({"on": "maybe"}, "on: true or false is needed, not 'maybe'"),
+        ({"gate": 3}, "gate: a mapping of keys to values is needed, not 3 (keys: size_m)"),
+    ],
+)
+def test_options_of_a_plain_pydantic_model_are_explained_as_built_in_ones_are(
+    tmp_path: Path, write_module: Write, options: dict[str, Any], message: str
+) -> None:
+    module = write_module(tmp_path, GATED)
+    with pytest.raises(InputError) as caught:
+        check_options(f"{module}:Gated", options, tmp_path)
+    assert str(caught.value) == message
+
+
 def test_a_check_starts_no_tracker(tmp_path: Path, write_module: Write) -> None:
     code = "class Loud:\n    def __init__(self, gain, **rest):\n        raise SystemExit\n"
     module = write_module(tmp_path, code + "    def step(self, state, scan):\n        raise SystemExit\n")

@@ -208,7 +208,7 @@ def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Pat
             "metric: largest_eror, below",
             "13: expect.0.metric: there is no metric 'largest_eror'; did you mean 'largest_error'?",
         ),
-        ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: Input should be less than or equal to 1"),
+        ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: 2 is not possible: it must be at most 1"),
         ("use: nearest_position", "use: broken", "9: trackers.gains.use: cannot import 'broken': no module named"),
     ],
 )

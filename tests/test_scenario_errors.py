@@ -68,6 +68,29 @@ BAD = [
         ],
     ),
     ("seed: 7", "seed: 7, workers: 2", ["24: monte_carlo.workers: unknown key; choose from: runs, seed"]),
+    # Options of a class beside its name.
+    (
+        "{use: ",
+        "{alpha: 0.5, use: ",
+        ["23: trackers.mine.alpha: unknown key; options of a class go under options: {alpha: 0.5}"],
+    ),
+    (
+        "{use: ",
+        "{motion: cv, use: ",
+        ['23: trackers.mine.motion: unknown key; options of a class go under options: {motion: "cv"}'],
+    ),
+    ("{use: ", "{optoins: {}, use: ", ["23: trackers.mine.optoins: unknown key; did you mean 'options'?"]),
+    (
+        "{use: ",
+        "{duration_s: 9, use: ",
+        ["23: trackers.mine.duration_s: unknown key; options of a class go under options: {duration_s: 9}"],
+    ),
+    # A key of many sections, and of another form of the one that it is in.
+    (
+        "ekf: {filter: ekf",
+        "ekf: {position_sigma_m: 3, filter: ekf",
+        ["21: trackers.ekf.position_sigma_m: unknown key here; it belongs to sensors or trackers.initial"],
+    ),
     # Wrong types.
     (
         "range_sigma_m: 0.3",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from trackbench.scaffold import KINDS, class_name, new
+from trackbench.scaffold import KINDS, class_name, decisions, new
 
 #: How a scenario names a new plug-in of each kind.
 NAMED = {
@@ -43,7 +43,11 @@ def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
     for path in paths:
         click.echo(f"written: {path}")
     use = f"{name}:{class_name(name)}"
-    click.echo(f"\nTest it:\n  pytest {paths[1]}")
+    click.echo(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
     if kind == "tracker":
         click.echo(f"Run it:\n  trackbench run {paths[2]}")
     click.echo(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
+    lines = decisions(paths[0])
+    if lines:
+        word = "1 decision: line" if len(lines) == 1 else f"{len(lines)} decisions: lines"
+        click.echo(f"{paths[0]} leaves you {word} {', '.join(map(str, lines))}")

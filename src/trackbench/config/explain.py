@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from trackbench.config.base import PROBLEM, Config, KeyPath
+from trackbench.config.base import PROBLEM, KeyPath
 from trackbench.config.key_units import convert, read_number, show, split_key, unit_of
 from trackbench.config.places import Place, find, keyed_fields, marked, members, models, words
 from trackbench.config.unknown_keys import advise, advise_beside
@@ -21,7 +22,7 @@ _LIMITS = {
 }
 
 
-def explain(errors: list[ErrorDetails], root: type[Config]) -> list[tuple[KeyPath, str]]:
+def explain(errors: list[ErrorDetails], root: type[BaseModel]) -> list[tuple[KeyPath, str]]:
     """For each error the key path and what is wrong, with the nearest valid choice."""
     result = []
     advised: set[KeyPath] = set()
@@ -68,9 +69,15 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
             if isinstance(value, str):
                 return path, f"{value!r} is not known; {nearest(value, choices)}"
             return path, f"must be a word, not {_show(value)}; choose from: {', '.join(choices)}"
-        case "float_type" | "int_type" | "finite_number":
-            return path, _number(value, str(path[-1]), whole=kind == "int_type")
-        case "bool_type":
+        case "extra_forbidden":
+            return path, "unknown key"
+        case "value_error" | "assertion_error":
+            return path, " ".join(str(context["error"]).split()) or f"{_show(value)} is not possible"
+        case "float_type" | "float_parsing" | "finite_number":
+            return path, _number(value, str(path[-1]), whole=False)
+        case "int_type" | "int_parsing" | "int_from_float":
+            return path, _number(value, str(path[-1]), whole=True)
+        case "bool_type" | "bool_parsing":
             return path, f"true or false is needed, not {_show(value)}"
         case "string_type":
             hint = f'; write "{value}"' if isinstance(value, int | float) else ""
@@ -106,7 +113,8 @@ def _meaning(place: Place) -> str:
     """The field's description, as the reason to write it."""
     if place.model is None:
         return "it is required"
-    description = keyed_fields(place.model)[str(place.path[-1])].description or "it is required"
+    field = keyed_fields(place.model).get(str(place.path[-1]))
+    description = (field.description if field is not None else None) or "it is required"
     return description[0].lower() + description[1:].rstrip(".")
 
 

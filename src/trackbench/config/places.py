@@ -5,10 +5,10 @@ from __future__ import annotations
 import types
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
-from pydantic import Tag
+from pydantic import BaseModel, Tag
 from pydantic.fields import FieldInfo
 
-from trackbench.config.base import Config, KeyPath
+from trackbench.config.base import KeyPath
 from trackbench.config.plugin import OptionsBeside, Owner, Plugin, PluginName, beside, plugin_options
 
 KEY = "[key]"
@@ -20,7 +20,7 @@ class Place(NamedTuple):
 
     path: KeyPath
     """Keys and list indices as in the file."""
-    model: type[Config] | None
+    model: type[BaseModel] | None
     """The class that the last key belongs to; None inside free mappings and lists."""
     annotation: Any
     """The type that is wanted here; None where the key is unknown."""
@@ -37,14 +37,14 @@ class Beside(NamedTuple):
     """The key with the word."""
     name: str
     plugin: Plugin
-    model: type[Config]
+    model: type[BaseModel]
     """The class that the key belongs to."""
 
 
-def find(root: type[Config], location: tuple[str | int, ...]) -> Place:
+def find(root: type[BaseModel], location: tuple[str | int, ...]) -> Place:
     """Follow a location of pydantic, which names members of unions beside keys, through the types."""
     path: KeyPath = ()
-    model: type[Config] | None = None
+    model: type[BaseModel] | None = None
     annotation: Any = root
     named: Beside | None = None
     plugged: Beside | None = None
@@ -69,7 +69,7 @@ def find(root: type[Config], location: tuple[str | int, ...]) -> Place:
             model = None
             continue
         annotation = _bare(annotation)
-        if isinstance(annotation, type) and issubclass(annotation, Config):
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             model = annotation
             field = keyed_fields(model).get(str(part))
             annotation = whole(field) if field is not None else None
@@ -86,7 +86,7 @@ def marked(annotation: Any) -> PluginName | None:
     return None
 
 
-def keyed_fields(model: type[Config]) -> dict[str, FieldInfo]:
+def keyed_fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     """The fields of a class by their keys in the file, the options that may stand beside a plug-in's name included."""
     fields = {field.alias or name: field for name, field in model.model_fields.items()}
     if issubclass(model, OptionsBeside):
@@ -105,18 +105,18 @@ def words(annotation: Any) -> list[str]:
     return [word for member in _union(bare) for word in words(member)]
 
 
-def models(annotation: Any) -> list[type[Config]]:
+def models(annotation: Any) -> list[type[BaseModel]]:
     """The configuration classes that a type mentions, at any depth; of a plug-in, the published ones."""
     return [model for model, _ in forms(annotation)]
 
 
-def forms(annotation: Any) -> list[tuple[type[Config], tuple[str, str] | None]]:
+def forms(annotation: Any) -> list[tuple[type[BaseModel], tuple[str, str] | None]]:
     """As ``models``, each with the key and the word that tell it from the others: ``("type", "radar")``."""
     plugin = marked(annotation)
     if isinstance(plugin, Plugin):
         return [(found, (plugin.key, name)) for name, found in plugin.registry.loaded().items()]
     bare = _bare(annotation)
-    if isinstance(bare, type) and issubclass(bare, Config):
+    if isinstance(bare, type) and issubclass(bare, BaseModel):
         return [(bare, _distinction(bare))]
     return [form for part in get_args(bare) for form in forms(part)]
 

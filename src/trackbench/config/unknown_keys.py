@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
-from trackbench.config.base import Config
+from pydantic import BaseModel
+
 from trackbench.config.key_units import Unit, convert, show, split_key
 from trackbench.config.places import Beside, forms, keyed_fields, whole
 from trackbench.config.plugin import plugin_options
@@ -20,15 +22,27 @@ class Advice(NamedTuple):
     """The key that was meant, where that is clear."""
 
 
-def advise(key: str, value: Any, model: type[Config], root: type[Config]) -> Advice:
+def advise(key: str, value: Any, model: type[BaseModel], root: type[BaseModel]) -> Advice:
     """Advice on the unknown ``key`` of ``model``, in a file whose whole is described by ``root``."""
     keys = list(keyed_fields(model))
     if key in keys:
         return Advice("unknown key here: it belongs into the mapping that names the plug-in", None)
+    if {"use", "options"} <= set(keys):
+        return _option(key, value, keys)
     return _advise(key, value, keys, model, root)
 
 
-def advise_beside(key: str, value: Any, plugged: Beside, root: type[Config]) -> Advice:
+def _option(key: str, value: Any, keys: list[str]) -> Advice:
+    """Advice on a key beside ``use``: most often it is an option of the class named there."""
+    close = get_close_matches(key, [known for known in keys if known != "use"], n=1, cutoff=0.8)
+    if close:
+        return Advice(f"unknown key; did you mean {close[0]!r}?", close[0])
+    shown = json.dumps(value, ensure_ascii=False, default=str)
+    written = f"{{{key}: {shown if len(shown) <= 40 else '...'}}}"
+    return Advice(f"unknown key; options of a class go under options: {written}", None)
+
+
+def advise_beside(key: str, value: Any, plugged: Beside, root: type[BaseModel]) -> Advice:
     """Advice on a ``key`` that is neither an option of a plug-in nor of the class beside whose keys they stand."""
     options = list(keyed_fields(plugged.plugin.registry[plugged.name]))
     if key in plugin_options(plugged.plugin):
@@ -39,11 +53,11 @@ def advise_beside(key: str, value: Any, plugged: Beside, root: type[Config]) -> 
     return _advise(key, value, [*options, *own], plugged.model, root)
 
 
-def _advise(key: str, value: Any, keys: list[str], model: type[Config], root: type[Config]) -> Advice:
+def _advise(key: str, value: Any, keys: list[str], model: type[BaseModel], root: type[BaseModel]) -> Advice:
     meant = _same_quantity(key, keys)
     if meant is not None:
         return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
-    homes = _homes(key, model, root, ())
+    homes = _homes(key, model, root, ())[:2]
     if homes:
         return Advice(f"unknown key here; it belongs to {' or '.join(homes)}", None)
     if split_key(key)[1] is not None:
@@ -78,18 +92,19 @@ def _use(key: str, given: Unit | None, value: Any) -> str:
     return words if converted is None else f"{words}: {show(converted)}"
 
 
-def _homes(key: str, found_in: type[Config], model: type[Config], path: tuple[str, ...]) -> list[str]:
+def _homes(key: str, found_in: type[BaseModel], model: type[BaseModel], path: tuple[str, ...]) -> list[str]:
     """The sections of ``model`` in which ``key`` is known, by their dotted names.
 
-    Where ``found_in`` is another form of the same section, the name says which form knows the key.
+    Where ``found_in`` is another form of the same section, the name says which form knows the key; a form that no
+    key tells from the others is left out.
     """
     homes = []
     for name, field in keyed_fields(model).items():
         found = forms(whole(field))
         section = ".".join((*path, name))
+        here = found_in in [form for form, _ in found]
         for form, told in found:
-            if key in keyed_fields(form):
-                told = told if found_in in [other for other, _ in found] else None
-                homes.append(section if told is None else f"{section} with {': '.join(told)}")
+            if key in keyed_fields(form) and not (here and told is None):
+                homes.append(f"{section} with {': '.join(told)}" if here and told else section)
             homes += _homes(key, found_in, form, (*path, name))
     return list(dict.fromkeys(homes))

@@ -66,6 +66,12 @@ def class_name(name: str) -> str:
     return "".join(part.capitalize() for part in name.split("_"))
 
 
+def decisions(path: Path) -> list[int]:
+    """The lines of a written module that name a decision left to its author."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("# Decide:")]
+
+
 def _template(template: str, around: Wrapped | None) -> str:
     return "around.py.j2" if around is not None and template == "tracker.py.j2" else template
 

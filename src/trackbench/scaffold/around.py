@@ -11,6 +11,11 @@ from trackbench.plugins.imports import attribute, classes, explained, searched
 #: Names that a parameter for the time step, or for the noise covariance, goes by.
 TIME_STEP = ("dt", "delta_t", "delta", "elapsed", "time_step", "step", "t")
 NOISE = ("R", "r", "noise", "noise_covariance", "covariance", "cov")
+#: What a filter has to be told, as a decision says it.
+LEARNT = {
+    "dt": "dt, which is not the same at every scan",
+    "R": "R, the covariance of z, which is not the same for every sensor",
+}
 #: Values of a constructor's arguments that the generated tracker needs: a state px, py, vx, vy, measured by position.
 USUAL = {"dim_x": "4", "dim_z": "2", "n": "4", "m": "2"}
 
@@ -26,8 +31,8 @@ class Wrapped(NamedTuple):
     """The arguments of ``predict``, as code."""
     update: str
     """The arguments of ``update``, as code."""
-    decisions: tuple[str, ...]
-    """What the signatures leave open."""
+    decisions: dict[str, list[str]]
+    """What the signatures leave open at each call: ``start``, ``predict``, ``update``."""
 
 
 def wrapped(reference: str) -> Wrapped:
@@ -46,30 +51,33 @@ def wrapped(reference: str) -> Wrapped:
         lacking = f"it has no {' and no '.join(missing)}" if isinstance(found, type) else "it is not a class"
         raise InputError(f"{reference!r} cannot be wrapped: {lacking}")
     arguments = {name: USUAL.get(name, "None") for name in _required(found)}
-    decisions = [f"what {name} is" for name, value in arguments.items() if value == "None"]
-    predict = _call(methods["predict"], dict.fromkeys(TIME_STEP, "dt"), ["dt"], decisions)
-    update = _call(methods["update"], dict.fromkeys(NOISE, "R"), ["z", "R"], decisions)
+    start = [f"what {name} is" for name, value in arguments.items() if value == "None"]
+    predict, for_predict = _call(methods["predict"], dict.fromkeys(TIME_STEP, "dt"), ["dt"])
+    update, for_update = _call(methods["update"], dict.fromkeys(NOISE, "R"), ["z", "R"])
     module, _, name = reference.partition(":")
-    return Wrapped(module, name, arguments, predict, update, tuple(decisions))
+    decisions = {"start": start, "predict": for_predict, "update": for_update}
+    return Wrapped(module, name, arguments, predict, update, decisions)
 
 
-def _call(method: Any, known: dict[str, str], usual: list[str], decisions: list[str]) -> str:
-    """The arguments of a call: those that are required, and optional ones of a known name."""
+def _call(method: Any, known: dict[str, str], usual: list[str]) -> tuple[str, list[str]]:
+    """The arguments of a call, those that are required and optional ones of a known name; what they leave open."""
     given: list[str] = []
+    decisions: list[str] = []
     for parameter in _parameters(method):
         required = parameter.default is parameter.empty
         value = known.get(parameter.name)
         if required and value is None:
             position = len(given)
             value = usual[position] if position < len(usual) else "None"
-            if position > 0 or value == "None":
+            if value != "z":
                 decisions.append(f"whether {parameter.name} of {method.__name__} is {value}")
         if value is not None and (required or parameter.name in known):
             plain = required and parameter.kind is not parameter.KEYWORD_ONLY
             given.append(value if plain else f"{parameter.name}={value}")
-    if "dt" in usual and not given:
-        decisions.append("how predict() learns dt, which is not the same at every scan")
-    return ", ".join(given)
+    learnt = usual[-1]
+    if not any(argument.rpartition("=")[2] == learnt for argument in given):
+        decisions.append(f"how {method.__name__}() learns {LEARNT[learnt]}")
+    return ", ".join(given), decisions
 
 
 def _required(found: type) -> list[str]:

@@ -9,7 +9,6 @@ from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
-from trackbench.config.base import Config
 from trackbench.config.explain import explain
 from trackbench.errors import InputError, InputErrors
 from trackbench.plugins import Registry, searched
@@ -61,11 +60,7 @@ def check_options(use: str, options: Mapping[str, Any], folder: Path | None = No
     try:
         declared.model_validate(options, context={"folder": folder})
     except ValidationError as invalid:
-        found = invalid.errors(include_url=False)
-        if issubclass(declared, Config):
-            problems = explain(found, declared)
-        else:
-            problems = [(item["loc"], item["msg"]) for item in found]
+        problems = explain(invalid.errors(include_url=False), declared)
         errors = [InputError(message, key=".".join(map(str, path)) or None) for path, message in problems]
         raise errors[0] if len(errors) == 1 else InputErrors(errors) from None
     return factory
