@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -238,12 +239,33 @@ def test_the_schema_takes_every_form() -> None:
             jsonschema.validate([bad], schema)
 
 
-def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
-    code = CODE + "\nclass Writes(Square):\n    def update(self, sums, chunk):\n        chunk.error[:] = 0\n"
+WRITES = [
+    ("chunk", "chunk.error[:] = 0"),
+    ("chunk", "chunk.truth[:] = 0"),
+    ("chunk", "chunk.time[:] = 0"),
+    ("chunk", "chunk.repaired[:] = 9"),
+    ("chunk", "next(iter(chunk.innovations.values()))[0].used[:] = False"),
+    ("chunk", "chunk.innovations['radar'] = []"),
+    ("chunk", "chunk.innovations['radar'].clear()"),
+    ("scope", "scope.target.state[:] = 0"),
+    ("scope", "scope.target.start[:] = 9"),
+    ("scope", "scope.classes[:] = 0"),
+    ("scope", "scope.measurements['radar'] = 1"),
+]
+
+
+@pytest.mark.parametrize(("given", "statement"), WRITES)
+def test_what_the_scorer_holds_cannot_be_changed(
+    run_tiny: Run, tmp_path: Path, write_module: Write, given: str, statement: str
+) -> None:
+    method = "update(self, sums, chunk)" if given == "chunk" else "init(self, scope)"
+    code = CODE + f"\nclass Writes(Square):\n    def {method}:\n        {statement}\n"
     result = run_tiny(f"score.metrics=['{write_module(tmp_path, code)}:Writes']", folder=tmp_path)
-    assert "read-only" in result["ekf"].square.reason
-    assert result["ekf"].position_rmse.value > 0.01
-    assert np.isfinite(result["ekf"].nees.value)
+    unchanged = run_tiny()
+    for tracker in ("raw", "ekf"):
+        assert re.search("read-only|does not support item|has no attribute", result[tracker].square.reason)
+        for path in ("position_rmse", "nees", "nis.radar"):
+            assert result[tracker].metrics[path] == unchanged[tracker].metrics[path]
 
 
 @pytest.mark.docs_pages
