@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import numpy as np
 import pytest
 
 from trackbench.errors import InputError
@@ -166,6 +165,54 @@ def test_what_is_no_number_is_null_with_a_reason(
     result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
     assert result["ekf"].square.value is None
     assert result["ekf"].square.reason
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("Interval(1.0, np.full(4, np.nan), (0.0, 2.0))", "the influence of an interval must be finite"),
+        ("Interval(1.0, np.zeros(3), (0.0, 2.0))", "must be an array of shape (4,), not of shape (3,)"),
+        ("Interval(1.0, [0.0] * 4, (0.0, 2.0))", "must be an array of shape (4,), not list"),
+        ("Interval(1.0, np.zeros(4), (0.0, np.nan))", "finite number"),
+        ("MetricValue.model_construct(value=float('nan'), unit='m^2')", "finish gave a value that is wrong"),
+        ("MetricValue(value=float('nan'), unit='m^2')", "finite number"),
+        ("{'value': 1.0, 'mean': 2.0}", "finish gave square.value, where it may give square"),
+        ("{'radar': 1.0}", "finish gave square.radar, where it may give square"),
+        ("{'': 1.0, 5: 2.0}", "finish gave square.5, where it may give square"),
+        ("[1.0]", "must be real number, not list"),
+    ],
+)
+def test_what_cannot_stand_in_a_result_breaks_the_metric_alone(
+    run_tiny: Run, tmp_path: Path, write_module: Write, value: str, reason: str
+) -> None:
+    imports = "from trackbench.metrics import Interval; from trackbench.results import MetricValue\n"
+    name = write_module(
+        tmp_path, f"{CODE}{imports}class Odd(Square):\n    def finish(self, sums):\n        return {value}\n"
+    )
+    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
+    assert reason in result["ekf"].square.reason
+    assert result["ekf"].square.value is None
+    assert result["ekf"].position_rmse.value is not None
+
+
+@pytest.mark.parametrize("key", ["mean", "value", "sonar"])
+def test_a_value_by_sensor_is_that_of_one_of_the_sensors(
+    run_tiny: Run, tmp_path: Path, write_module: Write, key: str
+) -> None:
+    odd = f"\nclass Odd(Largest):\n    def finish(self, sums):\n        return {{'{key}': 1.0}}\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path)
+    reason = f"ValueError: finish gave largest.{key}, where it may give largest.lidar and largest.radar"
+    assert result["ekf"].metrics["largest"].reason == reason
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_sums_that_cannot_be_pickled_break_the_metric_for_any_number_of_workers(
+    run_tiny: Run, tmp_path: Path, write_module: Write, workers: int
+) -> None:
+    odd = "\nclass Odd(Square):\n    def close(self, sums):\n        return lambda: sums\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path, workers=workers)
+    assert "pickle" in result["ekf"].square.reason
+    assert result["ekf"].position_rmse.value is not None
 
 
 NO_NAME = "class Nameless(OwnMetric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
