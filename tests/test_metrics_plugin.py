@@ -17,6 +17,7 @@ from trackbench.results import Result
 from trackbench.runner import block
 from trackbench.scenario import load_scenario
 from trackbench.scenario.schema import json_schema
+from trackbench.trackers.published import check_options
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -244,6 +245,105 @@ def test_bad_input(tiny: Path, write_module: Write, metrics: str, key: str, mess
         load_scenario(tiny, [f"score.metrics={metrics.format(name)}"])
     assert caught.value.key == key
     assert message.format(name) in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("base", "body", "message"),
+    [
+        ("Square", "name = 5", "is no metric: its name must be text, not 5"),
+        ("Square", "unit = None", "is no metric: its unit must be text, not None"),
+        ("Square", "value_name = 5", "is no metric: its value_name must be text, not 5"),
+        ("Square", "compared = 'no'", "is no metric: its compared must be True or False, not 'no'"),
+        ("Square", "fields = ('low',)", "is no metric: its fields must be a tuple of trackbench.metrics.Field, not"),
+        ("Square", "better = []", 'is no metric: better must be "smaller", "larger" or None, not []'),
+        ("Square, metaclass=Odd", "pass", "is no metric: RuntimeError: no luck"),
+        ("Square", "def problems(self): raise RuntimeError('no luck')", "these options: RuntimeError: no luck"),
+    ],
+)
+def test_a_class_that_is_wrong_is_one_message(
+    tiny: Path, write_module: Write, base: str, body: str, message: str
+) -> None:
+    meta = """
+class Odd(type(OwnMetric)):
+    def __getattribute__(cls, name):
+        if name == "meaning":
+            raise RuntimeError("no luck")
+        return super().__getattribute__(name)
+"""
+    name = write_module(tiny.parent, f"{CODE}{meta}\nclass Wrong({base}):\n    {body}\n")
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"score.metrics=['{name}:Wrong']"])
+    assert message in caught.value.message
+    assert caught.value.key == "score.metrics.0"
+
+
+MODEL = """
+from trackbench.models.motion import ConstantVelocity
+class Own(ConstantVelocity):
+    {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("components = 5", "its components must be a tuple of names, not 5"),
+        ("components = 'px'", "its components must be a tuple of names, not 'px'"),
+        ("driving_noise = None", "its driving_noise must be a tuple of names, not None"),
+        ("angular = (9,)", "its angular must be a tuple of places in its components, not (9,)"),
+        ("angular = ([],)", "TypeError: unhashable type: 'list'"),
+        ("linear = 'no'", "its linear must be True or False, not 'no'"),
+        ("first_sigmas = None", "its first_sigmas must be a mapping of components to standard deviations, not None"),
+        ("first_sigmas = {'tilt': 'wide'}", "its first_sigmas say 'wide' of tilt, where a positive number is needed"),
+        ("def problems(self): raise RuntimeError('no luck')", "does not take these options: RuntimeError: no luck"),
+    ],
+)
+def test_a_motion_model_that_is_wrong_is_one_message(tiny: Path, write_module: Write, body: str, message: str) -> None:
+    name = write_module(tiny.parent, MODEL.format(body))
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"trackers.ekf.motion='{name}:Own'"])
+    assert message in caught.value.message
+    assert str(caught.value.key).startswith("trackers.ekf")
+
+
+def test_tracker_options_that_raise_are_one_message(tmp_path: Path, write_module: Write) -> None:
+    code = """
+from pydantic import BaseModel, model_validator
+class Own:
+    class Options(BaseModel):
+        @model_validator(mode="after")
+        def check(self): raise RuntimeError("no luck")
+    def step(self, state, scan): pass
+"""
+    name = write_module(tmp_path, code)
+    with pytest.raises(InputError, match="does not take these options: RuntimeError: no luck"):
+        check_options(f"{name}:Own", {}, tmp_path)
+
+
+TILTING = """
+import numpy as np
+from trackbench.models.motion import ConstantVelocity
+class Own(ConstantVelocity):
+    components = ("px", "py", "vx", "vy", "tilt")
+    first_sigmas = {"tilt": 0.3}
+    def transition(self, x, dt):
+        return np.concatenate([super().transition(x[:4], dt), x[4:]])
+    def jacobian(self, x, dt):
+        f = np.eye(5)
+        f[:4, :4] = super().jacobian(x[:4], dt)
+        return f
+    def noise_gain(self, x, dt):
+        return np.concatenate([super().noise_gain(x[:4], dt), np.zeros((1, 2))])
+"""
+
+
+def test_a_stated_process_noise_leaves_the_model_its_first_sigmas(
+    run_tiny: Run, tmp_path: Path, write_module: Write
+) -> None:
+    name = write_module(tmp_path, TILTING)
+    tracker = f"{{filter: ekf, motion: '{name}:Own', process_noise_diag: [0.1, 0.1, 0.1, 0.1, 0.1], initial: truth}}"
+    result = run_tiny(f"trackers.own={tracker}", folder=tmp_path)
+    assert result["own"].position_rmse.value < 1.0
 
 
 def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, module: tuple[str, Path]) -> None:

@@ -153,7 +153,7 @@ def _read_only(value: Any) -> Any:
         view.flags.writeable = False
         return view
     if isinstance(value, Target | Innovation):
-        return value._make(map(_read_only, value))
+        return type(value)(*map(_read_only, value))
     if isinstance(value, Mapping):
         return MappingProxyType({key: _read_only(item) for key, item in value.items()})
     return tuple(map(_read_only, value)) if isinstance(value, list) else value
