@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import jsonschema
-import numpy as np
 import pytest
 
 from trackbench.errors import InputError
@@ -17,6 +17,7 @@ from trackbench.results import Result
 from trackbench.runner import block
 from trackbench.scenario import load_scenario
 from trackbench.scenario.schema import json_schema
+from trackbench.trackers.published import check_options
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -167,6 +168,54 @@ def test_what_is_no_number_is_null_with_a_reason(
     assert result["ekf"].square.reason
 
 
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("Interval(1.0, np.full(4, np.nan), (0.0, 2.0))", "the influence of an interval must be finite"),
+        ("Interval(1.0, np.zeros(3), (0.0, 2.0))", "must be an array of shape (4,), not of shape (3,)"),
+        ("Interval(1.0, [0.0] * 4, (0.0, 2.0))", "must be an array of shape (4,), not list"),
+        ("Interval(1.0, np.zeros(4), (0.0, np.nan))", "finite number"),
+        ("MetricValue.model_construct(value=float('nan'), unit='m^2')", "finish gave a value that is wrong"),
+        ("MetricValue(value=float('nan'), unit='m^2')", "finite number"),
+        ("{'value': 1.0, 'mean': 2.0}", "finish gave square.value, where it may give square"),
+        ("{'radar': 1.0}", "finish gave square.radar, where it may give square"),
+        ("{'': 1.0, 5: 2.0}", "finish gave square.5, where it may give square"),
+        ("[1.0]", "must be real number, not list"),
+    ],
+)
+def test_what_cannot_stand_in_a_result_breaks_the_metric_alone(
+    run_tiny: Run, tmp_path: Path, write_module: Write, value: str, reason: str
+) -> None:
+    imports = "from trackbench.metrics import Interval; from trackbench.results import MetricValue\n"
+    name = write_module(
+        tmp_path, f"{CODE}{imports}class Odd(Square):\n    def finish(self, sums):\n        return {value}\n"
+    )
+    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
+    assert reason in result["ekf"].square.reason
+    assert result["ekf"].square.value is None
+    assert result["ekf"].position_rmse.value is not None
+
+
+@pytest.mark.parametrize("key", ["mean", "value", "sonar"])
+def test_a_value_by_sensor_is_that_of_one_of_the_sensors(
+    run_tiny: Run, tmp_path: Path, write_module: Write, key: str
+) -> None:
+    odd = f"\nclass Odd(Largest):\n    def finish(self, sums):\n        return {{'{key}': 1.0}}\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path)
+    reason = f"ValueError: finish gave largest.{key}, where it may give largest.lidar and largest.radar"
+    assert result["ekf"].metrics["largest"].reason == reason
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_sums_that_cannot_be_pickled_break_the_metric_for_any_number_of_workers(
+    run_tiny: Run, tmp_path: Path, write_module: Write, workers: int
+) -> None:
+    odd = "\nclass Odd(Square):\n    def close(self, sums):\n        return lambda: sums\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path, workers=workers)
+    assert "pickle" in result["ekf"].square.reason
+    assert result["ekf"].position_rmse.value is not None
+
+
 NO_NAME = "class Nameless(OwnMetric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
 
 
@@ -196,6 +245,105 @@ def test_bad_input(tiny: Path, write_module: Write, metrics: str, key: str, mess
         load_scenario(tiny, [f"score.metrics={metrics.format(name)}"])
     assert caught.value.key == key
     assert message.format(name) in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("base", "body", "message"),
+    [
+        ("Square", "name = 5", "is no metric: its name must be text, not 5"),
+        ("Square", "unit = None", "is no metric: its unit must be text, not None"),
+        ("Square", "value_name = 5", "is no metric: its value_name must be text, not 5"),
+        ("Square", "compared = 'no'", "is no metric: its compared must be True or False, not 'no'"),
+        ("Square", "fields = ('low',)", "is no metric: its fields must be a tuple of trackbench.metrics.Field, not"),
+        ("Square", "better = []", 'is no metric: better must be "smaller", "larger" or None, not []'),
+        ("Square, metaclass=Odd", "pass", "is no metric: RuntimeError: no luck"),
+        ("Square", "def problems(self): raise RuntimeError('no luck')", "these options: RuntimeError: no luck"),
+    ],
+)
+def test_a_class_that_is_wrong_is_one_message(
+    tiny: Path, write_module: Write, base: str, body: str, message: str
+) -> None:
+    meta = """
+class Odd(type(OwnMetric)):
+    def __getattribute__(cls, name):
+        if name == "meaning":
+            raise RuntimeError("no luck")
+        return super().__getattribute__(name)
+"""
+    name = write_module(tiny.parent, f"{CODE}{meta}\nclass Wrong({base}):\n    {body}\n")
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"score.metrics=['{name}:Wrong']"])
+    assert message in caught.value.message
+    assert caught.value.key == "score.metrics.0"
+
+
+MODEL = """
+from trackbench.models.motion import ConstantVelocity
+class Own(ConstantVelocity):
+    {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("components = 5", "its components must be a tuple of names, not 5"),
+        ("components = 'px'", "its components must be a tuple of names, not 'px'"),
+        ("driving_noise = None", "its driving_noise must be a tuple of names, not None"),
+        ("angular = (9,)", "its angular must be a tuple of places in its components, not (9,)"),
+        ("angular = ([],)", "TypeError: unhashable type: 'list'"),
+        ("linear = 'no'", "its linear must be True or False, not 'no'"),
+        ("first_sigmas = None", "its first_sigmas must be a mapping of components to standard deviations, not None"),
+        ("first_sigmas = {'tilt': 'wide'}", "its first_sigmas say 'wide' of tilt, where a positive number is needed"),
+        ("def problems(self): raise RuntimeError('no luck')", "does not take these options: RuntimeError: no luck"),
+    ],
+)
+def test_a_motion_model_that_is_wrong_is_one_message(tiny: Path, write_module: Write, body: str, message: str) -> None:
+    name = write_module(tiny.parent, MODEL.format(body))
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"trackers.ekf.motion='{name}:Own'"])
+    assert message in caught.value.message
+    assert str(caught.value.key).startswith("trackers.ekf")
+
+
+def test_tracker_options_that_raise_are_one_message(tmp_path: Path, write_module: Write) -> None:
+    code = """
+from pydantic import BaseModel, model_validator
+class Own:
+    class Options(BaseModel):
+        @model_validator(mode="after")
+        def check(self): raise RuntimeError("no luck")
+    def step(self, state, scan): pass
+"""
+    name = write_module(tmp_path, code)
+    with pytest.raises(InputError, match="does not take these options: RuntimeError: no luck"):
+        check_options(f"{name}:Own", {}, tmp_path)
+
+
+TILTING = """
+import numpy as np
+from trackbench.models.motion import ConstantVelocity
+class Own(ConstantVelocity):
+    components = ("px", "py", "vx", "vy", "tilt")
+    first_sigmas = {"tilt": 0.3}
+    def transition(self, x, dt):
+        return np.concatenate([super().transition(x[:4], dt), x[4:]])
+    def jacobian(self, x, dt):
+        f = np.eye(5)
+        f[:4, :4] = super().jacobian(x[:4], dt)
+        return f
+    def noise_gain(self, x, dt):
+        return np.concatenate([super().noise_gain(x[:4], dt), np.zeros((1, 2))])
+"""
+
+
+def test_a_stated_process_noise_leaves_the_model_its_first_sigmas(
+    run_tiny: Run, tmp_path: Path, write_module: Write
+) -> None:
+    name = write_module(tmp_path, TILTING)
+    tracker = f"{{filter: ekf, motion: '{name}:Own', process_noise_diag: [0.1, 0.1, 0.1, 0.1, 0.1], initial: truth}}"
+    result = run_tiny(f"trackers.own={tracker}", folder=tmp_path)
+    assert result["own"].position_rmse.value < 1.0
 
 
 def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, module: tuple[str, Path]) -> None:
@@ -238,12 +386,33 @@ def test_the_schema_takes_every_form() -> None:
             jsonschema.validate([bad], schema)
 
 
-def test_what_the_scorer_holds_cannot_be_changed(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
-    code = CODE + "\nclass Writes(Square):\n    def update(self, sums, chunk):\n        chunk.error[:] = 0\n"
+WRITES = [
+    ("chunk", "chunk.error[:] = 0"),
+    ("chunk", "chunk.truth[:] = 0"),
+    ("chunk", "chunk.time[:] = 0"),
+    ("chunk", "chunk.repaired[:] = 9"),
+    ("chunk", "next(iter(chunk.innovations.values()))[0].used[:] = False"),
+    ("chunk", "chunk.innovations['radar'] = []"),
+    ("chunk", "chunk.innovations['radar'].clear()"),
+    ("scope", "scope.target.state[:] = 0"),
+    ("scope", "scope.target.start[:] = 9"),
+    ("scope", "scope.classes[:] = 0"),
+    ("scope", "scope.measurements['radar'] = 1"),
+]
+
+
+@pytest.mark.parametrize(("given", "statement"), WRITES)
+def test_what_the_scorer_holds_cannot_be_changed(
+    run_tiny: Run, tmp_path: Path, write_module: Write, given: str, statement: str
+) -> None:
+    method = "update(self, sums, chunk)" if given == "chunk" else "init(self, scope)"
+    code = CODE + f"\nclass Writes(Square):\n    def {method}:\n        {statement}\n"
     result = run_tiny(f"score.metrics=['{write_module(tmp_path, code)}:Writes']", folder=tmp_path)
-    assert "read-only" in result["ekf"].square.reason
-    assert result["ekf"].position_rmse.value > 0.01
-    assert np.isfinite(result["ekf"].nees.value)
+    unchanged = run_tiny()
+    for tracker in ("raw", "ekf"):
+        assert re.search("read-only|does not support item|has no attribute", result[tracker].square.reason)
+        for path in ("position_rmse", "nees", "nis.radar"):
+            assert result[tracker].metrics[path] == unchanged[tracker].metrics[path]
 
 
 @pytest.mark.docs_pages

@@ -24,7 +24,7 @@ from pydantic_core import (
 
 from trackbench.config.base import PROBLEM, Config, KeyPath
 from trackbench.errors import InputError
-from trackbench.plugins import Registry
+from trackbench.plugins import Registry, one_line
 
 #: The types of error that pydantic itself has.
 KNOWN = frozenset(get_args(core_schema.ErrorType))
@@ -210,6 +210,10 @@ def _validated(found: type[Config], given: Options, key: str, info: ValidationIn
         made = found.model_validate(values, context=info.context)
     except ValidationError as invalid:
         lines += [_relocated(error, tag) for error in invalid.errors(include_url=False)]
+    except Exception as error:
+        message = f"{given.name!r} does not take these options: {one_line(error)}"
+        problem = PydanticCustomError(PROBLEM, "{message}", {"message": message})
+        lines.append(InitErrorDetails(type=problem, loc=tag, input=None))
     if lines:
         raise ValidationError.from_exception_data(found.__name__, lines)
     return made.model_copy(update=dict.fromkeys(given.refused, 0.0)) if given.refused else made

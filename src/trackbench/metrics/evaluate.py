@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
 from trackbench.metrics.sums import Scores
+from trackbench.plugins import one_line
 from trackbench.results import Health, MetricValue
 from trackbench.types import Array
 
@@ -45,10 +48,10 @@ def evaluate(sums: Sums, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
     found = Evaluation()
     for metric in metrics:
         own = sums[metric.accumulator.name]
-        values = _values(metric, own) if metric in BUILT_IN else _guarded(_values, metric, own)
+        values = _values(metric, own) if metric in BUILT_IN else _guarded(_checked, metric, own, sums[ESTIMATES.name])
         if isinstance(values, Broken):
             found.broken[metric.name] = values.cause
-            values = {metric.name: (metric.no_value(values.cause), None)}
+            values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         for path, (value, interval) in values.items():
             found.values[path] = value
             if interval is not None:
@@ -104,7 +107,11 @@ class Guarded:
         return _guarded(self._accumulator.update, sums, chunk)
 
     def close(self, sums: Any) -> Any:
-        return _guarded(self._accumulator.close, sums)
+        return _guarded(self._close, sums)
+
+    def _close(self, sums: Any) -> Any:
+        # As they come from another process, so that the number of processes changes nothing.
+        return pickle.loads(pickle.dumps(self._accumulator.close(sums)))
 
     def merge(self, blocks: Sequence[Any]) -> Any:
         broken = next((block for block in blocks if isinstance(block, Broken)), None)
@@ -120,7 +127,7 @@ def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
     except Fault:
         raise
     except (Exception, SystemExit) as error:
-        return Broken(" ".join(f"{type(error).__name__}: {error}".split()))
+        return Broken(one_line(error))
 
 
 def _values(metric: Metric, sums: Any) -> dict[str, tuple[MetricValue, Interval | None]]:
@@ -128,6 +135,37 @@ def _values(metric: Metric, sums: Any) -> dict[str, tuple[MetricValue, Interval 
     outcome = metric.finish(sums)
     each = outcome if isinstance(outcome, Mapping) else {"": outcome}
     return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric) for name, one in each.items()}
+
+
+def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[MetricValue, Interval | None]]:
+    """By path, of a plug-in.
+
+    Raises:
+        ValueError: it cannot stand in a result; says why.
+    """
+    values = _values(metric, sums)
+    paths = {f"{metric.name}.{sensor}" for sensor in scores.nis} if metric.per_sensor else {metric.name}
+    for path, (value, interval) in values.items():
+        if path not in paths:
+            raise ValueError(f"finish gave {path}, where it may give {' and '.join(sorted(paths)) or 'nothing'}")
+        try:
+            MetricValue.model_validate(dict(value))
+        except ValidationError as invalid:
+            first = invalid.errors()[0]
+            raise ValueError(
+                f"finish gave a {'.'.join(map(str, first['loc']))} that is wrong: {first['msg']}"
+            ) from None
+        if interval is not None:
+            _check_influence(interval.influence, len(scores.present))
+    return values
+
+
+def _check_influence(influence: Any, runs: int) -> None:
+    if not isinstance(influence, np.ndarray) or influence.shape != (runs,):
+        given = f"of shape {influence.shape}" if isinstance(influence, np.ndarray) else type(influence).__name__
+        raise ValueError(f"the influence of an interval must be an array of shape ({runs},), not {given}")
+    if not np.isfinite(influence).all():
+        raise ValueError("the influence of an interval must be finite")
 
 
 def _value(outcome: Outcome, metric: Metric) -> tuple[MetricValue, Interval | None]:

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from trackbench.metrics.builtin import BUILT_IN
-from trackbench.metrics.protocol import Metric
+from trackbench.metrics.protocol import Field, Metric
 from trackbench.plugins import Registry
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -28,6 +28,15 @@ def _lacks(found: Any) -> str | None:
     missing += sorted(getattr(found, "__abstractmethods__", ()))
     if missing:
         return f"it lacks {' and '.join(missing)}"
+    texts = {name: getattr(found, name) for name in ("name", "unit", "meaning", "value_name")}
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            return f"its {name} must be text, not {value!r}"
+    for name in ("compared", "per_sensor"):
+        if not isinstance(getattr(found, name), bool):
+            return f"its {name} must be True or False, not {getattr(found, name)!r}"
+    if not isinstance(found.fields, tuple) or not all(isinstance(field, Field) for field in found.fields):
+        return f"its fields must be a tuple of trackbench.metrics.Field, not {found.fields!r}"
     if unfit := unfit_name(found.name):
         return unfit
     if found.better not in ("smaller", "larger", None):

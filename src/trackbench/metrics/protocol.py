@@ -37,7 +37,7 @@ class Target(NamedTuple):
 
 @dataclass(frozen=True)
 class Scope:
-    """A block of runs, as a metric knows it before the first estimate."""
+    """A block of runs, as a metric knows it before the first estimate. Its arrays cannot be changed."""
 
     target: Target
     classes: Classes
@@ -80,7 +80,7 @@ class Chunk:
     """The estimates of one tracker at some successive instants.
 
     The batch has a member for each object and run; the runs of an object are next to each other. The arrays are those
-    of the scorer: they may not be changed, and hold other values after ``update``.
+    of the scorer: they cannot be changed, and hold other values after ``update``.
     """
 
     instants: slice

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ class Scorer:
         self._runs = target.start.shape[1]
         batch = self._objects * self._runs
         self._chunk = max(1, BATCH // batch)
-        scope = Scope(target, classes, measurements, first, self._chunk)
+        scope = Scope(_read_only(target), _read_only(classes), _read_only(measurements), first, self._chunk)
         self._expected = scope.expected
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
@@ -126,16 +127,16 @@ class Scorer:
             reject(NOT_DEFINITE, self._alive(here) & finite & ~positive, first)
         return Chunk(
             instants=here,
-            time=self._target.time[here],
-            truth=truth,
+            time=_read_only(self._target.time[here]),
+            truth=_read_only(truth),
             error=_read_only(error),
             course_error=_read_only(wrap_angle(course).reshape(nees.shape)),
             covariance=_read_only(covariance),
             nees=_read_only(nees),
             whitened=_read_only(whitened),
             scored=_read_only(self._expected[here] & finite),
-            innovations=self._innovations,
-            repaired=self._repaired,
+            innovations=_read_only(self._innovations),
+            repaired=_read_only(self._repaired),
             seconds=self._seconds,
             steps=self._steps,
         )
@@ -145,7 +146,14 @@ class Scorer:
         return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
 
-def _read_only(values: Any) -> Any:
-    view = values.view()
-    view.flags.writeable = False
-    return view
+def _read_only(value: Any) -> Any:
+    """What a metric may look at and not change, whose owner still may: an array, or a collection of them."""
+    if isinstance(value, np.ndarray):
+        view = value.view()
+        view.flags.writeable = False
+        return view
+    if isinstance(value, Target | Innovation):
+        return type(value)(*map(_read_only, value))
+    if isinstance(value, Mapping):
+        return MappingProxyType({key: _read_only(item) for key, item in value.items()})
+    return tuple(map(_read_only, value)) if isinstance(value, list) else value

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
 
 from trackbench.errors import InputError, nearest
-from trackbench.plugins.imports import attribute, classes, explained, searched
+from trackbench.plugins.imports import attribute, classes, explained, one_line, searched
 
 T = TypeVar("T")
 
@@ -48,7 +48,10 @@ class Registry(Generic[T]):
         """
         with searched(folder), explained(reference, folder):
             found = attribute(reference, classes) if ":" in reference else self._entry(reference).load()
-        lacking = self.lacks(found)
+        try:
+            lacking = self.lacks(found)
+        except (Exception, SystemExit) as error:
+            lacking = one_line(error)
         if lacking is not None:
             raise InputError(f"{reference!r} is no {self.what}: {lacking}")
         self.found[reference] = cast(T, found)

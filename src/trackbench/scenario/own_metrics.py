@@ -13,6 +13,7 @@ from trackbench.config.plugin import PluginName
 from trackbench.errors import InputError, nearest
 from trackbench.metrics import Metric
 from trackbench.metrics.plugin import METRICS
+from trackbench.plugins import one_line
 
 KEYS = ("use", "options")
 
@@ -37,6 +38,8 @@ def _made(value: Any, info: ValidationInfo) -> Metric:
     except ValidationError as invalid:
         problems = explain(invalid.errors(include_url=False), metric)
         raise _at([(("options", *path), message) for path, message in problems]) from None
+    except Exception as error:
+        raise _problem(f"{given['use']!r} does not take these options: {one_line(error)}") from None
 
 
 def _problem(message: str) -> PydanticCustomError:

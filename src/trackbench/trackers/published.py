@@ -63,6 +63,8 @@ def check_options(use: str, options: Mapping[str, Any], folder: Path | None = No
         problems = explain(invalid.errors(include_url=False), declared)
         errors = [InputError(message, key=".".join(map(str, path)) or None) for path, message in problems]
         raise errors[0] if len(errors) == 1 else InputErrors(errors) from None
+    except Exception as error:
+        raise InputError(f"{use!r} does not take these options: {one_line(error)}") from None
     return factory
 
 

@@ -21,7 +21,7 @@ class ConstantProcessNoise(MotionModel):
     """``(n,)`` diagonal of the covariance that a step adds, in the units of the state's components squared."""
 
     def model_post_init(self, context: Any) -> None:
-        for name in ("components", "angular", "linear"):
+        for name in ("components", "angular", "linear", "first_sigmas"):
             object.__setattr__(self, name, getattr(self.motion, name))
 
     @property
@@ -51,3 +51,8 @@ class ConstantProcessNoise(MotionModel):
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         return self.motion.from_kinematics(motion)
+
+    def to_kinematics(self, x: Array, noise: Array, resting: Array) -> Kinematics:
+        # Its noise drives the state, and no rate that the state does not have.
+        none = np.zeros((len(self.motion.noise_sigma), *noise.shape[1:]))
+        return self.motion.to_kinematics(x, none, resting)
