@@ -255,8 +255,11 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
         (lambda r: tb.sense("highway", range(99, 101)), "runs: there is no run 100; choose from 0 to 99"),
         (
             lambda r: tb.sense(tb.load("highway", {"sensing.identities": "hidden"}), range(2)),
-            "runs: with hidden identities each run has detections of its own: ask for one run at a time",
+            "runs: with hidden identities each run has its own number of detections; ask for one run at a time",
         ),
+        (lambda r: tb.run("highway", workers=0), "workers: 0 is no number of processes; give a whole one from 1"),
+        (lambda r: tb.run("highway", workers=-1), "workers: -1 is no number of processes"),
+        (lambda r: tb.run("highway", workers=1.5), "workers: 1.5 is no number of processes"),
         (lambda r: tb.run("highway", out="/proc/x"), "cannot write to /proc/x"),
         (lambda r: r["ekf"], "no tracker 'ekf' in this result; did you mean 'ekf_cv'?"),
         (lambda r: r.to_pandas("step"), "no table 'step' in this result; did you mean 'steps'?"),

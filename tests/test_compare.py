@@ -442,6 +442,12 @@ def test_two_results_of_one_scenario_in_a_folder(keep: Keep, tmp_path: Path) -> 
         find(tmp_path)
 
 
+def test_two_results_of_one_scenario_in_a_list(run_tiny: Run) -> None:
+    twice = [run_tiny(), run_tiny(WORSE_EKF)]
+    with pytest.raises(InputError, match="^results 1: two results of the scenario 'tiny' in one list; give each"):
+        compare([twice])
+
+
 def test_a_comparison_is_kept_and_loaded(keep: Keep, versions: tuple[Path, Path], tmp_path: Path) -> None:
     for sets in (
         [keep("monte_carlo.runs=1"), keep("monte_carlo.runs=1", WORSE_EKF)],

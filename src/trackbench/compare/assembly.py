@@ -96,6 +96,11 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
     label = f"results {number + 1}"
     if isinstance(item, Result):
         return ResultSet(label, (Entry(label, item),))
+    names = [result.name for result in item]
+    for name in names:
+        if names.count(name) > 1:
+            message = f"two results of the scenario {name!r} in one list; give each result as an argument of its own"
+            raise InputError(message, file=label)
     return ResultSet(label, tuple(Entry(f"{label}: {result.name}", result) for result in item))
 
 
