@@ -514,7 +514,7 @@ def test_a_metric_with_other_options_is_another_metric(with_metric: Callable[[fl
 
 def test_two_results_of_one_scenario_in_a_list(run_tiny: Run) -> None:
     twice = [run_tiny(), run_tiny(WORSE_EKF)]
-    with pytest.raises(InputError, match="^results 1: two results of the scenario 'tiny' in one list; give each"):
+    with pytest.raises(InputError, match=r"^results 1: two results of the scenario 'tiny' in one list; give each"):
         compare([twice])
 
 
