@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
@@ -257,6 +258,9 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
             lambda r: tb.sense(tb.load("highway", {"sensing.identities": "hidden"}), range(2)),
             "runs: with hidden identities each run has its own number of detections; ask for one run at a time",
         ),
+        (lambda r: tb.run("highway", workers=0), "workers: 0 is no number of processes; give a whole one from 1"),
+        (lambda r: tb.run("highway", workers=-1), "workers: -1 is no number of processes"),
+        (lambda r: tb.run("highway", workers=1.5), "workers: 1.5 is no number of processes"),
         (lambda r: tb.run("highway", out="/proc/x"), "cannot write to /proc/x"),
         (lambda r: r["ekf"], "no tracker 'ekf' in this result; did you mean 'ekf_cv'?"),
         (lambda r: r.to_pandas("step"), "no table 'step' in this result; did you mean 'steps'?"),
@@ -265,6 +269,17 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
         (lambda r: r.report().save("x.docx"), "x.docx ends in none of .md, .html,"),
         (lambda r: tb.Result.load("nowhere"), "nowhere: there is no such folder"),
         (lambda r: tb.compare(r, metrics=["position_rsme"]), "did you mean 'position_rmse'?"),
+        (lambda r: r[0], "no tracker 0 in this result; choose from: ekf_cv, raw"),
+        (lambda r: tb.sense("highway", range(0)), "runs: range(0, 0) is no range of runs; write range(3) for"),
+        (lambda r: tb.sense("highway", 3), "runs: 3 is no range of runs"),
+        (lambda r: tb.load(None), "None is no scenario; give a file, a name such as 'highway', a text or a mapping"),
+        (lambda r: tb.load("highway", "a=b"), "--set a=b: a: unknown key"),
+        (lambda r: tb.load("highway", trackers="ekf_cw"), "no tracker 'ekf_cw' in this scenario; did you mean"),
+        (lambda r: tb.compare(r, metrics="position_rsme"), "'position_rsme' is not compared run by run; did you mean"),
+        (lambda r: tb.compare(r, trackers="ekf_cw"), "no tracker 'ekf_cw' in these results; did you mean 'ekf_cv'?"),
+        (lambda r: tb.compare(None), "None is nothing to compare; give a result, a list of results, or a folder"),
+        (lambda r: tb.compare([]), "[] is nothing to compare"),
+        (lambda r: tb.compare([r, "kept"]), " is nothing to compare; give a result,"),
         (lambda r: tb.compare("nowhere"), "nowhere: there is no such folder"),
     ],
 )
@@ -280,6 +295,34 @@ def test_what_is_wrong_is_one_clear_exception(
         call(result)
     assert message in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_text_is_a_list_of_one(result: tb.Result) -> None:
+    assert [*tb.load("highway", "monte_carlo.runs=9", trackers="ekf_cv").config.trackers] == ["ekf_cv"]
+    assert {item.metric for item in tb.compare(result, metrics="velocity_rmse").differences} == {"velocity_rmse"}
+
+
+def test_a_result_holds_its_trackers(result: tb.Result) -> None:
+    assert [*result] == ["raw", "ekf_cv"]
+    assert "ekf_cv" in result
+    assert "ekf" not in result
+
+
+def test_a_result_is_pickled_after_its_report_was_read(result: tb.Result) -> None:
+    figures = result.figures
+    again = pickle.loads(pickle.dumps(result))
+    assert again["ekf_cv"] == result["ekf_cv"]
+    assert again.figures == figures
+
+
+def test_scenarios_in_a_tuple_give_several_results(tiny: Path) -> None:
+    found = tb.run((tb.load(tiny), tb.load(tiny, {"name": "other"})))
+    assert [item.name for item in found] == ["tiny", "other"]
+
+
+def test_a_result_is_saved_in_a_folder_named_by_text(result: tb.Result, tmp_path: Path) -> None:
+    result.save(str(tmp_path / "kept"))
+    assert tb.Result.load(tmp_path / "kept").name == "highway"
 
 
 def test_a_result_survives_saving(result: tb.Result, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
@@ -440,6 +441,81 @@ def test_two_results_of_one_scenario_in_a_folder(keep: Keep, tmp_path: Path) -> 
         shutil.copytree(keep().label, tmp_path / name)
     with pytest.raises(InputError, match=f"two results of the scenario 'tiny', here and in {tmp_path}/a"):
         find(tmp_path)
+
+
+PLUGINS = """
+import numpy as np
+from trackbench.metrics import OwnMetric, ratio
+
+class Within(OwnMetric):
+    name, unit, meaning, better = "within", "1", "share of the estimates that are near the truth", "larger"
+    limit_m: float = 0.5
+    def init(self, scope):
+        return np.zeros((2, scope.runs))
+    def update(self, sums, chunk):
+        near = np.hypot(chunk.error[0], chunk.error[1]) < self.limit_m
+        return sums + [chunk.by_run(1.0), chunk.by_run(near)]
+    def merge(self, blocks):
+        return np.concatenate(blocks, axis=1)
+    def finish(self, sums):
+        return ratio(sums[1], sums[0])
+"""
+
+
+@pytest.fixture(scope="module")
+def with_metric(
+    run_tiny: Run, write_module: Callable[[Path, str], str], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[float], ResultSet]:
+    """A saved result with a metric of a module that is only beside the scenario, and an expectation of it."""
+    code = tmp_path_factory.mktemp("code")
+    module = write_module(code, PLUGINS)
+
+    def call(limit: float) -> ResultSet:
+        metric = f"score.metrics=[{{use: '{module}:Within', options: {{limit_m: {limit}}}}}]"
+        result = run_tiny(metric, "expect=[{tracker: ekf, metric: within, above: 0}]", folder=code)
+        folder = tmp_path_factory.mktemp("kept") / "tiny"
+        result.save(folder, {})
+        return find(folder)
+
+    return call
+
+
+def test_plugins_of_metrics_are_not_needed_to_compare(
+    with_metric: Callable[[float], ResultSet], trackbench: str, tmp_path: Path
+) -> None:
+    folders = [with_metric(0.5).label, with_metric(0.5).label]
+    done = subprocess.run(
+        [trackbench, "compare", *folders, "--metric", "within"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "within" in done.stdout
+
+
+def test_a_plugin_of_the_truth_must_be_there(run_tiny: Run) -> None:
+    result = run_tiny()
+    scenario = result.summary.scenario
+    gone = scenario.model_copy(update={"overrides": ["sensors.radar.type=not_here:Radar"]})
+    later = result.updated(scenario=gone)
+    with pytest.raises(InputError) as caught:
+        compare([result, later])
+    assert str(caught.value).startswith(
+        "results 2: sensors.radar.type: a plug-in of its truth and sensors must be importable here: "
+        "cannot import 'not_here:Radar': no module named 'not_here'"
+    )
+
+
+def test_a_metric_with_other_options_is_another_metric(with_metric: Callable[[float], ResultSet]) -> None:
+    base, later = with_metric(0.5), with_metric(0.1)
+    assert compare([base, later]).differences
+    with pytest.raises(InputError, match=r"another metric within: limit_m is 0\.1 here and 0\.5 there$"):
+        compare([base, later], metrics=["within"])
+
+
+def test_two_results_of_one_scenario_in_a_list(run_tiny: Run) -> None:
+    twice = [run_tiny(), run_tiny(WORSE_EKF)]
+    with pytest.raises(InputError, match=r"^results 1: two results of the scenario 'tiny' in one list; give each"):
+        compare([twice])
 
 
 def test_a_comparison_is_kept_and_loaded(keep: Keep, versions: tuple[Path, Path], tmp_path: Path) -> None:

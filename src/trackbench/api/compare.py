@@ -7,8 +7,10 @@ from pathlib import Path
 
 from trackbench import results
 from trackbench.api.display import Report
-from trackbench.compare import Limit, comparison, find
+from trackbench.api.scenario import listed
+from trackbench.compare import Limit, ResultSet, comparison, find
 from trackbench.compare import compare as compare_sets
+from trackbench.errors import InputError
 from trackbench.report.comparison import document
 from trackbench.words import counted
 
@@ -56,6 +58,17 @@ def compare(
         InputError: there is no such result, or they cannot be compared.
     """
     allowed = [Limit.parse(f"{metric}:{percent}") for metric, percent in (limits or {}).items()]
-    sets = [find(Path(item)) if isinstance(item, Path | str) else item for item in (baseline, *others)]
-    found = compare_sets(sets, metrics=metrics, trackers=trackers, limits=allowed)
+    sets = [_set(item) for item in (baseline, *others)]
+    chosen = None if trackers is None else listed(trackers)
+    found = compare_sets(sets, metrics=listed(metrics), trackers=chosen, limits=allowed)
     return ReportableComparison.model_validate(dict(found))
+
+
+def _set(given: Compared | Sequence[results.Result]) -> ResultSet | results.Result | Sequence[results.Result]:
+    """One argument; a folder is read."""
+    if isinstance(given, Path | str):
+        return find(Path(given))
+    several = isinstance(given, list | tuple) and given and all(isinstance(item, results.Result) for item in given)
+    if not several and not isinstance(given, results.Result):
+        raise InputError(f"{given!r} is nothing to compare; give a result, a list of results, or a folder")
+    return given

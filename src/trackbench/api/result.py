@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from trackbench import results
 from trackbench.errors import InputError, nearest
@@ -23,6 +23,10 @@ class ReportableResult(results.Result):
     def of(cls, result: results.Result) -> Self:
         """The same result, as one that shows itself."""
         return cls(result.summary, result.tables)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The report is made again when it is asked for.
+        return {name: value for name, value in vars(self).items() if name != "_report"}
 
     def report(self) -> Report:
         """The report of the run, as ``trackbench run`` writes it."""

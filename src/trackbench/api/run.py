@@ -14,6 +14,8 @@ from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.scenario import LoadedScenario
 from trackbench.types import Progress, no_progress
 
+Several = list[LoadedScenario | Named] | tuple[LoadedScenario | Named, ...]
+
 
 @overload
 def run(
@@ -26,7 +28,7 @@ def run(
 ) -> ReportableResult: ...
 @overload
 def run(
-    scenario: list[LoadedScenario | Named],
+    scenario: Several,
     *,
     workers: int = 1,
     out: Path | str | None = None,
@@ -34,7 +36,7 @@ def run(
     progress: Progress = no_progress,
 ) -> list[ReportableResult]: ...
 def run(
-    scenario: LoadedScenario | Named | list[LoadedScenario | Named],
+    scenario: LoadedScenario | Named | Several,
     *,
     workers: int = 1,
     out: Path | str | None = None,
@@ -47,7 +49,7 @@ def run(
     calls this under ``if __name__ == "__main__":``, since each of them imports it.
 
     Args:
-        scenario: what :func:`load` gave or takes; or a list, which gives a list of results.
+        scenario: what :func:`load` gave or takes; or a list or tuple of these, which gives a list of results.
         workers: number of processes.
         out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
             Several are also compared there. Nothing is written unless given.
@@ -58,12 +60,12 @@ def run(
         InputError: something is wrong in a scenario, or nothing can be written to ``out``.
         TrackbenchError: the folder cannot be written, or a worker died.
     """
-    given = scenario if isinstance(scenario, list) else [scenario]
+    given = scenario if isinstance(scenario, list | tuple) else [scenario]
     plan = session.Plan(None if out is None else Path(out), workers, recording)
     listener = _Counter(progress)
     prepared = session.prepare([loaded_scenario(item) for item in given], plan, listener)
     found = [ReportableResult.of(result) for result in session.run(prepared, plan, listener)]
-    return found if isinstance(scenario, list) else found[0]
+    return found if isinstance(scenario, list | tuple) else found[0]
 
 
 class _Counter(Listener):

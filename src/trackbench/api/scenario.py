@@ -39,7 +39,10 @@ def load(
     Raises:
         InputError: there is no such scenario, or something in it is wrong; with file, line and key.
     """
-    overrides = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else [*set]
+    if not isinstance(scenario, Path | str | Mapping):
+        raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
+    changes = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else set
+    overrides = listed(changes)
     given = {"monte_carlo.runs": runs, "monte_carlo.seed": seed}
     overrides += [f"{key}={_yaml(value, key)}" for key, value in given.items() if value is not None]
     if isinstance(scenario, Mapping):
@@ -48,12 +51,17 @@ def load(
         loaded = scenario_of(scenario, AT_HAND, overrides)
     else:
         loaded = load_scenario(scenario, overrides)
-    return loaded if trackers is None else select_trackers(loaded, [*trackers])
+    return loaded if trackers is None else select_trackers(loaded, listed(trackers))
 
 
 def loaded_scenario(scenario: LoadedScenario | Named) -> LoadedScenario:
     """A scenario that is loaded already, or is loaded as it is."""
     return scenario if isinstance(scenario, LoadedScenario) else load(scenario)
+
+
+def listed(texts: Iterable[str]) -> list[str]:
+    """Texts as a list; a single one is a list of itself, not of its letters."""
+    return [texts] if isinstance(texts, str) else [*texts]
 
 
 def _yaml(value: Any, key: str | None = None) -> str:

@@ -39,6 +39,8 @@ def sense(scenario: LoadedScenario | Named, runs: range = range(1)) -> list[Scan
         InputError: something is wrong in the scenario, it has no such run, or identities are hidden in several runs.
     """
     loaded = loaded_scenario(scenario)
+    if not isinstance(runs, range) or not runs:
+        raise InputError(f"{runs!r} is no range of runs; write range(3) for the first three", key="runs")
     there = loaded.config.monte_carlo.runs
     for run in runs:
         if run not in range(there):

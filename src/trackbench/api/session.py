@@ -35,6 +35,10 @@ class Plan:
     precision: tuple[float, int] | None = None
     """The share and the largest number of runs, where the precision decides on their number."""
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.workers, int) or self.workers < 1:
+            raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
+
 
 def prepare(scenarios: Sequence[LoadedScenario], plan: Plan, listener: Listener) -> list[Prepared]:
     """Check everything that could stop a run, and simulate the truth, before any tracker runs.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from trackbench.compare.comparability import Comparability, comparability
+from trackbench.compare.comparability import Comparability, comparability, require_same_metric
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
@@ -53,6 +53,10 @@ def compare(
     known = {path: _metric(path, "--metric", sets) for path in (RANKED_BY, *wanted)}
     _require_known(sets, trackers)
     cells, notes = _cells(sets)
+    for cell in cells:
+        for entry in cell.entries.values():
+            for path in known:
+                require_same_metric(cell.entries[0], entry, path)
     chosen = {
         (cell.scenario, number): [name for name in entry.trackers if trackers is None or name in trackers]
         for cell in cells
@@ -96,6 +100,11 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
     label = f"results {number + 1}"
     if isinstance(item, Result):
         return ResultSet(label, (Entry(label, item),))
+    names = [result.name for result in item]
+    for name in names:
+        if names.count(name) > 1:
+            message = f"two results of the scenario {name!r} in one list; give each result as an argument of its own"
+            raise InputError(message, file=label)
     return ResultSet(label, tuple(Entry(f"{label}: {result.name}", result) for result in item))
 
 

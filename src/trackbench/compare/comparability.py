@@ -58,6 +58,18 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
     return Comparability(shared, f"over the {which} with equal fingerprints", whole=False)
 
 
+def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
+    """Make sure that a metric that is not built in is the same in both, where both have it.
+
+    Raises:
+        InputError: its unit, its better direction or an option differs.
+    """
+    ours, theirs = _own_metric(baseline, path), _own_metric(later, path)
+    for key, before, now in _differing(ours, theirs) if ours and theirs else ():
+        reason = f"another metric {path}: {key} is {_shown(now)} here and {_shown(before)} there"
+        raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
+
+
 def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
     for key, ours, theirs in _differing(_stated(baseline.scenario), _stated(later.scenario)):
         yield f"another scenario: {key} is {_shown(theirs)} here and {_shown(ours)} there"
@@ -75,6 +87,14 @@ def _stated(scenario: Scenario) -> dict[str, Any]:
     """What must be the same: the truth, the sensors, and which errors count."""
     found = scenario.model_dump(mode="json", include={"truth", "sensors"})
     return {**found, "score": {"settle_s": scenario.score.settle_s}}
+
+
+def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:
+    """What must be the same of a metric that is not built in; None where the result has none of this name."""
+    for metric in entry.result.summary.score.metrics:
+        if metric.name == path:
+            return {"unit": metric.unit, "better": metric.better, **metric.options}
+    return None
 
 
 def _differing(ours: Any, theirs: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:

@@ -22,6 +22,8 @@ from trackbench.types import Array
 
 #: Columns of the tables that hold text.
 TEXT = {"tracker", "object", "role"}
+#: What a comparison does not read of a scenario, and may be code that is not here.
+LEFT_OUT = ("trackers={raw: {use: raw}}", "score.metrics=[]", "expect=[]")
 #: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
 AGREEMENT = 1e-6
 
@@ -41,17 +43,19 @@ class Entry:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The scenario as it was run.
+        """The scenario as it was run, but for its trackers, its own metrics and what it expects.
 
         Raises:
-            InputError: this version does not read it.
+            InputError: this version does not read it, or its truth or a sensor is a plug-in that is not there.
         """
         kept = self.result.summary.scenario
         try:
-            return scenario_of(kept.text, Path(kept.name), kept.overrides).config
+            return scenario_of(kept.text, Path(kept.name), [*kept.overrides, *LEFT_OUT]).config
         except InputError as error:
-            message = f"its scenario is not one that this version reads: {error.message}"
-            raise InputError(message, file=self.label, key=error.key) from None
+            problem = "its scenario is not one that this version reads"
+            if error.message.startswith("cannot import "):
+                problem = "a plug-in of its truth and sensors must be importable here"
+            raise InputError(f"{problem}: {error.message}", file=self.label, key=error.key) from None
 
     def table(self, name: str) -> pa.Table:
         """A table of the result.

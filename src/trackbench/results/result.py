@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -38,8 +38,11 @@ class Result:
         for found in self.summary.trackers:
             if found.name == tracker:
                 return found
-        names = [found.name for found in self.summary.trackers]
-        raise InputError(f"no tracker {tracker!r} in this result; {nearest(tracker, names)}")
+        raise InputError(f"no tracker {tracker!r} in this result; {nearest(str(tracker), self)}")
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the trackers, in the order of the scenario."""
+        return (found.name for found in self.summary.trackers)
 
     @property
     def name(self) -> str:
@@ -72,7 +75,7 @@ class Result:
             raise InputError(f"no table {table!r} in this result; {nearest(table, self.tables)}")
         return self.tables[table].to_pandas()
 
-    def save(self, folder: Path, artifacts: Mapping[str, Callable[[Path], None]] | None = None) -> None:
+    def save(self, folder: Path | str, artifacts: Mapping[str, Callable[[Path], None]] | None = None) -> None:
         """Write the run's folder: under a temporary name beside it, and renamed when it is complete.
 
         Args:
@@ -86,7 +89,7 @@ class Result:
         tables = {
             f"{name}.parquet": partial(pq.write_table, table, compression="zstd") for name, table in self.tables.items()
         }
-        save_files({**summary, **tables, **(artifacts or {})}, folder, SUMMARY)
+        save_files({**summary, **tables, **(artifacts or {})}, Path(folder), SUMMARY)
 
     def updated(self, **fields: Any) -> Result:
         """The same result with other fields of its summary."""

@@ -73,6 +73,7 @@ class OwnMetricSummary(Part):
     compared: bool
     """Whether trackers are compared by it, run by run."""
     per_sensor: bool
+    options: dict[str, Any] = Field(default_factory=dict)
 
 
 class ScoreSummary(Part):

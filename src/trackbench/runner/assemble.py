@@ -214,6 +214,7 @@ def _metric_summary(metric: Metric) -> OwnMetricSummary:
         better=metric.better,
         compared=metric.compared and metric.better is not None,
         per_sensor=metric.per_sensor,
+        options=metric.model_dump(mode="json", fallback=str),
     )
 
 
