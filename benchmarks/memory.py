@@ -13,8 +13,8 @@ from pathlib import Path
 
 from scene import DT, SENSORS, weaving
 from trackbench.runner.run import run
-from trackbench.scenario import LoadedScenario
-from trackbench.scenario.config import Scenario
+from trackbench.scenario import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.source import parse
 from trackbench.truth import LoadedTruth
 
@@ -31,7 +31,7 @@ TRACKERS = {
 
 
 def main(runs: int) -> None:
-    scenario = Scenario.model_validate(
+    scenario = ScenarioConfig.model_validate(
         {
             "name": "memory",
             # Replaced by the scripted truth below: only its rate is read, to check those of the sensors.
@@ -41,7 +41,7 @@ def main(runs: int) -> None:
             "monte_carlo": {"runs": runs},
         }
     )
-    loaded = LoadedScenario(scenario, Path("memory.yaml"), "", (), parse("", "memory.yaml"))
+    loaded = Scenario(scenario, Path("memory.yaml"), "", (), parse("", "memory.yaml"))
     begin = time.perf_counter()
     result = run(loaded, LoadedTruth(weaving(STEPS), False))
     seconds = time.perf_counter() - begin

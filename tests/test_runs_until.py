@@ -14,7 +14,7 @@ from trackbench.results import Result
 from trackbench.runner import block
 from trackbench.runner.run import run
 from trackbench.runner.until import FIRST_RUNS, first_look, run_until
-from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of
 
 Cli = Callable[..., Any]
@@ -29,7 +29,7 @@ def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: in
     return run_until(first, truth_of(first), target, max_runs, workers=workers, command=command)
 
 
-def command(loaded: LoadedScenario) -> str:
+def command(loaded: Scenario) -> str:
     return " ".join(loaded.overrides)
 
 

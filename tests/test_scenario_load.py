@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from trackbench.errors import InputError, InputErrors
-from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.check import check
 from trackbench.trackers.config import FilterConfig, PluginConfig
 
@@ -24,7 +24,7 @@ expect:
 """
 
 
-def load(folder: Path, text: str, *overrides: str) -> LoadedScenario:
+def load(folder: Path, text: str, *overrides: str) -> Scenario:
     path = folder / "scenario.yaml"
     path.write_text(text, encoding="utf-8")
     return load_scenario(path, overrides)

@@ -9,7 +9,7 @@ import yaml
 
 from trackbench.metrics.registry import by_path, known
 from trackbench.scenario import load_scenario
-from trackbench.scenario.config import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.docs import scenario_markdown
 from trackbench.scenario.examples import EXAMPLES
 from trackbench.scenario.schema import json_schema
@@ -37,7 +37,7 @@ def test_every_key_is_described() -> None:
 
     bare = [
         f"{name}.{key}"
-        for name, part in {"Scenario": schema, **schema["$defs"]}.items()
+        for name, part in {"ScenarioConfig": schema, **schema["$defs"]}.items()
         for key, field in part["properties"].items()
         if not field.get("description")
     ]
@@ -56,7 +56,7 @@ def test_the_examples_of_the_page_are_one_valid_scenario(tmp_path: Path) -> None
 
     assert errors(EXAMPLE) == []
     assert load_scenario(path).config.name == "highway_overtake"
-    assert set(yaml.safe_load(EXAMPLE)) == set(Scenario.model_fields)
+    assert set(yaml.safe_load(EXAMPLE)) == set(ScenarioConfig.model_fields)
 
 
 @pytest.mark.parametrize(

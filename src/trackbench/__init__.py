@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from trackbench.api.scenario import load
     from trackbench.api.scene import sense, truth
     from trackbench.errors import InputError, TrackbenchError
-    from trackbench.scenario import LoadedScenario as Scenario
+    from trackbench.scenario import Scenario
     from trackbench.testing import check_tracker
     from trackbench.types import Estimate, Scan, Tracks, Truth
 
@@ -34,7 +34,7 @@ _HOMES = {
     "InputError": ("errors", "InputError"),
     "Result": ("api.result", "ReportableResult"),
     "Scan": ("types", "Scan"),
-    "Scenario": ("scenario", "LoadedScenario"),
+    "Scenario": ("scenario", "Scenario"),
     "TrackbenchError": ("errors", "TrackbenchError"),
     "Tracks": ("types", "Tracks"),
     "Truth": ("types", "Truth"),

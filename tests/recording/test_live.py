@@ -22,14 +22,14 @@ from trackbench.recording.painter import Painter
 from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
 from trackbench.runner.run import run
-from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
 from trackbench.types import Gaussian
 
 
 @pytest.fixture
-def scene(tiny: Path) -> tuple[LoadedScenario, LoadedTruth]:
+def scene(tiny: Path) -> tuple[Scenario, LoadedTruth]:
     loaded = load_scenario(tiny)
     return loaded, truth_of(loaded)
 
@@ -51,7 +51,7 @@ def stop(viewer: Live) -> None:
 
 @pytest.mark.parametrize("url", [None, ABSENT])
 def test_a_run_hands_over_what_it_finds_and_never_waits(
-    scene: tuple[LoadedScenario, LoadedTruth], deaf: str, url: str | None
+    scene: tuple[Scenario, LoadedTruth], deaf: str, url: str | None
 ) -> None:
     loaded, truth = scene
     viewer = Live(url or deaf)
@@ -75,7 +75,7 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
 
 
 def test_what_waits_is_bounded_and_the_oldest_goes_first(
-    scene: tuple[LoadedScenario, LoadedTruth], monkeypatch: pytest.MonkeyPatch
+    scene: tuple[Scenario, LoadedTruth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live, "WAITING", 3)
     monkeypatch.setattr(threading.Thread, "start", lambda self: None)
@@ -93,7 +93,7 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
         viewer._pipe.close()
 
 
-def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario, LoadedTruth]) -> None:
+def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, LoadedTruth]) -> None:
     loaded, truth = scene
     viewer = Live(ABSENT)
     stop(viewer)
@@ -106,7 +106,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[LoadedScenario
 
 
 def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
-    scene: tuple[LoadedScenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
+    scene: tuple[Scenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rerun itself would wait for ever."""
     from trackbench.recording import forward
@@ -127,7 +127,7 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
 
 
 def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
-    scene: tuple[LoadedScenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
 ) -> None:
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
@@ -167,7 +167,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
 
 
 def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
-    scene: tuple[LoadedScenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
 ) -> None:
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackbench.results import Result
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Prepared:
     """A checked scenario with its truth, ready to run."""
 
-    scenario: LoadedScenario
+    scenario: Scenario
     truth: LoadedTruth
 
 

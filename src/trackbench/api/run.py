@@ -11,15 +11,15 @@ from trackbench.api import session
 from trackbench.api.listener import Listener
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.types import Progress, no_progress
 
-Several = list[LoadedScenario | Named] | tuple[LoadedScenario | Named, ...]
+Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
 
 
 @overload
 def run(
-    scenario: LoadedScenario | Named,
+    scenario: Scenario | Named,
     *,
     workers: int = 1,
     out: Path | str | None = None,
@@ -36,7 +36,7 @@ def run(
     progress: Progress = no_progress,
 ) -> list[ReportableResult]: ...
 def run(
-    scenario: LoadedScenario | Named | Several,
+    scenario: Scenario | Named | Several,
     *,
     workers: int = 1,
     out: Path | str | None = None,

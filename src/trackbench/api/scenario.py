@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from trackbench.errors import InputError
-from trackbench.scenario import LoadedScenario, load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.select import select_trackers
 
@@ -25,7 +25,7 @@ def load(
     runs: int | None = None,
     seed: int | None = None,
     trackers: Iterable[str] | None = None,
-) -> LoadedScenario:
+) -> Scenario:
     """A scenario, read and validated; nothing is simulated.
 
     Args:
@@ -54,9 +54,9 @@ def load(
     return loaded if trackers is None else select_trackers(loaded, listed(trackers))
 
 
-def loaded_scenario(scenario: LoadedScenario | Named) -> LoadedScenario:
+def loaded_scenario(scenario: Scenario | Named) -> Scenario:
     """A scenario that is loaded already, or is loaded as it is."""
-    return scenario if isinstance(scenario, LoadedScenario) else load(scenario)
+    return scenario if isinstance(scenario, Scenario) else load(scenario)
 
 
 def listed(texts: Iterable[str]) -> list[str]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.errors import InputError
 from trackbench.runner.run import work_of
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
 from trackbench.sensing.hidden import hide_identities
 from trackbench.types import Scan, Truth
 
 
-def truth(scenario: LoadedScenario | Named) -> Truth:
+def truth(scenario: Scenario | Named) -> Truth:
     """The motion of every target and of the observer, simulated unless it is in the cache.
 
     Args:
@@ -24,7 +24,7 @@ def truth(scenario: LoadedScenario | Named) -> Truth:
     return truth_of(loaded_scenario(scenario)).truth
 
 
-def sense(scenario: LoadedScenario | Named, runs: range = range(1)) -> list[Scan]:
+def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     """The scans of some runs, in the order of their times: what each tracker gets, bit for bit.
 
     Args:

@@ -13,7 +13,7 @@ from trackbench.api.listener import Listener, Prepared
 from trackbench.errors import InputError
 from trackbench.palette import tracker_colours
 from trackbench.results import Result
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
 from trackbench.scenario.truth import truth_of
@@ -40,7 +40,7 @@ class Plan:
             raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
 
 
-def prepare(scenarios: Sequence[LoadedScenario], plan: Plan, listener: Listener) -> list[Prepared]:
+def prepare(scenarios: Sequence[Scenario], plan: Plan, listener: Listener) -> list[Prepared]:
     """Check everything that could stop a run, and simulate the truth, before any tracker runs.
 
     Raises:
@@ -69,14 +69,14 @@ def run(prepared: Sequence[Prepared], plan: Plan, listener: Listener) -> list[Re
     return found
 
 
-def command_of(scenario: LoadedScenario) -> str:
+def command_of(scenario: Scenario) -> str:
     """What reproduces the result of a scenario."""
     settings = (x for item in scenario.overrides for x in ("--set", item))
     only = ["--trackers", ",".join(scenario.selected)] if scenario.selected else []
     return shlex.join(["trackbench", "run", shown_name(scenario.path), *settings, *only])
 
 
-def _prepare(scenario: LoadedScenario, plan: Plan, listener: Listener, place: str) -> Prepared:
+def _prepare(scenario: Scenario, plan: Plan, listener: Listener, place: str) -> Prepared:
     if plan.precision is not None:
         from trackbench.runner.until import first_look
 
@@ -132,7 +132,7 @@ def _place(number: int, of: Sequence[object]) -> str:
     return f"{number} of {len(of)}: " if len(of) > 1 else ""
 
 
-def _require_distinct(scenarios: Sequence[LoadedScenario]) -> None:
+def _require_distinct(scenarios: Sequence[Scenario]) -> None:
     """Two scenarios of one name would overwrite each other."""
     by_name: dict[str, Path] = {}
     for scenario in scenarios:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trackbench.compare.entries import Entry
 from trackbench.errors import InputError
-from trackbench.scenario.config import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.words import counted
 
 IntArray = NDArray[np.intp]
@@ -83,7 +83,7 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
         yield "the same scenario moved differently" + (f" ({versions})" if versions else "")
 
 
-def _stated(scenario: Scenario) -> dict[str, Any]:
+def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
     """What must be the same: the truth, the sensors, and which errors count."""
     found = scenario.model_dump(mode="json", include={"truth", "sensors"})
     return {**found, "score": {"settle_s": scenario.score.settle_s}}

@@ -16,7 +16,7 @@ from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
 from trackbench.metrics import Interval
 from trackbench.results import Result
-from trackbench.scenario.config import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
 from trackbench.types import Array
 
@@ -42,7 +42,7 @@ class Entry:
         return self.result.summary.ranking
 
     @cached_property
-    def scenario(self) -> Scenario:
+    def scenario(self) -> ScenarioConfig:
         """The scenario as it was run, but for its trackers, its own metrics and what it expects.
 
         Raises:

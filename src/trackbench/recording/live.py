@@ -20,7 +20,7 @@ from typing import IO, Any
 from trackbench.recording.contents import colours_of
 from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.types import Scan, Truth
 
 #: Instants of one run that wait to be sent at most; at a few kilobytes each, some tens of megabytes.
@@ -72,7 +72,7 @@ class Live:
         self._thread = threading.Thread(target=self._deliver, daemon=True)
         self._thread.start()
 
-    def begin(self, loaded: LoadedScenario, truth: Truth, colours: Mapping[str, str] | None = None) -> None:
+    def begin(self, loaded: Scenario, truth: Truth, colours: Mapping[str, str] | None = None) -> None:
         """A run starts; what follows belongs to it until the next one starts.
 
         Args:

@@ -29,7 +29,7 @@ from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block, Work
 from trackbench.runner.describe import describe
 from trackbench.runner.expectations import judge
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.scenario.config import BoundConfig
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
 
-def assemble(loaded: LoadedScenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> Result:
+def assemble(loaded: Scenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> Result:
     """The result of all blocks of a run."""
     scenario = loaded.config
     assembly = _Assembly(work, blocks, scenario.score.bound)

@@ -10,7 +10,7 @@ from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun, Work
 from trackbench.runner.pool import run_blocks
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 
 def run(
-    loaded: LoadedScenario,
+    loaded: Scenario,
     truth: LoadedTruth,
     *,
     workers: int = 1,
@@ -47,7 +47,7 @@ def run(
     return assemble(loaded, truth, work, blocks, command)
 
 
-def work_of(loaded: LoadedScenario, truth: LoadedTruth) -> Work:
+def work_of(loaded: Scenario, truth: LoadedTruth) -> Work:
     """What every block of a run of the scenario needs."""
     scenario = loaded.config
     return Work(

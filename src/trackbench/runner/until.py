@@ -14,7 +14,7 @@ from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun
 from trackbench.runner.pool import run_blocks
 from trackbench.runner.run import work_of
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
@@ -28,13 +28,13 @@ RUNS = "monte_carlo.runs"
 
 
 def run_until(
-    loaded: LoadedScenario,
+    loaded: Scenario,
     truth: LoadedTruth,
     target: float,
     max_runs: int,
     *,
     workers: int = 1,
-    command: Callable[[LoadedScenario], str],
+    command: Callable[[Scenario], str],
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
@@ -71,7 +71,7 @@ def run_until(
     return result.updated(precision=found)
 
 
-def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
+def first_look(loaded: Scenario, max_runs: int) -> Scenario:
     """The scenario with the number of runs after which the precision is looked at first.
 
     Raises:
@@ -89,7 +89,7 @@ def first_look(loaded: LoadedScenario, max_runs: int) -> LoadedScenario:
     return _with_runs(loaded, runs)
 
 
-def _with_runs(loaded: LoadedScenario, runs: int) -> LoadedScenario:
+def _with_runs(loaded: Scenario, runs: int) -> Scenario:
     """The same scenario with another number of runs."""
     monte_carlo = loaded.config.monte_carlo.model_copy(update={"runs": runs})
     config = loaded.config.model_copy(update={"monte_carlo": monte_carlo})

@@ -1,6 +1,6 @@
 """Scenario files: YAML in, validated and frozen configuration out."""
 
-from trackbench.scenario.config import Scenario
-from trackbench.scenario.load import LoadedScenario, load_scenario
+from trackbench.scenario.config import ScenarioConfig
+from trackbench.scenario.load import Scenario, load_scenario
 
-__all__ = ["LoadedScenario", "Scenario", "load_scenario"]
+__all__ = ["Scenario", "ScenarioConfig", "load_scenario"]

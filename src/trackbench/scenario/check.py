@@ -7,14 +7,14 @@ from functools import partial
 from pathlib import Path
 
 from trackbench.errors import InputError, InputErrors
-from trackbench.scenario.load import LoadedScenario
+from trackbench.scenario.load import Scenario
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.published import check_options, create
 
 Step = Callable[[], object]
 
 
-def check(loaded: LoadedScenario) -> None:
+def check(loaded: Scenario) -> None:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Raises:
@@ -26,7 +26,7 @@ def check(loaded: LoadedScenario) -> None:
     _all(loaded, [partial(config.truth.check, folder=folder, sensors=kinds), *_trackers(loaded, _look_at)])
 
 
-def check_plugins(loaded: LoadedScenario) -> None:
+def check_plugins(loaded: Scenario) -> None:
     """Start each plug-in once, for a run.
 
     Raises:
@@ -39,7 +39,7 @@ def check_plugins(loaded: LoadedScenario) -> None:
     _all(loaded, list(_trackers(loaded, _start)))
 
 
-def _all(loaded: LoadedScenario, steps: list[Step]) -> None:
+def _all(loaded: Scenario, steps: list[Step]) -> None:
     errors: list[InputError] = []
     for step in steps:
         try:
@@ -52,7 +52,7 @@ def _all(loaded: LoadedScenario, steps: list[Step]) -> None:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
 
 
-def _trackers(loaded: LoadedScenario, step: Callable[[str, PluginConfig, Path], None]) -> Iterator[Step]:
+def _trackers(loaded: Scenario, step: Callable[[str, PluginConfig, Path], None]) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, PluginConfig):
             yield partial(step, name, tracker, loaded.path.resolve().parent)

@@ -95,7 +95,7 @@ class RecordingConfig(Config):
     run: int = Field(0, ge=0, description="The Monte-Carlo run whose measurements and estimates are shown, from 0.")
 
 
-class Scenario(Config):
+class ScenarioConfig(Config):
     """One scene, the sensors that see it, the trackers that follow it, and what is expected of them."""
 
     name: str = Field(pattern=r"^[a-z0-9_-]+$", max_length=64, description="Name of the result's folder.")

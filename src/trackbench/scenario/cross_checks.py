@@ -18,10 +18,10 @@ from trackbench.truth import SteppedTruth
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
-    from trackbench.scenario.config import Expectation, Scenario
+    from trackbench.scenario.config import Expectation, ScenarioConfig
 
 
-def problems(scenario: Scenario) -> Iterator[Problem]:
+def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
     if isinstance(scenario.truth, RecordingTruth):
         yield from recorded_checks.problems(scenario, scenario.truth)
@@ -39,7 +39,7 @@ def problems(scenario: Scenario) -> Iterator[Problem]:
             yield Problem(("expect", index, *problem.at), problem.message)
 
 
-def _times(scenario: Scenario, truth: SteppedTruth) -> Iterator[Problem]:
+def _times(scenario: ScenarioConfig, truth: SteppedTruth) -> Iterator[Problem]:
     if scenario.score.settle_s >= truth.duration_s:
         longest = f"truth.duration_s, which is {truth.duration_s:g}"
         yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
@@ -75,7 +75,7 @@ def _nearest_rates(truth_rate: int, steps: float) -> list[float]:
     return [rate for rate in rates if rate is not None]
 
 
-def _tracker_sensors(scenario: Scenario) -> Iterator[Problem]:
+def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         for index, sensor in enumerate(tracker.sensors or []):
             if sensor not in scenario.sensors:
@@ -96,11 +96,11 @@ def _tracker_sensors(scenario: Scenario) -> Iterator[Problem]:
                 yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
 
 
-def _no_sensor(scenario: Scenario, sensor: str) -> str:
+def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:
     return f"the scenario has no sensor {sensor!r}; {nearest(sensor, scenario.sensors)}"
 
 
-def _expectation(scenario: Scenario, expectation: Expectation) -> Iterator[Problem]:
+def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator[Problem]:
     tracker = scenario.trackers.get(expectation.tracker)
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"
@@ -120,7 +120,7 @@ def _expectation(scenario: Scenario, expectation: Expectation) -> Iterator[Probl
 
 
 def _limit(
-    scenario: Scenario, expectation: Expectation, metric: MetricPath, metrics: Mapping[str, MetricPath]
+    scenario: ScenarioConfig, expectation: Expectation, metric: MetricPath, metrics: Mapping[str, MetricPath]
 ) -> Iterator[Problem]:
     word, rival = expectation.equals, expectation.better_than
     for operator in ("below", "above"):

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from trackbench.config import KeyPath
 from trackbench.config.explain import explain
 from trackbench.errors import InputError, InputErrors
-from trackbench.scenario.config import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse
@@ -20,10 +20,10 @@ from trackbench.words import counted
 
 
 @dataclass(frozen=True, repr=False)
-class LoadedScenario:
+class Scenario:
     """A valid scenario and where it came from."""
 
-    config: Scenario
+    config: ScenarioConfig
     path: Path
     text: str
     """The file as it is on disk, without the overrides."""
@@ -50,7 +50,7 @@ class LoadedScenario:
         return error.located(file=origin.file, line=origin.line)
 
 
-def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> LoadedScenario:
+def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     """Read, override and validate a scenario file.
 
     What needs highway-env or a tracker to be known is left to ``check``.
@@ -67,23 +67,23 @@ def load_scenario(named: Path | str, overrides: Sequence[str] = ()) -> LoadedSce
     return scenario_of(_read(path), path, overrides)
 
 
-def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> LoadedScenario:
+def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenario:
     """As ``load_scenario``, of a text that is at hand already; ``path`` is named in errors."""
     document = parse(text, str(path))
     if not isinstance(document.value, dict):
         found = "is empty" if document.value is None else "is not a mapping of keys to values"
-        required = ", ".join(name for name, field in Scenario.model_fields.items() if field.is_required())
+        required = ", ".join(name for name, field in ScenarioConfig.model_fields.items() if field.is_required())
         message = f"the file {found}; a scenario has the keys {required}"
         raise InputError(message, file=path, line=document.origin(()).line)
     document, sweeps = expand_sweeps(apply_overrides(document, overrides))
     try:
-        config = Scenario.model_validate(document.value, context={"folder": path.resolve().parent})
+        config = ScenarioConfig.model_validate(document.value, context={"folder": path.resolve().parent})
     except ValidationError as invalid:
-        problems = explain(invalid.errors(include_url=False), Scenario)
+        problems = explain(invalid.errors(include_url=False), ScenarioConfig)
         raise _in_file_order(document, problems) from None
     except RecursionError:
         raise InputError("nested too deeply", file=path) from None
-    return LoadedScenario(config, path, text, tuple(overrides), document, sweeps)
+    return Scenario(config, path, text, tuple(overrides), document, sweeps)
 
 
 def _read(path: Path) -> str:

@@ -12,13 +12,13 @@ from trackbench.trackers.config import FilterConfig
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
-    from trackbench.scenario.config import Scenario
+    from trackbench.scenario.config import ScenarioConfig
 
 #: Keys of a sensor that say what it would read; recorded measurements are taken as they are.
 SYNTHETIC = ("phase_s", "fov_deg", "max_range_m", "detection_probability")
 
 
-def problems(scenario: Scenario, truth: RecordingTruth) -> Iterator[Problem]:
+def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
     """Everything that is wrong between the recording and the other sections."""
     kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
     fed = truth.feeds(kinds)
@@ -57,7 +57,7 @@ def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
             yield Problem(("sensors", name), f"the recording has one {kind}, and it feeds {other}; remove one of them")
 
 
-def _synthetic(scenario: Scenario, name: str) -> Iterator[Problem]:
+def _synthetic(scenario: ScenarioConfig, name: str) -> Iterator[Problem]:
     sensor = scenario.sensors[name]
     biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
     for key in (*SYNTHETIC, *biases):
@@ -67,5 +67,5 @@ def _synthetic(scenario: Scenario, name: str) -> Iterator[Problem]:
             )
 
 
-def _random_starts(scenario: Scenario) -> bool:
+def _random_starts(scenario: ScenarioConfig) -> bool:
     return any(isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values())

@@ -8,7 +8,7 @@ from trackbench.config import OptionsBeside
 from trackbench.config.plugin import beside
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
-from trackbench.scenario.config import Scenario
+from trackbench.scenario.config import ScenarioConfig
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.published import TRACKERS, options_of
 from trackbench.truth.config.scripted import WhiteMotion
@@ -24,7 +24,7 @@ def json_schema() -> Schema:
 
     What lies between sections (a tracker's sensors, rates that divide) is left to ``trackbench check``.
     """
-    schema = Scenario.model_json_schema(by_alias=True)
+    schema = ScenarioConfig.model_json_schema(by_alias=True)
     parts = schema["$defs"]
     sensors = schema["properties"]["sensors"]["patternProperties"]
     kinds = [_lift(form, "type", parts) for entry in sensors.values() for form in entry["oneOf"]]

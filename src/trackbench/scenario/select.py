@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from trackbench.errors import InputError, nearest
-from trackbench.scenario.load import LoadedScenario
+from trackbench.scenario.load import Scenario
 
 
-def select_trackers(loaded: LoadedScenario, names: Sequence[str]) -> LoadedScenario:
+def select_trackers(loaded: Scenario, names: Sequence[str]) -> Scenario:
     """The scenario with some of its trackers, and the expectations that can still be judged.
 
     Args:

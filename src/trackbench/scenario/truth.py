@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from trackbench.errors import InputError
-from trackbench.scenario.load import LoadedScenario
+from trackbench.scenario.load import Scenario
 from trackbench.truth import Draw, LoadedTruth
 from trackbench.types import Progress, no_progress
 
 
-def truth_of(loaded: LoadedScenario, progress: Progress = no_progress) -> LoadedTruth:
+def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
     """Simulate, draw or read the truth of a scenario, with what its other sections say of it.
 
     Args:

@@ -14,7 +14,7 @@ from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.adapters import Stepper, TrackFault, adapt, cause_of, masked
-from trackbench.scenario import LoadedScenario
+from trackbench.scenario import Scenario
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.schedule import silent
 from trackbench.serve.protocol import Marker
@@ -64,7 +64,7 @@ class Served:
         return adapt(self.config, self.folder, 1, _refuse_truth)
 
 
-def served(loaded: LoadedScenario, name: str) -> Served:
+def served(loaded: Scenario, name: str) -> Served:
     """The tracker of that name, started once to see that it can be.
 
     Raises:
