@@ -125,6 +125,7 @@ def test_workers_give_the_same_numbers(scenario: tb.Scenario, result: tb.Result)
     assert done[-1] == (800, 800)
 
 
+@pytest.mark.slow
 def test_several_scenarios_give_several_results(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     found = tb.run(

@@ -18,6 +18,8 @@ import pytest
 
 from trackbench import recording
 
+pytestmark = pytest.mark.slow
+
 Cli = Callable[..., Any]
 
 

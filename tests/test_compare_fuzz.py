@@ -17,6 +17,8 @@ from trackbench.compare import compare, find
 from trackbench.errors import InputError
 from trackbench.results import Result
 
+pytestmark = pytest.mark.slow
+
 EDITS = 300
 OTHERS = (None, -1, 0, 1e300, "", "x", [], {}, True, [1, 2])
 

@@ -91,6 +91,7 @@ def test_a_correct_tracker_has_nothing(name: str) -> None:
     assert found.healthy, [check for check in found.checks if check.passed is False]
 
 
+@pytest.mark.slow
 def test_a_tracker_of_one_sensor_has_nothing() -> None:
     name, (kind, make) = next(iter(ONE_SENSOR.items()))
     assert Doctor({kind: SENSORS[kind]}).examine(name, make).findings == []
@@ -190,6 +191,7 @@ def test_other_seeds_give_other_probes() -> None:
     assert varied(np.random.default_rng(1)) == one
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_examination() -> None:
     first, second = (Doctor(SENSORS, seed=3).examine("raw", CORRECT["raw"]).json() for _ in range(2))
     assert first == second

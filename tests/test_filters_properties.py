@@ -179,6 +179,7 @@ def test_sigma_points_on_nearly_noiseless_measurements_err_in_second_order_only(
         np.testing.assert_allclose(estimate.mean, target, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ekf-cv", "ekf-ctra", "ukf-ctrv", "ckf-ctra"])
 def test_thousands_of_steps_leave_the_filter_as_sound_as_ever(name):
     made = tracker(**TRACKERS[name], initial="first_reading")

@@ -49,6 +49,7 @@ def test_what_is_written_passes_its_own_tests(tmp_path: Path, cli: Cli) -> None:
     assert "5 passed" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackbench: str) -> None:
     cli("new", "tracker", "gains_scenario", "--out", "deep/folder")
     command = [trackbench, "run", "gains_scenario.yaml", "--runs", "2", "--json", "--no-recording"]

@@ -101,6 +101,7 @@ def test_the_recorded_run_is_among_the_first(tiny: Path) -> None:
     assert until(tiny, 1.0, 500, "monte_carlo.runs=100", "recording.run=80").json()["runs"] == 81
 
 
+@pytest.mark.slow
 def test_the_command_line_says_what_was_reached(cli: Cli, tiny: Path) -> None:
     done = cli("run", "tiny.yaml", "--no-recording", "--runs-until", "0.02", "--seed", "3")
     assert (done.status, done.err) == (0, "")

@@ -14,6 +14,8 @@ from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.scenario.examples import EXAMPLES
 
+pytestmark = pytest.mark.slow
+
 TEXT = "".join(EXAMPLES.values())
 VALID = yaml.safe_load(TEXT)
 
