@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar, cast
@@ -101,10 +103,16 @@ class Registry(Generic[T]):
         return published[name][0]
 
     def _published(self) -> dict[str, list[EntryPoint]]:
-        found: dict[str, list[EntryPoint]] = {}
-        for entry in entry_points(group=self.group):
-            found.setdefault(entry.name, []).append(entry)
-        return found
+        return _entries(self.group, tuple(sys.path))
+
+
+@cache
+def _entries(group: str, _places: tuple[str, ...]) -> dict[str, list[EntryPoint]]:
+    """The entry points of a group by name. To read the metadata of all packages takes as long as to read a scenario."""
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in entry_points(group=group):
+        found.setdefault(entry.name, []).append(entry)
+    return found
 
 
 def lacks_class(base: type) -> Callable[[Any], str | None]:
