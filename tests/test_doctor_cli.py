@@ -24,6 +24,8 @@ from trackbench.report.examination.text import text
 from trackbench.trackers.answers import TrackerFault
 from trackbench.types import Scan
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 FILES = ["examination.json", "recording.rrd", "report.html"]
 KEYS = {"fault", "confidence", "sensor", "factor", "evidence", "advice", "consequence_of"}

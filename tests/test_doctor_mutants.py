@@ -21,6 +21,8 @@ from trackbench.testing import TrackerCheckError, check_tracker, drive
 from trackbench.testing.tracker import NOISE
 from trackbench.types import Array, Scan
 
+pytestmark = pytest.mark.slow
+
 FAULTS = {
     *("azimuth_not_wrapped", "arctan_quadrant", "jacobian_wrong", "doppler_sign", "speed_for_range_rate"),
     *("degrees_for_radians", "wrong_dt", "q_too_small", "q_too_large", "r_too_small", "r_too_large"),

@@ -12,7 +12,7 @@ from trackbench.report.comparison import document
 from trackbench.report.run import run_document
 from trackbench.results import Result
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 PHONE, DESKTOP = 390, 1280
 BROKEN = """<!doctype html>
