@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from benchmarks.calibration import subjects
 from benchmarks.calibration.claim import rate
 
