@@ -54,6 +54,11 @@ class TruthSource(Config, ABC):
         """
         return (self,)
 
+    @property
+    def scene_name(self) -> str:
+        """What tells it from the other scenes; empty where nothing does."""
+        return ""
+
     def stored(self) -> LoadedTruth | None:
         """The truth, where it is at hand without being made; None where ``load`` has to make it."""
         return None

@@ -101,6 +101,10 @@ class HighwayOptions(SteppedTruth):
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
 
+    @property
+    def scene_name(self) -> str:
+        return f"seed {self.seed}"
+
     def scenes(self) -> Sequence[Self]:
         if self.seeds is None:
             return (self,)
