@@ -32,10 +32,12 @@ class BoundStart:
 
 
 def typical_acceleration(truth: Truth) -> float:
-    """RMS over targets and time of the true acceleration per axis, m/s^2, normal acceleration included."""
-    total = truth.acceleration**2 + (truth.speed * truth.yaw_rate) ** 2
-    alive = np.broadcast_to(truth.alive[:, :, None], total.shape)
-    return float(np.sqrt(total[alive].mean() / 2.0)) if alive.any() else 0.0
+    """RMS over targets and time of the true acceleration per axis, m/s^2, by the changes of the velocity vector."""
+    vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
+    there = truth.alive[1:, :, None] & truth.alive[:-1, :, None]
+    elapsed = np.diff(truth.time)[:, None, None]
+    total = np.where(there, elapsed, 0.0).sum() * vx.shape[-1]
+    return float(np.sqrt(np.where(there, (vx**2 + vy**2) / elapsed, 0.0).sum() / total / 2.0)) if total > 0 else 0.0
 
 
 def cramer_rao(
