@@ -7,7 +7,7 @@ import pytest
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
-from trackbench.metrics.bound import BoundStart, conditional_bound, information, typical_acceleration
+from trackbench.metrics.bound import BoundStart, conditional_bound, information, typical_acceleration, typical_velocity
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
 from trackbench.sensing.scans import ideal_sensors
@@ -165,25 +165,25 @@ def test_the_typical_acceleration_of_a_turn_is_that_of_its_velocity_vector():
     """Speed times turn rate is 4 m/s^2; over a step the velocity turns by 0.4 / 20 rad, along the chord."""
     turn = scripted(turn_rate_degps=float(np.rad2deg(0.4)))
     chord = 2 * 10.0 * np.sin(0.4 / 20 / 2) * 20
-    assert typical_acceleration(turn) == pytest.approx(chord / np.sqrt(2), rel=1e-9)
-    assert typical_acceleration(turn) == pytest.approx(4.0 / np.sqrt(2), rel=1e-4)
+    assert typical_acceleration([turn]) == pytest.approx(chord / np.sqrt(2), rel=1e-9)
+    assert typical_acceleration([turn]) == pytest.approx(4.0 / np.sqrt(2), rel=1e-4)
 
 
 def test_the_typical_acceleration_counts_speed_and_turn():
     braking = scripted(acceleration_mps2=-0.7)
-    assert typical_acceleration(braking) == pytest.approx(0.7 / np.sqrt(2), rel=1e-9)
+    assert typical_acceleration([braking]) == pytest.approx(0.7 / np.sqrt(2), rel=1e-9)
 
 
 def test_the_typical_acceleration_of_a_slip_is_found_where_the_heading_stays():
     turn = scripted(turn_rate_degps=float(np.rad2deg(0.4)))
     sliding = replace(turn, heading=np.zeros_like(turn.heading), yaw_rate=np.zeros_like(turn.yaw_rate))
-    assert typical_acceleration(sliding) == typical_acceleration(turn)
+    assert typical_acceleration([sliding]) == typical_acceleration([turn])
 
 
 def test_the_typical_acceleration_of_white_motion_is_its_sigma():
     white = scripted(white={"motion": "cv", "acceleration_sigma_mps2": 2.0})
     # 160,000 drawn numbers: a standard error of 0.0035.
-    assert typical_acceleration(white) == pytest.approx(2.0, abs=0.012)
+    assert typical_acceleration([white]) == pytest.approx(2.0, abs=0.012)
 
 
 def test_the_typical_acceleration_is_that_of_the_living():
@@ -193,5 +193,13 @@ def test_the_typical_acceleration_is_that_of_the_living():
     alive = np.array([[True, True], [True, True], [True, True], [True, False]])
     of = truth(time, 0.0 * vx, 0.0 * vx, vx, 0.0 * vx, alive=alive)
     expected = (0.4 * 3.0**2 + 0.1 * 8.0**2) / (0.4 + 0.2)
-    assert typical_acceleration(of) == pytest.approx(np.sqrt(expected / 2))
-    assert typical_acceleration(replace(of, alive=np.zeros((4, 2), dtype=bool))) == 0.0
+    assert typical_acceleration([of]) == pytest.approx(np.sqrt(expected / 2))
+    assert typical_acceleration([replace(of, alive=np.zeros((4, 2), dtype=bool))]) == 0.0
+
+
+def test_the_typical_acceleration_and_velocity_of_scenes_are_those_of_all_their_targets():
+    two = [scripted(acceleration_mps2=-0.5), scripted(turn_rate_degps=float(np.rad2deg(0.4)))]
+    found = [typical_acceleration([one]) for one in two]
+    assert typical_acceleration(two) == pytest.approx(np.hypot(*found) / np.sqrt(2))
+    braking = np.mean((10.0 - 0.5 * two[0].time) ** 2)
+    assert typical_velocity(two) == pytest.approx(np.sqrt((braking + 10.0**2) / 2 / 2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -31,13 +31,25 @@ class BoundStart:
     """m, per axis; None where tracks start from their first measurement, and the target is unknown before it."""
 
 
-def typical_acceleration(truth: Truth) -> float:
-    """RMS over targets and time of the true acceleration per axis, m/s^2, by the changes of the velocity vector."""
-    vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
-    there = truth.alive[1:, :, None] & truth.alive[:-1, :, None]
-    elapsed = np.diff(truth.time)[:, None, None]
-    total = np.where(there, elapsed, 0.0).sum() * vx.shape[-1]
-    return float(np.sqrt(np.where(there, (vx**2 + vy**2) / elapsed, 0.0).sum() / total / 2.0)) if total > 0 else 0.0
+def typical_acceleration(truths: Sequence[Truth]) -> float:
+    """RMS over scenes, targets and time of the true acceleration per axis, m/s^2: that of the velocity vector."""
+    square = time = 0.0
+    for truth in truths:
+        vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
+        elapsed = np.diff(truth.time)[:, None, None]
+        there = np.broadcast_to(truth.alive[1:, :, None] & truth.alive[:-1, :, None], vx.shape)
+        square += ((vx * vx + vy * vy) / elapsed)[there].sum()
+        time += np.broadcast_to(elapsed, vx.shape)[there].sum()
+    return float(np.sqrt(square / time / 2.0)) if time > 0 else 0.0
+
+
+def typical_velocity(truths: Sequence[Truth]) -> float:
+    """RMS over scenes, targets and time of the true velocity per axis, m/s."""
+    square = count = 0.0
+    for truth in truths:
+        there = np.broadcast_to(truth.alive[:, :, None], truth.speed.shape)
+        square, count = square + (truth.speed[there] ** 2).sum(), count + there.sum()
+    return float(np.sqrt(square / count / 2.0)) if count > 0 else 0.0
 
 
 def cramer_rao(
@@ -170,12 +182,12 @@ def conditional_bound(
         if len(passed) > 0:
             moved = _predicted(motion, covariance, truth.time[[latest, *passed]])
             covariance, latest = moved if known.all() else np.where(known, moved, covariance), passed[-1]
-        if start.position_sigma is not None:
-            known = known | truth.alive[step][:, None]
         for name, of in sensors.items():
             k = int(np.searchsorted(of.steps, step))
             if k == len(of.steps) or of.steps[k] != step:
                 continue
+            if start.position_sigma is not None:
+                known = known | truth.alive[step][:, None]
             root, seen = of.root[k][..., None], masks[name][k]
             updated = _updated(covariance, root, seen)
             begun = seen & ~known

@@ -108,7 +108,7 @@ class _Assembly:
             for sensor in work.sensors
         }
         stated = bound.acceleration_sigma_mps2
-        self.acceleration = typical_acceleration(work.truth) if stated is None else stated
+        self.acceleration = typical_acceleration([work.truth]) if stated is None else stated
         self._bounds = self._variances()
         self._scores: dict[str, Scores] = {}
         for name, sums in self._sums.items():
