@@ -7,7 +7,7 @@ import pytest
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
-from trackbench.metrics.bound import BoundStart, conditional_bound, information, typical_acceleration, typical_velocity
+from trackbench.metrics.bound import BoundStart, conditional_bound, entry_velocity, information, typical_acceleration
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
 from trackbench.sensing.scans import ideal_sensors
@@ -197,9 +197,16 @@ def test_the_typical_acceleration_is_that_of_the_living():
     assert typical_acceleration([replace(of, alive=np.zeros((4, 2), dtype=bool))]) == 0.0
 
 
-def test_the_typical_acceleration_and_velocity_of_scenes_are_those_of_all_their_targets():
+def test_the_typical_acceleration_of_scenes_is_that_of_all_their_targets():
     two = [scripted(acceleration_mps2=-0.5), scripted(turn_rate_degps=float(np.rad2deg(0.4)))]
     found = [typical_acceleration([one]) for one in two]
     assert typical_acceleration(two) == pytest.approx(np.hypot(*found) / np.sqrt(2))
-    braking = np.mean((10.0 - 0.5 * two[0].time) ** 2)
-    assert typical_velocity(two) == pytest.approx(np.sqrt((braking + 10.0**2) / 2 / 2))
+
+
+def test_the_entry_velocity_is_that_at_which_targets_appear():
+    """3 and 4 m/s of one that is there at first; 12 m/s of one that comes when it has slowed down from 30."""
+    alive = np.array([[True, False, False], [True, True, False]])
+    vx, vy = np.array([[[3.0], [30.0], [50.0]], [[9.0], [12.0], [50.0]]]), np.array([[[4.0], [0.0], [0.0]]] * 2)
+    of = truth(np.arange(2) / 10, 0.0 * vx, 0.0 * vx, vx, vy, alive=alive)
+    assert entry_velocity([of]) == pytest.approx(np.sqrt((5.0**2 + 12.0**2) / 2 / 2))
+    assert entry_velocity([of, scripted()]) == pytest.approx(np.sqrt((5.0**2 + 12.0**2 + 10.0**2) / 3 / 2))

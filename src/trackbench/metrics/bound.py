@@ -43,13 +43,15 @@ def typical_acceleration(truths: Sequence[Truth]) -> float:
     return float(np.sqrt(square / time / 2.0)) if time > 0 else 0.0
 
 
-def typical_velocity(truths: Sequence[Truth]) -> float:
-    """RMS over scenes, targets and time of the true velocity per axis, m/s."""
-    square = count = 0.0
+def entry_velocity(truths: Sequence[Truth]) -> float:
+    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s."""
+    squares = []
     for truth in truths:
-        there = np.broadcast_to(truth.alive[:, :, None], truth.speed.shape)
-        square, count = square + (truth.speed[there] ** 2).sum(), count + there.sum()
-    return float(np.sqrt(square / count / 2.0)) if count > 0 else 0.0
+        there = truth.alive.any(axis=0)
+        first = np.argmax(truth.alive, axis=0)
+        squares.append(truth.speed[first[there], np.flatnonzero(there)] ** 2)
+    every = np.concatenate([square.mean(axis=-1) for square in squares])
+    return float(np.sqrt(every.mean() / 2.0)) if every.size else 0.0
 
 
 def cramer_rao(
