@@ -31,10 +31,25 @@ class BoundStart:
 
 
 def typical_acceleration(truths: Sequence[Truth]) -> float:
-    """RMS over scenes, targets and time of the true acceleration per axis, m/s^2, normal acceleration included."""
-    squares = [truth.acceleration**2 + (truth.speed * truth.yaw_rate) ** 2 for truth in truths]
-    alive = [truth.alive[:, :, None] & np.isfinite(total) for truth, total in zip(truths, squares, strict=True)]
-    every = np.concatenate([total[use] for total, use in zip(squares, alive, strict=True)])
+    """RMS over scenes, targets and time of the true acceleration per axis, m/s^2: that of the velocity vector."""
+    square = time = 0.0
+    for truth in truths:
+        vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
+        elapsed = np.diff(truth.time)[:, None, None]
+        there = np.broadcast_to(truth.alive[1:, :, None] & truth.alive[:-1, :, None], vx.shape)
+        square += ((vx * vx + vy * vy) / elapsed)[there].sum()
+        time += np.broadcast_to(elapsed, vx.shape)[there].sum()
+    return float(np.sqrt(square / time / 2.0)) if time > 0 else 0.0
+
+
+def entry_velocity(truths: Sequence[Truth]) -> float:
+    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s."""
+    squares = []
+    for truth in truths:
+        there = truth.alive.any(axis=0)
+        first = np.argmax(truth.alive, axis=0)
+        squares.append(truth.speed[first[there], np.flatnonzero(there)] ** 2)
+    every = np.concatenate([square.mean(axis=-1) for square in squares])
     return float(np.sqrt(every.mean() / 2.0)) if every.size else 0.0
 
 
@@ -112,12 +127,12 @@ def conditional_bound(
         if len(passed) > 0:
             moved = _predicted(motion, covariance, truth.time[[latest, *passed]])
             covariance, latest = moved if known.all() else np.where(known, moved, covariance), passed[-1]
-        if start.position_sigma is not None:
-            known = known | truth.alive[step][:, None]
         for name, of in sensors.items():
             k = int(np.searchsorted(of.steps, step))
             if k == len(of.steps) or of.steps[k] != step:
                 continue
+            if start.position_sigma is not None:
+                known = known | truth.alive[step][:, None]
             root, seen = of.root[k][..., None], masks[name][k]
             updated = _updated(covariance, root, seen)
             begun = seen & ~known

@@ -102,6 +102,12 @@ class TruthSource(Config, ABC):
         """Whether the motion differs from run to run."""
         return False
 
+    @property
+    def white_acceleration(self) -> float | None:
+        """Standard deviation per axis, m/s^2, of an acceleration drawn anew at each step of the truth, if nothing else
+        drives any object; else None."""
+        return None
+
     def most_runs(self) -> int | None:
         """The number of runs whose motion fits the memory; None where it does not depend on them."""
         return None
