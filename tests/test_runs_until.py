@@ -26,7 +26,7 @@ RANDOM = """truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {
 
 def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: int = 1) -> Result:
     first = first_look(load_scenario(tiny, overrides), max_runs)
-    return run_until(first, truth_of(first), target, max_runs, workers=workers, command=command)
+    return run_until(first, truths_of(first), target, max_runs, workers=workers, command=command)
 
 
 def command(loaded: Scenario) -> str:

@@ -213,10 +213,12 @@ class TrackerRun:
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""
-        if not tracker.starts_from_truth:
-            return tracker
         work, truth = self._work, self._scene.truth
-        instants = self._scene.instants()
+        # When it starts must not depend on sensors that it does not read.
+        own = [sensor.steps for sensor in self._scene.sensors if tracker.advances(sensor.name)]
+        if not tracker.starts_from_truth or not own:
+            return tracker
+        instants = np.unique(np.concatenate(own))
         objects = np.arange(len(truth.ids))
         first = instants[np.argmax(truth.alive[instants], axis=0)]
         shape = (len(objects), len(self._runs))

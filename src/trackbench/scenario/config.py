@@ -44,8 +44,8 @@ class Score(Config):
         0.9,
         ge=0,
         le=1,
-        description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and what is "
-        "expected of it fails.",
+        description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
+        "what is expected of it fails.",
     )
     bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
     metrics: list[AnyMetric] = Field(
