@@ -49,10 +49,11 @@ class SensorSummary(Part):
     kind: str
     dof: int
     """Components of a measurement."""
-    rate_hz: float
+    rate_hz: float | None
+    """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None
     detection_rate: float | None
-    """Share of the instants with an object in view that gave a measurement of it."""
+    """Share of the scans with an object in view that gave a measurement of it."""
 
 
 class BoundSummary(Part):
@@ -81,6 +82,10 @@ class ScoreSummary(Part):
 
     settle_s: float
     divergence_m: float
+    from_s: float
+    """The first instant at which a sensor looks; trackers are asked and scored from here on."""
+    to_s: float
+    """The last one."""
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 

@@ -31,6 +31,7 @@ from trackbench.runner.describe import describe
 from trackbench.runner.expectations import judge
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import BoundConfig
+from trackbench.sensing.scans import scan_rate
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
@@ -72,6 +73,8 @@ def assemble(loaded: Scenario, truth: LoadedTruth, work: Work, blocks: list[Bloc
         score=ScoreSummary(
             settle_s=work.settle,
             divergence_m=work.divergence,
+            from_s=float(truth.truth.time[work.instants()[0]]),
+            to_s=float(truth.truth.time[work.instants()[-1]]),
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
         recorded_run=work.recorded_run,
@@ -150,7 +153,7 @@ class _Assembly:
             found[sensor.name] = SensorSummary(
                 kind=sensor.config.type,
                 dof=len(sensor.noise_covariance),
-                rate_hz=sensor.config.rate_hz,
+                rate_hz=scan_rate(sensor),
                 preset=sensor.config.preset,
                 detection_rate=float(rates.sum() / seen) if seen > 0 else None,
             )
