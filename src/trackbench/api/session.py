@@ -84,6 +84,8 @@ def _prepare(scenario: Scenario, plan: Plan, listener: Listener, place: str) -> 
         if len(scenario.config.trackers) < 2:
             problem = "needs two trackers, whose difference it is about"
             raise InputError(problem, file=scenario.path, key="--runs-until")
+    if len(scenario.config.truth.scenes()) > 1:
+        raise scenario.locate(InputError("several scenes are not run yet; write one seed", key="truth.seeds"))
     check_plugins(scenario)
     with listener.progress(f"{place}truth of {scenario.config.name}", "steps") as advance:
         truth = truth_of(scenario, advance)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 import sys
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 from trackbench.errors import TrackbenchError
+from trackbench.interruption import allow_termination, uninterrupted
 from trackbench.plugins import searched
 from trackbench.runner.block import Block, OnRecordedRun, Work, run_block
 from trackbench.types import Progress, no_progress
@@ -56,7 +54,7 @@ def run_blocks(
     context = multiprocessing.get_context("spawn")
     processes, pipes = [], []
     try:
-        with _uninterrupted():
+        with uninterrupted():
             for _ in range(min(workers, len(pieces))):
                 ours, theirs = context.Pipe()
                 process = context.Process(target=_serve, args=(theirs, work.folder))
@@ -131,7 +129,7 @@ def _now_and_then(progress: Progress) -> Progress:
 
 def _serve(pipe: Connection, folder: Path | None) -> None:
     """A worker process: runs the pieces that it is given until it is told to end, or the other side has ended."""
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    allow_termination()
     # What a tracker prints is no part of the result.
     sys.stdout = sys.stderr
     try:
@@ -148,15 +146,3 @@ def _serve(pipe: Connection, folder: Path | None) -> None:
                 pipe.send(error)
     except (EOFError, OSError):
         return
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """With Ctrl-C held back, and for good from the processes that start meanwhile: each would print a traceback."""
-    # Where this helper of multiprocessing is not there yet, its start would undo what follows.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

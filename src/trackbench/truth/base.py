@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
 from trackbench.config import Config
 from trackbench.plugins import Registry, lacks_class
 from trackbench.types import Progress, RecordedMeasurements, Truth, no_progress
+
+#: Largest number of scenes of one source.
+MAX_SCENES = 1000
 
 
 class Draw(NamedTuple):
@@ -44,6 +47,17 @@ class TruthSource(Config, ABC):
     def _named(cls, data: Any) -> Any:
         return {"source": TRUTH_SOURCES.name_of(cls), **data} if isinstance(data, dict) else data
 
+    def scenes(self) -> Sequence[Self]:
+        """Each scene as a source of its own; the source itself, where it has only one.
+
+        Scenes differ in their motion and nothing else: same sensors, same length, same number of runs.
+        """
+        return (self,)
+
+    def stored(self) -> LoadedTruth | None:
+        """The truth, where it is at hand without being made; None where ``load`` has to make it."""
+        return None
+
     @abstractmethod
     def load(
         self,
@@ -54,7 +68,7 @@ class TruthSource(Config, ABC):
         cache: bool = True,
         progress: Progress = no_progress,
     ) -> LoadedTruth:
-        """The truth that these options describe.
+        """The truth that these options describe; of several scenes, that of the first.
 
         Args:
             draw: what random motion is drawn by.
