@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackbench import results
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
-from trackbench.metrics import Interval
+from trackbench.metrics import Interval, clustered
 from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
@@ -77,6 +77,8 @@ class Entry:
     def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 
+        With runs of several scenes it is what each scene adds.
+
         Args:
             tracker: its name.
             metric: what to read.
@@ -104,7 +106,10 @@ class Entry:
         if found is None or not bound:
             return None
         self._require_agreement(tracker, metric.path, found.value)
-        return found if runs is None else metric.of_runs(value[runs], count[runs], bound)
+        scene = self._column(rows, "scene").astype(np.intp) if "scene" in rows.column_names else np.zeros(expected, int)
+        if runs is not None:
+            found, scene = metric.of_runs(value[runs], count[runs], bound), scene[runs]
+        return None if found is None else clustered(found, scene)
 
     def _stated(self, tracker: str, metric: str) -> float | None:
         """The value of a metric in the summary."""

@@ -60,7 +60,7 @@ class ComparedMetric:
             bound: what it is divided by; 1 where it is by none.
         """
         if self.path == _NEES and count is not None:
-            return ratio(np.nan_to_num(values) * count, count) if count.sum() > 0 else None
+            return ratio(np.nan_to_num(values) * count, count, positive=True) if count.sum() > 0 else None
         found = stored.from_runs(self._numerator, values, count)
         return None if found is None else scaled(found, 1.0 / bound)
 

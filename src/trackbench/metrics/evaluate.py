@@ -6,6 +6,7 @@ import math
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -47,8 +48,8 @@ def evaluate(sums: Sums, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
     """The metrics from the sums of all runs."""
     found = Evaluation()
     for metric in metrics:
-        own = sums[metric.accumulator.name]
-        values = _values(metric, own) if metric in BUILT_IN else _guarded(_checked, metric, own, sums[ESTIMATES.name])
+        own, scores = sums[metric.accumulator.name], sums[ESTIMATES.name]
+        values = (_values if metric in BUILT_IN else partial(_guarded, _checked))(metric, own, scores)
         if isinstance(values, Broken):
             found.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
@@ -130,11 +131,12 @@ def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
         return Broken(one_line(error))
 
 
-def _values(metric: Metric, sums: Any) -> dict[str, tuple[MetricValue, Interval | None]]:
+def _values(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[MetricValue, Interval | None]]:
     """By path."""
     outcome = metric.finish(sums)
     each = outcome if isinstance(outcome, Mapping) else {"": outcome}
-    return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric) for name, one in each.items()}
+    runs = len(scores.present)
+    return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric, runs) for name, one in each.items()}
 
 
 def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[MetricValue, Interval | None]]:
@@ -143,9 +145,9 @@ def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[Metri
     Raises:
         ValueError: it cannot stand in a result; says why.
     """
-    values = _values(metric, sums)
+    values = _values(metric, sums, scores)
     paths = {f"{metric.name}.{sensor}" for sensor in scores.nis} if metric.per_sensor else {metric.name}
-    for path, (value, interval) in values.items():
+    for path, (value, _) in values.items():
         if path not in paths:
             raise ValueError(f"finish gave {path}, where it may give {' and '.join(sorted(paths)) or 'nothing'}")
         try:
@@ -155,8 +157,6 @@ def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[Metri
             raise ValueError(
                 f"finish gave a {'.'.join(map(str, first['loc']))} that is wrong: {first['msg']}"
             ) from None
-        if interval is not None:
-            _check_influence(interval.influence, len(scores.present))
     return values
 
 
@@ -168,7 +168,7 @@ def _check_influence(influence: Any, runs: int) -> None:
         raise ValueError("the influence of an interval must be finite")
 
 
-def _value(outcome: Outcome, metric: Metric) -> tuple[MetricValue, Interval | None]:
+def _value(outcome: Outcome, metric: Metric, runs: int) -> tuple[MetricValue, Interval | None]:
     """An outcome as it stands in a result, null with a reason where it is no number; and what each run adds to it."""
     if isinstance(outcome, MetricValue):
         return outcome, None
@@ -176,4 +176,7 @@ def _value(outcome: Outcome, metric: Metric) -> tuple[MetricValue, Interval | No
     number = outcome.value if isinstance(outcome, Interval) else outcome
     if number is None or not math.isfinite(number):
         return metric.no_value("it is not a number"), None
-    return interval.as_value(metric.unit) if interval else MetricValue(value=float(number), unit=metric.unit), interval
+    if interval is None:
+        return MetricValue(value=float(number), unit=metric.unit), None
+    _check_influence(interval.influence, runs)
+    return interval.as_value(metric.unit), interval
