@@ -33,7 +33,14 @@ SMALL = Result.from_json(
         },
         "sensors": {"lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10, "preset": None, "detection_rate": 1}},
         "bound": {"motion": "cv", "acceleration_sigma_mps2": 1, "velocity_sigma_mps": 20},
-        "score": {"settle_s": 0, "divergence_m": 20},
+        "score": {
+            "settle_s": 0,
+            "divergence_m": 20,
+            "min_coverage": 0.9,
+            "common_share": 1.0,
+            "from_s": 0.0,
+            "to_s": 10.0,
+        },
         "recorded_run": 0,
         "trackers": [
             {

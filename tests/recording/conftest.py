@@ -182,7 +182,7 @@ def _summary() -> Summary:
             "roof_lidar": SensorSummary(kind="lidar", dof=2, rate_hz=10, detection_rate=0.9, preset=None),
         },
         bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
-        score=ScoreSummary(settle_s=0.0, divergence_m=10.0),
+        score=ScoreSummary(settle_s=0.0, divergence_m=10.0, min_coverage=0.9, common_share=1.0, from_s=0.0, to_s=10.0),
         recorded_run=0,
         trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
         ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),

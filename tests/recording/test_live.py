@@ -65,7 +65,7 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
             viewer.observe(instant)
             longest = max(longest, time.perf_counter() - start)
         assert longest < 0.5
-        result = run(loaded, truth, on_recorded_run=viewer.observe)
+        result = run(loaded, [truth], on_recorded_run=viewer.observe)
         viewer.end(result)
         start = time.perf_counter()
         viewer.close()
@@ -98,7 +98,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, Load
     viewer = Live(ABSENT)
     stop(viewer)
     viewer.begin(loaded, truth.truth)
-    result = run(loaded, truth, on_recorded_run=viewer.observe)
+    result = run(loaded, [truth], on_recorded_run=viewer.observe)
     viewer.end(result)
     viewer.close()
     assert viewer.lost
@@ -132,7 +132,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    result = run(loaded, truth, on_recorded_run=seen.append)
+    result = run(loaded, [truth], on_recorded_run=seen.append)
 
     def draw(name: str, batches: list[list[Any]]) -> Any:
         drawing = Painter(name)
