@@ -169,10 +169,20 @@ def make_summary() -> dict[str, Any]:
             "dt": 0.05,
             "duration_s": 20.0,
             "audit": {
+                "mode": "repair",
                 "verdict": "repaired",
+                "tolerance_mps": 0.05,
                 "velocity_error_before": {"max_mps": 5.3, "mean_mps": 0.2, "object": "v2", "time_s": 4.5},
                 "velocity_error_after": {"max_mps": 0.012, "mean_mps": 0.001, "object": "v2", "time_s": 4.5},
                 "jumps": [{"object": "v3", "time_s": 15.0, "distance_m": 1.4}],
+                "velocity_jumps": {
+                    "limit_mps2": 20.0,
+                    "count": 4,
+                    "largest_mps": 5.03,
+                    "object": "v2",
+                    "time_s": 4.55,
+                    "peak_acceleration_mps2": 100.6,
+                },
                 "clock_drift_s": 0.0,
                 "repaired": {
                     "velocity_from_course_and_slip": ["v1", "v2"],

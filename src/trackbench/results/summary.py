@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 2
 
@@ -17,6 +18,9 @@ Metrics = Annotated[
     BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
     PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
 ]
+
+#: None where a truth was not audited; such a ``Truth`` has an empty mapping.
+Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
 
 
 class ScenarioSummary(Part):
@@ -36,6 +40,7 @@ class SceneSummary(Part):
     """What tells it from the others, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
+    audit: Audit = None
 
 
 class TruthSummary(Part):
@@ -48,7 +53,7 @@ class TruthSummary(Part):
     steps: int
     dt: float | None
     duration_s: float
-    audit: dict[str, Any]
+    audit: Audit
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
     """All of them, where there are several."""

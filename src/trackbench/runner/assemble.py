@@ -179,6 +179,7 @@ def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[
                 name=source.scene_name or f"scene {number}",
                 objects=list(item.truth.ids),
                 duration_s=float(item.truth.time[-1]),
+                audit=item.truth.audit,
             )
             for number, (item, source) in enumerate(zip(truths, sources, strict=True), 1)
             if len(truths) > 1

@@ -170,7 +170,7 @@ def _figures(title: str, figures: Sequence[Figure | None], numbers: Sequence[Tab
 
 
 def _truth(result: Result) -> Iterator[Block]:
-    for sentence in audit_sentences(result.summary.truth.audit):
+    for sentence in audit_sentences(result.summary.truth):
         yield Paragraph(sentence)
     yield tables.sensors(result)
 
