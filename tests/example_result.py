@@ -139,9 +139,10 @@ def make_summary() -> dict[str, Any]:
             "unit": "m",
             "value": RMSE[a] - RMSE[b],
             "ci95": [RMSE[a] - RMSE[b] - 0.005, RMSE[a] - RMSE[b] + 0.005],
+            "margin": 0.005,
             "p_value": 0.3 if {a, b} in TIED else 1e-9,
             "better": None if {a, b} in TIED else a if RMSE[a] < RMSE[b] else b,
-            "verdict": "no difference shown" if {a, b} in TIED else f"{a if RMSE[a] < RMSE[b] else b} better",
+            "verdict": "undecided" if {a, b} in TIED else f"{a if RMSE[a] < RMSE[b] else b} better",
         }
         for i, a in enumerate(names)
         for b in names[i + 1 :]
@@ -205,7 +206,8 @@ def make_summary() -> dict[str, Any]:
             "min_coverage": 0.9,
             "common_share": 1.0,
             "from_s": 0.0,
-            "to_s": 10.0,
+            "to_s": 20.0,
+            "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},
         },
         "recorded_run": 0,
         "trackers": [*(tracker(name, i) for i, name in enumerate(reversed(names))), failed_tracker()],

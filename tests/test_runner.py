@@ -272,9 +272,17 @@ def test_an_expectation_of_what_is_not_there_fails(tiny_result: Result) -> None:
 
 def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result) -> None:
     """As the tables show it: whichever of the two is named first, and not where none is shown."""
-    fields = {"a": "raw", "b": "ekf", "metric": "position_rmse", "unit": "m", "value": 0.1, "ci95": (0.01, 0.2)}
+    fields = {
+        "a": "raw",
+        "b": "ekf",
+        "metric": "position_rmse",
+        "unit": "m",
+        "value": 0.1,
+        "ci95": (0.01, 0.2),
+        "margin": 0.005,
+    }
     shown = Difference(**fields, p_value=0.01, better="ekf", verdict="ekf better")
-    not_shown = Difference(**fields, p_value=0.06, better=None, verdict="no difference shown")
+    not_shown = Difference(**fields, p_value=0.06, better=None, verdict="undecided")
     stated = Expectation(tracker="ekf", metric="position_rmse", better_than="raw")
     for difference, passed in ((shown, True), (not_shown, False)):
         assert expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)[0].passed is passed

@@ -93,6 +93,23 @@ class OwnMetricSummary(Part):
     options: dict[str, Any] = Field(default_factory=dict)
 
 
+class MarginSummary(Part):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: float
+    position_m: float
+    velocity_mps: float
+    course_deg: float
+
+    def absolute(self, unit: str) -> float:
+        """The absolute part of metrics of a unit; 0 where there is none."""
+        return {"m": self.position_m, "m/s": self.velocity_mps, "deg": self.course_deg}.get(unit, 0.0)
+
+    def at(self, value: float, unit: str) -> float:
+        """The margin where the better of the two values is this one."""
+        return max(self.percent / 100 * abs(value), self.absolute(unit))
+
+
 class ScoreSummary(Part):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
@@ -106,6 +123,7 @@ class ScoreSummary(Part):
     """The first instant at which a sensor looks; trackers are asked and scored from here on."""
     to_s: float
     """The last one."""
+    margin: MarginSummary
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 
@@ -191,10 +209,13 @@ class Difference(Part):
     unit: str
     value: float
     ci95: tuple[float, float] | None
+    margin: float
+    """Up to this a difference does not matter."""
     p_value: float
-    """Corrected for the number of differences of the metric."""
+    """Of the hypothesis that the difference is within the margin, corrected for the number of differences of the
+    metric."""
     better: str | None
-    """The tracker that is shown to be better."""
+    """The tracker that is shown to be better by more than the margin."""
     verdict: str
     """The same in words."""
 

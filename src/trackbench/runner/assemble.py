@@ -15,6 +15,7 @@ from trackbench.metrics.differences import differences
 from trackbench.results import Health, Result, Summary, Tables, TrackerResult
 from trackbench.results.summary import (
     BoundSummary,
+    MarginSummary,
     OwnMetricSummary,
     ScenarioSummary,
     SceneSummary,
@@ -46,7 +47,8 @@ def assemble(
     assembly = _Assembly(work, blocks)
     found = assembly.found
     compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
-    pairs = differences(compared, work.metrics)
+    margin = MarginSummary(**scenario.score.margin.model_dump())
+    pairs = differences(compared, work.metrics, margin)
     trackers = [assembly.tracker(name) for name in work.trackers]
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
@@ -75,6 +77,7 @@ def assemble(
             common_share=found.common_share,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
+            margin=margin,
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
         recorded_run=work.recorded_scene * work.runs + work.recorded_run,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
 from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT, count, metric_of, missing, names, values
 from trackbench.report.run.pairs import Pair, Pairs, groups
@@ -22,12 +23,13 @@ _SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
 def ranking(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and verdicts."""
     trackers, runs = result.scored, result.summary.runs
+    margin = margin_words(result.summary.score.margin, "m")
     group = groups([tracker.name for tracker in trackers], Pairs(result.summary.differences))
     columns = [
         (Column("#", "rank by position RMSE"), [Cell(str(i + 1)) for i in range(len(trackers))]),
         (TRACKER, names(trackers)),
         (
-            Column("group", "no difference was shown between trackers that share a letter", left=True),
+            Column("group", f"no difference over {margin} was shown between trackers that share a letter", left=True),
             [Cell(group[tracker.name]) for tracker in trackers],
         ),
         (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
@@ -213,5 +215,5 @@ def _in_matrix(pair: Pair | None, places: int) -> Cell:
     """Its colour says whether the first of the pair is better or worse."""
     if pair is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
-    tone: Tone = "" if pair.better is None else "good" if pair.better else "bad"
+    tone: Tone = "good" if pair.verdict == "better" else "bad" if pair.verdict == "worse" else ""
     return Cell(signed(pair.value, places), (pair.verdict,), tone)
