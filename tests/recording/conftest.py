@@ -134,6 +134,7 @@ def _estimates(rng: np.random.Generator, tracker: str, sigma: float, truth: dict
         "p_01": np.full(number, p_01),
         "p_11": np.full(number, p_11),
         "position_error_m": np.hypot(*error)[alive],
+        "velocity_error_mps": 2 * np.hypot(*error)[alive],
         "nees": np.einsum("it,ij,jt->t", error, inverse, error)[alive] + rng.chisquare(2, number),
     }
 

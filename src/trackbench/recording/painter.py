@@ -11,7 +11,8 @@ import pyarrow.compute as pc
 import rerun as rr
 
 from trackbench.palette import sensor_colours
-from trackbench.recording import layout, scene, series, views
+from trackbench.recording import layout, legend, scene, series, views
+from trackbench.recording.charts import send_chart
 from trackbench.recording.live import Scene
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import application, send
@@ -65,13 +66,13 @@ class _Run:
         self._drawn = -np.inf
         self.recording = rr.RecordingStream(application(about.name))
         self.recording.connect_grpc(url)
-        windows = views.windows(self._motion)
-        self.recording.send_blueprint(layout.live_blueprint(windows, about.sensors))
+        self._wide, vehicles = views.wide_window(self._motion), list(about.truth.ids)
+        self.recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, about.sensors, dict(about.colours)))
         self.recording.send_recording_name(about.name)
         self._stream = Stream(self.recording)
         scene.send_roads(self._stream, roads_table(about.truth))
-        views.send_scales(self._stream, windows)
-        views.send_legends(self._stream, windows, about.colours)
+        views.send_scales(self._stream, self._wide, vehicles)
+        legend.send_legend(self._stream, legend.entries(about.colours, about.sensors))
 
     def complete(self, result: Result) -> None:
         """The whole recording."""
@@ -98,7 +99,8 @@ class _Run:
             recorded[tracker] = RecordedEstimates(mean, np.stack([estimate.covariance for estimate in found], axis=2))
         estimates = estimates_table(recorded, truth, steps, 0)
         scene.send_estimates(self._stream, estimates, self._motion, self._about.colours)
-        series.send_recorded_run(self._stream, estimates, nothing, nothing, self._about.colours)
+        for chart in series.recorded_run(estimates, nothing, nothing, self._about.colours).all:
+            send_chart(self._stream, chart)
 
     def _advance(self, time: float) -> None:
         """Vehicles and measurements up to a time."""
@@ -108,6 +110,6 @@ class _Run:
             table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
             for table in (self._motion, self._measurements)
         )
-        scene.send_vehicles(self._stream, vehicles)
+        scene.send_vehicles(self._stream, vehicles, self._wide.metres_per_pixel)
         scene.send_measurements(self._stream, measurements, sensor_colours(self._about.sensors))
         self._drawn = time

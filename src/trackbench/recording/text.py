@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from trackbench.results import ExpectationResult, Result, Summary, TrackerResult
+from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult
 from trackbench.results.summary import SensorSummary
 from trackbench.words import counted
 
@@ -28,13 +28,13 @@ def ranking(result: Result) -> str:
 def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[str]:
     """A table of trackers in the order given, then those that failed."""
     yield f"## {name}"
-    yield f"All {runs} runs, ranked by position RMSE"
+    yield f"All {runs} runs, ranked by position RMSE, ± 95 %"
     yield ""
-    yield "| # | tracker | RMSE m | 95 % interval | RMSE / bound | NEES | covariance |"
-    yield "|--:|:--|--:|:-:|--:|--:|:--|"
+    yield "| tracker | RMSE m | / bound | NEES | covariance |"
+    yield "|:--|--:|--:|--:|:--|"
     failures = []
-    for place, tracker in enumerate(trackers, start=1):
-        yield _row(place, tracker)
+    for tracker in trackers:
+        yield _row(tracker)
         if tracker.failed is not None:
             failed = tracker.failed
             run = "" if failed.run is None else f", run {failed.run}"
@@ -74,21 +74,28 @@ def legend(trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummar
     yield from ("", "### Sensors", "", *(_sensor(name, sensor) for name, sensor in sensors.items()))
 
 
-def _row(place: int, tracker: TrackerResult) -> str:
+def _row(tracker: TrackerResult) -> str:
     if tracker.failed is not None:
-        return f"| {place} | {tracker.name} | failed | | | | |"
-    error, nees = tracker.position_rmse, tracker.nees
+        return f"| {tracker.name} | failed | | | |"
+    nees = tracker.nees
     efficiency = tracker.metrics.get("position_efficiency")
     cells = (
-        str(place),
         tracker.name,
-        _number(error.value),
-        " to ".join(map(_number, error.ci95)) if error.ci95 else NOT_AVAILABLE,
+        _with_interval(tracker.position_rmse),
         _number(None if efficiency is None else efficiency.value),
         _number(nees.value),
         nees.verdict or NOT_AVAILABLE,
     )
     return "| " + " | ".join(cells) + " |"
+
+
+def _with_interval(metric: MetricValue) -> str:
+    """The value with half the width of its 95 % interval, to the same decimals."""
+    value = _number(metric.value)
+    if metric.ci95 is None:
+        return value
+    places = len(value.partition(".")[2])
+    return f"{value} ±{(metric.ci95[1] - metric.ci95[0]) / 2:.{places}f}"
 
 
 def _expectation(item: ExpectationResult) -> str:
