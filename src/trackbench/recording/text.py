@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult
+from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult, sensor_words
 from trackbench.results.summary import SensorSummary
 from trackbench.words import counted
 
 NOT_AVAILABLE = "n/a"
 IN_THE_SCENE = (
     "Boxes are the true vehicles, the arrow points where the body points. Small dots are measurements of the last"
-    " 0.3 s. Larger dots are estimates, in the colours of the plots, each in its 95 % ellipse of position."
+    " 0.3 s. Larger dots are estimates, in the colours of the plots, each in its 95 % ellipse of position. Lines are"
+    " the true and the estimated paths of the last 2 s."
+)
+IN_THE_PLOTS = (
+    "Grey lines are bounds; a bound of one tracker alone has its colour. Plots of log10 are of the same values, where"
+    " they span a large range: 0 is 1, -1 is 0.1. All have one time axis."
 )
 
 
@@ -69,7 +74,7 @@ def truth(summary: Summary) -> str:
 
 def legend(trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummary]) -> Iterator[str]:
     """What the picture shows."""
-    yield from ("", "### In the scene", "", IN_THE_SCENE)
+    yield from ("", "### In the scene", "", IN_THE_SCENE, "", "### In the plots", "", IN_THE_PLOTS)
     yield from ("", "### Trackers", "", *(f"- **{tracker.name}**: {tracker.describe}" for tracker in trackers))
     yield from ("", "### Sensors", "", *(_sensor(name, sensor) for name, sensor in sensors.items()))
 
@@ -109,7 +114,10 @@ def _sensor(name: str, sensor: SensorSummary) -> str:
     share = sensor.detection_rate
     found = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
     rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
-    return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}"
+    sees = f"field of view {sensor.fov_deg:g} deg, range {sensor_words.reach(sensor)}"
+    sigmas = f"noise (1 sigma) {sensor_words.noise(sensor)}"
+    mount = f"mount {sensor_words.mount(sensor)}"
+    return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}; {sigmas}; {sees}; {mount}"
 
 
 def _number(value: float | None) -> str:
