@@ -193,7 +193,9 @@ def _summary() -> Summary:
             "roof_lidar": _sensor("lidar", 10, {"x": (0.15, "m"), "y": (0.15, "m")}),
         },
         bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
-        score=ScoreSummary(settle_s=0.0, divergence_m=10.0),
+        score=ScoreSummary(
+            settle_s=0.0, divergence_m=10.0, min_coverage=0.5, common_share=1.0, from_s=0.0, to_s=TIME[-1]
+        ),
         recorded_run=0,
         trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
         ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),

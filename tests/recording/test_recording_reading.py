@@ -84,7 +84,9 @@ def test_of_a_single_run_they_are_those_of_the_result(save: Callable[..., Path])
         for path, metric in tracker.metrics.items():
             for name, value in metric.model_dump().items():
                 expected = getattr(stated[path], name)
-                assert value == (pytest.approx(expected, rel=1e-12) if isinstance(value, float) else expected), path
+                assert value == (
+                    pytest.approx(expected, rel=1e-12) if isinstance(value, float | tuple) else expected
+                ), path
 
 
 def test_a_changed_recording_has_other_scores_and_says_so(folder: Path, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ LOG10 = "log10"
 LARGE = 15.0
 
 
-class Line(NamedTuple):
+class ChartLine(NamedTuple):
     """One line of a chart."""
 
     entity: tuple[str, ...]
@@ -41,8 +41,8 @@ class Chart:
     quantity: str
     unit: str
     """Empty for a number without a unit."""
-    lines: tuple[Line, ...]
-    bounds: tuple[Line, ...] = ()
+    lines: tuple[ChartLine, ...]
+    bounds: tuple[ChartLine, ...] = ()
 
     @property
     def title(self) -> str:
@@ -96,6 +96,6 @@ def send_chart(stream: Stream, chart: Chart) -> None:
             send_line(stream, entity, line.time, logarithm, line.name, line.colour, line.width)
 
 
-def _finite(lines: tuple[Line, ...] | list[Line]) -> Array:
+def _finite(lines: tuple[ChartLine, ...] | list[ChartLine]) -> Array:
     values = np.concatenate([line.value for line in lines]) if lines else np.empty(0)
     return np.asarray(values[np.isfinite(values)], dtype=float)

@@ -52,7 +52,7 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
     return first if focus.vehicle is None or focus.vehicle in first else [*first[:-1], focus.vehicle]
 
 
-def _beside(main: rrb.Container, entries: list[legend.Entry], text: rrb.Container | None = None) -> rrb.Container:
+def _beside(main: rrb.Container, entries: list[legend.NamedColour], text: rrb.Container | None = None) -> rrb.Container:
     names = legend.legend_view(entries)
     share = legend.height(entries) / BESIDE
     side = names if text is None else rrb.Vertical(names, text, row_shares=[share, 1 - share])

@@ -19,7 +19,7 @@ WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK = 40.0, 22.0
 
 
-class Entry(NamedTuple):
+class NamedColour(NamedTuple):
     """A colour and what has it."""
 
     name: str
@@ -27,17 +27,17 @@ class Entry(NamedTuple):
     dot: bool = False
 
 
-def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[Entry]:
+def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
     """Trackers by their colours, measurements of each sensor, truth with the bounds, and the observer."""
     return [
-        *(Entry(name, colour) for name, colour in trackers.items()),
-        *(Entry(name, colour, dot=True) for name, colour in sensor_colours(sensors).items()),
-        Entry("truth, bounds", BOUND_COLOUR),
-        Entry("observer", OBSERVER_COLOUR),
+        *(NamedColour(name, colour) for name, colour in trackers.items()),
+        *(NamedColour(name, colour, dot=True) for name, colour in sensor_colours(sensors).items()),
+        NamedColour("truth, bounds", BOUND_COLOUR),
+        NamedColour("observer", OBSERVER_COLOUR),
     ]
 
 
-def send_legend(stream: Stream, shown: list[Entry]) -> None:
+def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
     """A line or a dot above each name, in rows."""
     for number, (entry, x, y) in enumerate(_placed(shown)):
         style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
@@ -48,7 +48,7 @@ def send_legend(stream: Stream, shown: list[Entry]) -> None:
         stream.static(path(LEGEND, str(number)), mark)
 
 
-def legend_view(shown: list[Entry]) -> rrb.Spatial2DView:
+def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
     """The view, as wide as the names take."""
     return rrb.Spatial2DView(
         origin=LEGEND,
@@ -58,12 +58,12 @@ def legend_view(shown: list[Entry]) -> rrb.Spatial2DView:
     )
 
 
-def height(shown: list[Entry]) -> float:
+def height(shown: list[NamedColour]) -> float:
     """Pixels that the rows take."""
     return max(y for _, _, y in _placed(shown)) + 0.8 * ROW
 
 
-def _placed(shown: list[Entry]) -> Iterator[tuple[Entry, float, float]]:
+def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
     """Each entry with the middle of its mark, in columns as wide as the longest name."""
     longest = max(len(entry.name) for entry in shown)
     columns = max(1, min(len(shown), int(WIDTH / (LETTER * longest + AROUND))))

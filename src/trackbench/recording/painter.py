@@ -13,7 +13,7 @@ import rerun as rr
 from trackbench.palette import sensor_colours
 from trackbench.recording import layout, legend, scene, series, views
 from trackbench.recording.charts import send_chart
-from trackbench.recording.live import Scene
+from trackbench.recording.live import LiveRun
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import application, send
 from trackbench.results import Result
@@ -29,7 +29,7 @@ class Painter:
         self._url = url
         self._run: _Run | None = None
 
-    def take(self, batch: Iterable[Scene | list[Scan] | RecordedInstant | Result]) -> None:
+    def take(self, batch: Iterable[LiveRun | list[Scan] | RecordedInstant | Result]) -> None:
         """Draw parts of runs, in their order."""
         for _, items in groupby(batch, key=type):
             same_kind = list(items)
@@ -39,8 +39,8 @@ class Painter:
             for item in same_kind:
                 self._change(item)
 
-    def _change(self, item: Scene | list[Scan] | RecordedInstant | Result) -> None:
-        if isinstance(item, Scene):
+    def _change(self, item: LiveRun | list[Scan] | RecordedInstant | Result) -> None:
+        if isinstance(item, LiveRun):
             self.finish()
             self._run = _Run(self._url, item)
         elif isinstance(item, Result) and self._run is not None:
@@ -58,7 +58,7 @@ class Painter:
 class _Run:
     """One run on the viewer."""
 
-    def __init__(self, url: str, about: Scene) -> None:
+    def __init__(self, url: str, about: LiveRun) -> None:
         self._about = about
         self._motion = truth_table(about.truth, 0)
         self._measurements = pa.table({})

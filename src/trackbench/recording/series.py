@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from trackbench.metrics.consistency import mean_bounds, point95
 from trackbench.palette import BOUND_COLOUR
-from trackbench.recording.charts import Chart, Line
+from trackbench.recording.charts import Chart, ChartLine
 from trackbench.recording.contents import Contents
 from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.types import COMMON_STATE, Array
@@ -192,9 +192,9 @@ def _with_line(rows: Columns, dof: int) -> Columns:
     return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
 
 
-def _lines(rows: ByTracker, value: str, colours: Mapping[str, str]) -> tuple[Line, ...]:
+def _lines(rows: ByTracker, value: str, colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
     return tuple(
-        Line((tracker,), tracker, colour, *_broken(rows[tracker], value))
+        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value))
         for tracker, colour in colours.items()
         if tracker in rows
     )
@@ -207,7 +207,7 @@ def _broken(rows: Columns, value: str) -> tuple[Array, Array]:
     return np.insert(time, before + 1, time[before] + GAP_S), np.insert(values, before + 1, np.nan)
 
 
-def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[Line, ...]:
+def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
     """One line for all trackers that share a bound, in its tracker's colour where only some do and it is of one."""
     found = []
     for field in fields:
@@ -224,7 +224,7 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
             alone = len(shared) > 1 and len(group) == 1
             colour = colours[group[0]] if alone else BOUND_COLOUR
             label = name if len(shared) == 1 else f"{name}: {', '.join(group)}"
-            found.append(Line(("bounds", f"{field}_{i}"), label, colour, *_broken(longest, field), 2.0))
+            found.append(ChartLine(("bounds", f"{field}_{i}"), label, colour, *_broken(longest, field), 2.0))
     return tuple(found)
 
 
