@@ -59,12 +59,34 @@ class TruthSummary(Part):
     """All of them, where there are several."""
 
 
+class ComponentNoise(Part):
+    """Of one component of a measurement."""
+
+    sigma: float
+    unit: str
+    """"m", "deg" or "m/s"."""
+
+
+class MountSummary(Part):
+    """The pose of a sensor on the observer."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+
 class SensorSummary(Part):
     """One sensor."""
 
     kind: str
     dof: int
     """Components of a measurement."""
+    noise: dict[str, ComponentNoise]
+    """By component, as the sensor states it."""
+    fov_deg: float
+    max_range_m: float | None
+    """None without a limit."""
+    mount: MountSummary
     rate_hz: float | None
     """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None

@@ -10,7 +10,7 @@ from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
 from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT, count, metric_of, missing, names, values
 from trackbench.report.run.pairs import Pair, Pairs, groups
-from trackbench.results import Result, TrackerResult
+from trackbench.results import Result, TrackerResult, sensor_words
 
 #: Metrics with a column of their own in some table, and the groups of which all have one.
 _SHOWN = (
@@ -165,7 +165,10 @@ def sensors(result: Result) -> Table:
         Column("sensor", left=True, details="preset"),
         Column("kind", left=True),
         Column("rate, Hz"),
-        Column("components", "of one measurement"),
+        Column("noise", "standard deviation of each component of a measurement", left=True),
+        Column("field of view, deg", "horizontal, centred on the boresight"),
+        Column("range", "beyond it nothing is detected"),
+        Column("mount", "pose on the observer: forward, to the left, counter-clockwise", left=True),
         Column("detections, %", "scans with a vehicle in the field of view that gave a measurement of it"),
     )
     rows = [
@@ -173,7 +176,10 @@ def sensors(result: Result) -> Table:
             Cell(name, (about.preset,) if about.preset else ()),
             Cell(about.kind),
             Cell(NOT_AVAILABLE, reason="a single scan") if about.rate_hz is None else Cell(f"{about.rate_hz:.4g}"),
-            Cell(str(about.dof)),
+            Cell(sensor_words.noise(about)),
+            Cell(f"{about.fov_deg:g}"),
+            Cell(sensor_words.reach(about)),
+            Cell(sensor_words.mount(about)),
             Cell(_percents(about.detection_rate)),
         )
         for name, about in result.summary.sensors.items()
