@@ -14,11 +14,12 @@ from pydantic import ValidationError
 from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval
+from trackbench.metrics.parts import scores_of
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
-from trackbench.metrics.sums import Scores
+from trackbench.metrics.sums import BlockScores, Givers, Scores
 from trackbench.plugins import one_line
 from trackbench.results import Health, MetricValue
-from trackbench.types import Array
+from trackbench.types import Array, Indices
 
 #: By accumulator, what is kept of a tracker's estimates.
 Sums = dict[str, Any]
@@ -28,6 +29,8 @@ Sums = dict[str, Any]
 class Evaluation:
     """The metrics of one tracker."""
 
+    scores: Scores
+    """What the built-in ones are made of."""
     values: dict[str, MetricValue] = field(default_factory=dict)
     """By dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
@@ -43,12 +46,24 @@ class Evaluation:
         return np.full(runs, np.nan) if found is None else found.value + found.influence
 
 
-def evaluate(sums: Sums, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
-    """The metrics from the sums of all runs."""
-    found = Evaluation()
+def evaluate(
+    sums: Sums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: Givers = frozenset()
+) -> Evaluation:
+    """The metrics from the sums of all runs.
+
+    Args:
+        sums: what :func:`merge_sums` gives.
+        scene: ``(runs,)`` number of the scene of each run.
+        metrics: those to compute.
+        givers: the trackers that must all have given an estimate where errors count.
+    """
+    scores: BlockScores = sums[ESTIMATES.name]
+    found = Evaluation(scores_of(scores, givers, scene))
     for metric in metrics:
-        own = sums[metric.accumulator.name]
-        values = _values(metric, own) if metric in BUILT_IN else _guarded(_checked, metric, own, sums[ESTIMATES.name])
+        if metric in BUILT_IN:
+            values = _values(metric, found.scores)
+        else:
+            values = _guarded(_checked, metric, sums[metric.accumulator.name], scores, scene)
         if isinstance(values, Broken):
             found.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
@@ -66,7 +81,7 @@ def no_metrics(reason: str, metrics: Sequence[Metric] = BUILT_IN) -> dict[str, M
     return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
 
 
-def health(scores: Scores) -> Health:
+def health(scores: BlockScores) -> Health:
     """What went wrong without ending the run."""
     return Health(
         diverged_runs=int(scores.diverged.sum()),
@@ -137,7 +152,9 @@ def _values(metric: Metric, sums: Any) -> dict[str, tuple[MetricValue, Interval 
     return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric) for name, one in each.items()}
 
 
-def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[MetricValue, Interval | None]]:
+def _checked(
+    metric: Metric, sums: Any, scores: BlockScores, scene: Indices
+) -> dict[str, tuple[MetricValue, Interval | None]]:
     """By path, of a plug-in.
 
     Raises:
@@ -156,7 +173,7 @@ def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[Metri
                 f"finish gave a {'.'.join(map(str, first['loc']))} that is wrong: {first['msg']}"
             ) from None
         if interval is not None:
-            _check_influence(interval.influence, len(scores.present))
+            _check_influence(interval.influence, len(scene))
     return values
 
 

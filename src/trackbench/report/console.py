@@ -46,8 +46,8 @@ def print_outcome(result: Result, console: Console) -> None:
 
 def _print_failed_trackers(result: Result, console: Console) -> None:
     for tracker in result.unscored:
-        label = ("FAILED ", STYLE["bad"]) if tracker.failed else ("NO SCORE ", STYLE["warn"])
-        console.print(Text.assemble(label, f"{tracker.name}: {failure(tracker)}"), highlight=False)
+        label = ("FAILED ", STYLE["bad"]) if tracker.failed else ("NOT RANKED ", STYLE["warn"])
+        console.print(Text.assemble(label, f"{tracker.name}: {failure(result, tracker)}"), highlight=False)
 
 
 def _print_missed(result: Result, console: Console) -> None:

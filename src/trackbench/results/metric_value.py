@@ -33,6 +33,8 @@ class MetricValue(Part):
     """Where 95 % of such statistics lie if the tracker is consistent, or its innovations white."""
     steps_inside_bounds: float | None = None
     """Share of the instants at which the mean over runs and objects is inside its own bounds."""
+    coverage: float | None = None
+    """Share of the measurements of which there is an innovation, among those where there should be one."""
     inside95: float | None = None
     """Share of single statistics under their 95 % point."""
     verdict: str | None = None

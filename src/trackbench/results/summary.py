@@ -29,8 +29,17 @@ class ScenarioSummary(Part):
     overrides: list[str]
 
 
+class SceneSummary(Part):
+    """One of several scenes."""
+
+    name: str
+    """What tells it from the others, such as ``seed 13``."""
+    objects: list[str]
+    duration_s: float
+
+
 class TruthSummary(Part):
-    """Where the truth came from and what the audit found; the source's own options stand beside."""
+    """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -41,6 +50,8 @@ class TruthSummary(Part):
     duration_s: float
     audit: dict[str, Any]
     cached: bool
+    scenes: list[SceneSummary] = Field(default_factory=list)
+    """All of them, where there are several."""
 
 
 class SensorSummary(Part):
@@ -81,6 +92,10 @@ class ScoreSummary(Part):
 
     settle_s: float
     divergence_m: float
+    min_coverage: float = 0.0
+    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    common_share: float | None = None
+    """Share of the estimates of the ranked trackers that all of them gave, which alone are scored."""
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 
@@ -204,6 +219,7 @@ class Summary(Part):
     scenario: ScenarioSummary
     seed: int
     runs: int = Field(ge=1)
+    """Of all scenes together."""
     versions: dict[str, str]
     engine: str = "numpy"
     command: str

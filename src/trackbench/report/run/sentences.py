@@ -80,11 +80,11 @@ def _complaints(health: Health, runs: int) -> list[str]:
     return found
 
 
-def failure(tracker: TrackerResult) -> str:
-    """Why a tracker has no score: the cause, and where it happened."""
+def failure(result: Result, tracker: TrackerResult) -> str:
+    """Why a tracker is not ranked; where it failed, the cause and where it happened."""
     failed = tracker.failed
     if failed is None:
-        return tracker.position_rmse.reason or "nothing to score"
+        return result.why_unscored(tracker)
     places = {"sensor": failed.sensor, "run": failed.run, "object": failed.object}
     where = [f"step {failed.step}", f"{fixed(failed.time_s, 2)} s"]
     where += [f"{what} {place}" for what, place in places.items() if place is not None]
