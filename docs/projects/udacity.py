@@ -14,7 +14,7 @@ from tables import fill, markdown
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 HERE = Path(__file__).resolve().parent
 SCENARIOS = HERE.parent.parent / "scenarios" / "recorded"
@@ -64,14 +64,14 @@ def result(name: str) -> Result:
     """The result of one of the scenarios."""
     path = SCENARIOS / f"{name}.yaml"
     loaded = load_scenario(path)
-    return run(loaded, truth_of(loaded))
+    return run(loaded, truths_of(loaded))
 
 
 def rmse(found: Result, tracker: str, scored: int | None = None) -> Numbers:
-    """RMSE over the first estimates; None: over all."""
-    steps = found.to_pandas("steps")
-    # One run of one object: the RMSE of an instant is the error there.
-    errors = steps[steps["tracker"] == tracker][["px_rmse_m", "py_rmse_m", "vx_rmse_mps", "vy_rmse_mps"]].to_numpy()
+    """RMSE over the first estimates; None: over all. The metrics leave out where another tracker had none yet."""
+    columns = ["px_m", "py_m", "vx_mps", "vy_mps"]
+    estimates, truth = (found.to_pandas(table).set_index(["object", "time_s"]) for table in ("estimates", "truth"))
+    errors = (estimates[estimates["tracker"] == tracker][columns] - truth.loc["cyclist":"cyclist", columns]).to_numpy()
     px, py, vx, vy = np.sqrt(np.mean(errors[:scored] ** 2, axis=0)).tolist()
     return px, py, vx, vy
 
