@@ -12,7 +12,9 @@ import yaml
 from tests.scenes import NOISE, TRACKERS, scan, tracker
 
 from trackbench.runner.block import RecordedEstimates, run_block
+from trackbench.runner.run import run
 from trackbench.runner.work import work_of
+from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.truth import truths_of
 
@@ -24,23 +26,29 @@ ORDERS = {"radar_first": {"radar": RADAR, "lidar": LIDAR}, "radar_last": {"lidar
 OWN = slice(1, None, 2)
 
 
-def estimates(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, RecordedEstimates]:
-    """By tracker, at every instant at which a sensor measures."""
+def scenario(sensors: Mapping[str, Any], trackers: Mapping[str, Any], duration_s: float = 4, runs: int = 3) -> Scenario:
+    """A car whose acceleration is white and constant from one truth step to the next."""
     start = {"x": 60, "y": 20, "vx_mps": 10, "vy_mps": -5}
     white = {"white_acceleration": {"x_sigma_mps2": 2, "y_sigma_mps2": 2}}
-    scenario = {
+    values = {
         "name": "unread",
         "truth": {
             "source": "scripted",
-            "duration_s": 4,
+            "duration_s": duration_s,
             "rate_hz": 20,
             "objects": {"car": {"start": start, "pieces": [white]}},
         },
         "sensors": sensors,
         "trackers": trackers,
-        "monte_carlo": {"runs": 3},
+        "monte_carlo": {"runs": runs},
+        "score": {"settle_s": duration_s / 10},
     }
-    loaded = scenario_of(yaml.safe_dump(scenario, sort_keys=False), Path("unread.yaml"))
+    return scenario_of(yaml.safe_dump(values, sort_keys=False), Path("unread.yaml"))
+
+
+def estimates(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, RecordedEstimates]:
+    """By tracker, at every instant at which a sensor measures."""
+    loaded = scenario(sensors, trackers)
     work = work_of(loaded, truths_of(loaded))
     return run_block(work, work.pieces()[0]).recorded
 
@@ -107,3 +115,24 @@ def test_a_sensor_that_only_starts_tracks_advances_the_state() -> None:
     assert made.advances("radar")
     assert made.advances("lidar")
     assert not made.advances("camera")
+
+
+def test_the_process_noise_belongs_to_the_interval() -> None:
+    """The table of docs/motion-models.md."""
+    lidar = {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}
+    silent = {**RADAR, "dropouts": [{"from_s": 0, "to_s": 60}]}
+    kf = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "sensors": ["lidar"]}
+    trackers = {"kf": kf, "scaled": {**kf, "acceleration_sigma_mps2": 2 * 0.5**0.5}}
+
+    def nees(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, float]:
+        loaded = scenario(sensors, trackers, duration_s=20, runs=400)
+        return {
+            item["name"]: item["metrics"]["nees"]["mean"] for item in run(loaded, truths_of(loaded)).json()["trackers"]
+        }
+
+    often = nees({"lidar": {**lidar, "rate_hz": 20}}, {"kf": kf})
+    alone = nees({"lidar": lidar}, trackers)
+    beside = nees({"lidar": lidar, "radar": silent}, {"kf": kf})
+    every = nees({"lidar": lidar, "radar": silent}, {"kf": {**kf, "advance_at": "all_scans"}})
+    found = [often["kf"], alone["kf"], alone["scaled"], beside["kf"], every["kf"]]
+    assert found == pytest.approx([4.04, 3.08, 4.03, 3.13, 4.02], abs=0.01)
