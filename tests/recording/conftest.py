@@ -12,7 +12,16 @@ from rerun.chunk import RrdReader
 from scipy import stats
 
 from trackbench import recording
-from trackbench.results import ExpectationResult, Health, MetricValue, Result, Summary, Tables, TrackerResult
+from trackbench.results import (
+    ConditionVerdict,
+    ExpectationResult,
+    Health,
+    MetricValue,
+    Result,
+    Summary,
+    Tables,
+    TrackerResult,
+)
 from trackbench.results.summary import BoundSummary, ScenarioSummary, ScoreSummary, SensorSummary, TruthSummary
 
 STEPS, DT, RUNS = 401, 0.05, 100
@@ -201,6 +210,9 @@ def _tracker(name: str, sigma: float) -> TrackerResult:
         nees = MetricValue(value=None, unit="1", dof=4, reason="no covariance")
     elif name == "tuned_badly":
         nees = MetricValue(value=12.1, unit="1", dof=4, verdict="optimistic")
+    elif name == "kf_cv":
+        off = ConditionVerdict(name="turning", mean=39.7, ci95=(39.0, 40.4), verdict="optimistic")
+        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="mixed", conditions=(off,))
     else:
         nees = MetricValue(value=4.02, unit="1", dof=4, verdict="consistent")
     metrics = {

@@ -154,6 +154,7 @@ def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
     lines = [line for line in ranking.splitlines() if line.startswith("| ")]
     assert [line.split(" | ")[1] for line in lines[1:]] == ["ukf_ctrv", "ekf_cv", "kf_cv", "tuned_badly", "raw"]
     assert "| 4 | tuned_badly | 0.550 | 0.540 to 0.560 | 1.83 | 12.1 | optimistic |" in lines
+    assert "NEES where 4 is right:\n\n- **kf_cv**: turning 39.7" in ranking
     assert "- **not met**: tuned_badly nees.verdict is consistent (is optimistic)" in ranking
     (about,) = read("/about", "TextDocument:text")[None]
     assert "run 0 of 100, seed 7" in about

@@ -1,4 +1,4 @@
-"""Scores by manoeuvre and by range band."""
+"""Scores by manoeuvre, by range band and by age."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.metrics.conditions import BAND_EDGES, BANDS, MANOEUVRES
+from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, MANOEUVRES, SHAPE
 from trackbench.metrics.intervals import reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
-from trackbench.types import Array
+from trackbench.types import Array, Indices
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
 FIELDS = {
@@ -27,15 +27,23 @@ FIELDS = {
 #: Degrees of freedom of the parts of the NEES.
 DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
 
-# Columns of the sums: all estimates, each manoeuvre, each band, each manoeuvre in each band.
+# Columns of the sums: all estimates, each manoeuvre, each band, each age, each manoeuvre in each band.
 _MANOEUVRE = 1
 _BAND = _MANOEUVRE + len(MANOEUVRES)
-_CELL = _BAND + BANDS
+_AGE = _BAND + BANDS
+_CELL = _AGE + len(AGES)
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
-def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
+def columns(classes: npt.NDArray[np.int16]) -> Indices:
+    """``(columns, classes)`` those in which the estimates of each class count."""
+    manoeuvre, band, age = np.unravel_index(classes, SHAPE)
+    cell = manoeuvre * BANDS + band
+    return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _CELL + cell])
+
+
+def class_sums(per_run: Array, classes: npt.NDArray[np.int16]) -> ClassSums:
     """The sums of a block of runs.
 
     Args:
@@ -45,7 +53,7 @@ def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
     combined = np.tensordot(_COMBINED, per_run, 1)
     member = np.zeros((_COLUMNS, len(classes)))
     found = np.arange(len(classes))
-    for column in (0, _MANOEUVRE + classes // BANDS, _BAND + classes % BANDS, _CELL + classes):
+    for column in columns(classes):
         member[column, found] = 1.0
     known = np.flatnonzero(member.any(axis=1))
     sums = member[known] @ combined
@@ -61,7 +69,7 @@ def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
 def breakdown(sums: ClassSums) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
     if not sums.total[0, 0]:
-        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={})
+        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={}, age={})
     occurred = np.flatnonzero(sums.total[0])
     return Breakdown(
         all=_scores(sums, 0),
@@ -73,6 +81,7 @@ def breakdown(sums: ClassSums) -> Breakdown:
             for band in range(BANDS)
             if _BAND + band in occurred
         },
+        age={name: _scores(sums, column) for column, name in enumerate(AGES, _AGE) if column in occurred},
     )
 
 

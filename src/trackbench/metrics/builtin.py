@@ -8,16 +8,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from trackbench.metrics.consistency import mean_bounds, verdict, whiteness_verdict
+from trackbench.metrics.breakdown import breakdown
+from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ONE_RUN, Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS_RUN, NIS_STEP, NisScores, Scores
+from trackbench.metrics.verdicts import (
+    CONSISTENCY,
+    WHITENESS,
+    WHITENESS_TOLERANCE,
+    judged,
+    together,
+    verdict,
+    whiteness_verdict,
+)
 from trackbench.results import MetricValue
 from trackbench.types import Array
-
-CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
-WHITENESS = ("white", "coloured", "undecided")
 
 
 class BuiltInMetric(Metric):
@@ -98,7 +105,7 @@ class Nees(BuiltInMetric):
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
-        Field("verdict", "whether the errors are as large as stated", CONSISTENCY),
+        Field("verdict", "whether the errors are as large as stated, under each condition", (*CONSISTENCY, "mixed")),
     )
 
     def finish(self, sums: Scores) -> Outcome:
@@ -106,7 +113,10 @@ class Nees(BuiltInMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
-        return _chi_square(ratio(total, count), 4, len(count), inside)
+        found = _chi_square(ratio(total, count), 4, inside)
+        conditions = judged(breakdown(sums.classes))
+        word = together(found.verdict or "undecided", conditions)
+        return found.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)
@@ -130,7 +140,7 @@ class Nis(BuiltInMetric):
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS_STEP["count"]], nis.per_step[NIS_STEP["nis"]], nis.dof)
         share = float(nis.per_run[NIS_RUN["inside"]].sum() / count.sum())
-        found = _chi_square(ratio(total, count), nis.dof, len(count), inside)
+        found = _chi_square(ratio(total, count), nis.dof, inside)
         return found.model_copy(update={"inside95": share})
 
 
@@ -139,7 +149,7 @@ class Whiteness(BuiltInMetric):
 
     name, unit, per_sensor = "whiteness", "1", True
     meaning = "correlation of successive normalised innovations of one sensor"
-    fields = (Field("verdict", "whether they are uncorrelated", WHITENESS),)
+    fields = (Field("verdict", f"whether it is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
         return {sensor: self._of(nis) for sensor, nis in sums.nis.items()}
@@ -235,13 +245,11 @@ def _efficiency(metric: Metric, error: Outcome, bound: float) -> Outcome:
     return scaled(error, 1.0 / bound)
 
 
-def _chi_square(mean: Interval, dof: int, runs: int, steps_inside: float) -> MetricValue:
-    low, high = (float(bound) for bound in mean_bounds(dof, runs))
+def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
     return MetricValue(
         value=mean.value,
         unit="1",
         dof=dof,
-        bounds95=(low, high),
         ci95=mean.ci95,
         reason=None if mean.ci95 else ONE_RUN,
         steps_inside_bounds=steps_inside,
