@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long doctor-rates lint types contracts docs install benchmark reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long doctor-rates calibration lint types contracts docs install benchmark reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -74,6 +74,10 @@ docs/command-line.md: $(VENV)/.installed
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/speed.py
+
+# What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
+calibration: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.calibration
 
 # How often the doctor is right; half an hour on two cores.
 doctor-rates: $(VENV)/.installed-dev

@@ -13,7 +13,7 @@ from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truth_of, truths_of
 from trackbench.types import Estimate
 
 #: Its tracker goes on for five instants.
@@ -81,7 +81,7 @@ def test_a_tracker_that_fails_is_seen_up_to_then_and_the_others_to_the_end(tiny:
     (tiny.parent / "brief.py").write_text(BRIEF, encoding="utf-8")
     loaded = load_scenario(tiny, ["trackers.brief.use=brief:Brief"])
     seen: list[Any] = []
-    result = run(loaded, truth_of(loaded), on_recorded_run=seen.append)
+    result = run(loaded, truths_of(loaded), on_recorded_run=seen.append)
     instants = seen[1:]
     assert result["brief"].failed is not None
     assert result["brief"].failed.step == 5

@@ -12,7 +12,7 @@ from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar
 from trackbench.results import Result, TrackerResult
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.truth import Draw
 from trackbench.types import Array, Truth
@@ -23,7 +23,7 @@ RADAR = Radar(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_s
 
 def result(name: str, *overrides: str) -> Result:
     loaded = load_scenario(SCENARIOS / f"{name}.yaml", overrides)
-    return run(loaded, truth_of(loaded))
+    return run(loaded, truths_of(loaded))
 
 
 def by_name(of: Result) -> dict[str, TrackerResult]:

@@ -15,7 +15,7 @@ from trackbench.runner import block
 from trackbench.runner.run import run
 from trackbench.runner.until import FIRST_RUNS, first_look, run_until
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 Cli = Callable[..., Any]
 
@@ -26,7 +26,7 @@ RANDOM = """truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {
 
 def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: int = 1) -> Result:
     first = first_look(load_scenario(tiny, overrides), max_runs)
-    return run_until(first, truth_of(first), target, max_runs, workers=workers, command=command)
+    return run_until(first, truths_of(first), target, max_runs, workers=workers, command=command)
 
 
 def command(loaded: Scenario) -> str:
@@ -55,7 +55,7 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
     assert found.json()["precision"]["reached"]
     assert runs > 2 * FIRST_RUNS
     loaded = load_scenario(tiny, (*overrides, f"monte_carlo.runs={runs}"))
-    same = run(loaded, truth_of(loaded))
+    same = run(loaded, truths_of(loaded))
     assert comparable(found) == comparable(same)
     for name, table in same.tables.items():
         assert found.tables[name].equals(table) or name == "steps", name

@@ -215,3 +215,20 @@ def test_there_is_nothing_to_audit() -> None:
     assert not any(truth.audit["repaired"].values())
     (sentence,) = audit_sentences(truth.audit)
     assert sentence == "The truth is exact: its velocities come from the same formulas as its positions."
+
+
+@pytest.mark.parametrize(
+    ("pieces", "sigma"),
+    [
+        ([WHITE], 3),
+        ([{**WHITE, "for_s": 4}, WHITE], 3),
+        ([{"white_acceleration": {"x_sigma_mps2": 2, "y_sigma_mps2": 2}}], 2),
+        ([{"white_acceleration": {"x_sigma_mps2": 2}}], None),
+        ([{**WHITE, "for_s": 4}, {}], None),
+        ([{"white": {"motion": "ca", "jerk_sigma_mps3": 3}}], None),
+        ([{"turn_rate_degps": 5}], None),
+    ],
+)
+def test_white_acceleration_is_all_that_drives_every_object_or_none(pieces: Any, sigma: float | None) -> None:
+    assert config({"a": {"pieces": pieces}}).white_acceleration == sigma
+    assert config({"a": {"pieces": pieces}, "b": {"pieces": [WHITE]}}).white_acceleration == (3 if sigma == 3 else None)

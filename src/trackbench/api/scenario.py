@@ -24,6 +24,7 @@ def load(
     *,
     runs: int | None = None,
     seed: int | None = None,
+    scenes: int | None = None,
     trackers: Iterable[str] | None = None,
 ) -> Scenario:
     """A scenario, read and validated; nothing is simulated.
@@ -34,6 +35,7 @@ def load(
         set: keys to change: ``{"sensors.lidar.rate_hz": 5}`` or ``["sensors.lidar.rate_hz=5"]``.
         runs: number of Monte-Carlo runs instead of the scenario's.
         seed: of the noise, instead of the scenario's.
+        scenes: number of scenes; the same as ``truth.seeds``.
         trackers: names of those to keep; all unless given.
 
     Raises:
@@ -43,7 +45,7 @@ def load(
         raise InputError(f"{scenario!r} is no scenario; give a file, a name such as 'highway', a text or a mapping")
     changes = [f"{key}={_yaml(value, key)}" for key, value in set.items()] if isinstance(set, Mapping) else set
     overrides = listed(changes)
-    given = {"monte_carlo.runs": runs, "monte_carlo.seed": seed}
+    given = {"monte_carlo.runs": runs, "monte_carlo.seed": seed, "truth.seeds": scenes}
     overrides += [f"{key}={_yaml(value, key)}" for key, value in given.items() if value is not None]
     if isinstance(scenario, Mapping):
         loaded = scenario_of(_yaml(scenario), AT_HAND, overrides)

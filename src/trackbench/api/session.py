@@ -16,7 +16,7 @@ from trackbench.results import Result
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
 from trackbench.scenario.shipped import shown_name
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 #: Where a run that goes on until its precision is reached stops even so.
 MAX_RUNS = 10_000
@@ -86,23 +86,23 @@ def _prepare(scenario: Scenario, plan: Plan, listener: Listener, place: str) -> 
             raise InputError(problem, file=scenario.path, key="--runs-until")
     check_plugins(scenario)
     with listener.progress(f"{place}truth of {scenario.config.name}", "steps") as advance:
-        truth = truth_of(scenario, advance)
-    for note in truth.notes:
+        truths = truths_of(scenario, advance, plan.workers)
+    for note in dict.fromkeys(note for truth in truths for note in truth.notes):
         listener.note(note)
-    return Prepared(scenario, truth)
+    return Prepared(scenario, truths)
 
 
 def _run(item: Prepared, plan: Plan, listener: Listener, colours: Mapping[str, str], place: str) -> Result:
     from trackbench.runner.run import run as run_scenario
     from trackbench.runner.until import run_until
 
-    scenario, truth, name = item.scenario, item.truth, item.scenario.config.name
+    scenario, truths, name = item.scenario, item.truths, item.scenario.config.name
     observe = listener.begin(item)
     with listener.progress(f"{place}{name}", "runs") as advance:
         if plan.precision is None:
             result = run_scenario(
                 scenario,
-                truth,
+                truths,
                 workers=plan.workers,
                 command=command_of(scenario),
                 progress=advance,
@@ -111,7 +111,7 @@ def _run(item: Prepared, plan: Plan, listener: Listener, colours: Mapping[str, s
         else:
             result = run_until(
                 scenario,
-                truth,
+                truths,
                 *plan.precision,
                 workers=plan.workers,
                 command=command_of,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.errors import InputError
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
+from trackbench.truth import MAX_SCENES
 
 FAILED_EXPECTATION = 1
 FAILED_TRACKER = 3
@@ -43,6 +45,7 @@ FAILED_TRACKER = 3
 )
 @click.option("--max-runs", type=click.IntRange(2, 1_000_000), metavar="N", help=f"Where to stop even so; {MAX_RUNS}.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", help="Seed of the noise, instead of the scenario's.")
+@click.option("--scenes", type=click.IntRange(1, MAX_SCENES), metavar="N", help="So many scenes: --set truth.seeds=N.")
 @click.option(
     "--trackers", metavar="A,B", shell_complete=trackers_of_scenarios, help="Only these of the scenario's trackers."
 )
@@ -68,6 +71,7 @@ def run_command(
     runs_until: float | None,
     max_runs: int | None,
     seed: int | None,
+    scenes: int | None,
     trackers: str | None,
     settings: tuple[str, ...],
     out: Path,
@@ -99,7 +103,8 @@ def run_command(
     plan = Plan(out, workers, not no_recording, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
-    loaded = [load(file, settings, runs=runs, seed=seed, trackers=chosen) for file in scenario_files(scenarios)]
+    changed = partial(load, set=settings, runs=runs, seed=seed, scenes=scenes, trackers=chosen)
+    loaded = [changed(file) for file in scenario_files(scenarios)]
     output = RunOutput(as_json, quiet)
     prepared = prepare(loaded, plan, output)
     with showing(**live) as output.viewer:

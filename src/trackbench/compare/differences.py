@@ -71,8 +71,7 @@ def differences(
 
 def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | NotCompared]:
     """The pairs of one match, their p-values still as they are alone."""
-    # A metric over a bound has the bound of all runs, which those of a part of them may not be divided by.
-    runs = None if metric.over and not match.how.whole else match.how.shared
+    runs = match.how.shared
     known: dict[tuple[int, str], Interval | None] = {}
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])

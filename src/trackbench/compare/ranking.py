@@ -51,7 +51,7 @@ def scores(number: int, entry: Entry, scenario: str, trackers: Sequence[str], pa
                 diverged_runs=(tracker.health.diverged_runs or 0) if rank else 0,
                 rank=rank,
                 leading=rank is not None and pairings.better(scenario, scored[0], name) in (None, name),
-                failure="" if rank else str(tracker.failed or tracker.position_rmse.reason or "nothing to score"),
+                failure="" if rank else entry.result.why_unscored(tracker),
             )
         )
     return found

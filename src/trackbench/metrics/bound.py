@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.metrics.sums import NO_BOUND, Bound
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
-from trackbench.types import Array, Indices, Truth
+from trackbench.types import Array, Indices, Mask, Truth
 
 #: Standard deviation of the position before the first measurement, m: no information.
 UNKNOWN_POSITION = 1e6
+#: Eigenvalues of an information below this share of the largest are rounding.
+NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -27,76 +30,118 @@ class BoundStart:
     """m, per axis; None where tracks start from their first measurement, and the target is unknown before it."""
 
 
-def typical_acceleration(truth: Truth) -> float:
-    """RMS over targets and time of the true acceleration per axis, m/s^2, normal acceleration included."""
-    total = truth.acceleration**2 + (truth.speed * truth.yaw_rate) ** 2
-    alive = np.broadcast_to(truth.alive[:, :, None], total.shape)
-    return float(np.sqrt(total[alive].mean() / 2.0)) if alive.any() else 0.0
+def typical_acceleration(truths: Sequence[Truth]) -> float:
+    """RMS over scenes, targets and time of the true acceleration per axis, m/s^2: that of the velocity vector."""
+    square = time = 0.0
+    for truth in truths:
+        vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
+        elapsed = np.diff(truth.time)[:, None, None]
+        there = np.broadcast_to(truth.alive[1:, :, None] & truth.alive[:-1, :, None], vx.shape)
+        square += ((vx * vx + vy * vy) / elapsed)[there].sum()
+        time += np.broadcast_to(elapsed, vx.shape)[there].sum()
+    return float(np.sqrt(square / time / 2.0)) if time > 0 else 0.0
 
 
-def cramer_rao(
+def entry_velocity(truths: Sequence[Truth]) -> float:
+    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s."""
+    squares = []
+    for truth in truths:
+        there = truth.alive.any(axis=0)
+        first = np.argmax(truth.alive, axis=0)
+        squares.append(truth.speed[first[there], np.flatnonzero(there)] ** 2)
+    every = np.concatenate([square.mean(axis=-1) for square in squares])
+    return float(np.sqrt(every.mean() / 2.0)) if every.size else 0.0
+
+
+class Information(NamedTuple):
+    """What the measurements of one sensor tell of the position and velocity of the targets."""
+
+    steps: Indices
+    """``(measurements,)`` indices of the truth's steps."""
+    root: Array
+    """``(measurements, rank, 4, objects)`` ``A`` with ``A^T A = E[H^T R^-1 H]``, the Fisher information."""
+
+
+def information(sensor: IdealSensor, truth: Truth) -> Information:
+    """The Fisher information of each measurement of a sensor.
+
+    It is an expectation over the motion of the targets: the mean over the runs in which the sensor can see the target,
+    and where the truth is the same in every run, that along the truth.
+    """
+    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
+    each = np.stack([_information(sensor, k, target[:, step]) for k, step in enumerate(sensor.steps)])
+    # Semidefinite: a measurement tells nothing of some directions.
+    values, vectors = np.linalg.eigh(each)
+    values = np.where(values > NEGLIGIBLE * values[..., -1:], values, 0.0)
+    rank = max(1, int((values > 0.0).sum(axis=-1).max(initial=0)))
+    root = np.sqrt(values)[..., -rank:, None] * np.swapaxes(vectors, -1, -2)[..., -rank:, :]
+    return Information(sensor.steps, np.ascontiguousarray(root.transpose(0, 2, 3, 1)))
+
+
+def conditional_bound(
     truth: Truth,
-    sensors: list[IdealSensor],
-    rates: dict[str, Array],
+    sensors: Mapping[str, Information],
+    valid: Mapping[str, Mask],
     acceleration_sigma: float,
     start: BoundStart,
     instants: Indices,
+    drawn: Indices | None = None,
 ) -> Array:
-    """Bound of the covariance of px, py, vx, vy for targets that move with white acceleration, along the truth.
+    """Bound of the errors of each run, given which of its measurements there are.
 
-    The recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior Cramér-Rao bounds for discrete-time nonlinear
-    filtering", equation 21, with the information of a measurement weighted by the share of the runs that have it
-    (Zhang, Willett and Bar-Shalom 2005, "Dynamic Cramer-Rao bound for target tracking in clutter", the information
-    reduction factor). The sum of squared error components is bounded by the sum of the diagonal.
-
-    The information of a measurement is an expectation over the motion of the targets: where the truth varies from run
-    to run it is averaged over the runs, and where it does not it is that along the one truth.
+    For targets that move with white acceleration: the recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior
+    Cramér-Rao bounds for discrete-time nonlinear filtering", equation 21, where a measurement adds its information in
+    those runs that have it. Its mean over the runs is the enumeration bound (Farina, Ristic and Timmoneri 2002,
+    "Cramér-Rao bound for nonlinear filtering with Pd<1 and its application to target tracking"; Hernandez, Ristic,
+    Farina and Timmoneri 2004, "A comparison of two Cramér-Rao bounds for nonlinear filtering with Pd<1"), the
+    sequences of detections being drawn and not enumerated.
 
     Args:
         truth: the motion of the targets.
-        sensors: those that the tracker reads.
-        rates: per sensor ``(measurements, objects)`` share of the runs with a detection.
-        acceleration_sigma: m/s^2 per axis, constant from one instant to the next.
+        sensors: by name, the information of those that the tracker reads.
+        valid: by sensor ``(measurements, objects, runs)``, where there is a measurement.
+        acceleration_sigma: m/s^2 per axis.
         start: what is known before the first measurement.
-        instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted.
+        instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted, among them those of all
+            measurements.
+        drawn: indices of the truth's steps at which the acceleration is drawn anew, among them those of all
+            measurements, and constant in between; unless given, it is at each measurement of these sensors.
 
     Returns:
-        ``(instants, objects, 4)`` variances, NaN before the first measurement of an object.
+        ``(2, instants, objects, runs or 1)`` variance of the position, m^2, and of the velocity, (m/s)^2, each the sum
+        over both axes; one for all runs where the measurements of all are of the same instants. NaN before the first
+        measurement, or before the target's time in the scene where tracks start from the truth.
     """
     motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
-    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
-    sigma = [start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2
-    covariance = np.repeat(np.diag(np.square(sigma))[None], len(truth.ids), axis=0)
-    known = np.zeros(len(truth.ids), dtype=bool)
-    result = np.full((len(instants), len(truth.ids), 4), np.nan)
-    previous = instants[0]
+    masks = {name: _shared(valid[name]) for name in sensors}
+    if drawn is None:
+        drawn = np.unique(np.concatenate([of.steps for of in sensors.values()]))
+    objects, runs = len(truth.ids), max(mask.shape[-1] for mask in masks.values())
+    prior = np.diag(np.square([start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2))
+    covariance = np.broadcast_to(prior[:, :, None, None], (4, 4, objects, runs))
+    known = np.zeros((objects, runs), dtype=bool)
+    result = np.full((2, len(instants), objects, runs), np.nan)
+    latest = instants[0]
     for row, step in enumerate(instants):
-        dt = float(truth.time[step] - truth.time[previous])
-        previous = step
-        f = motion.jacobian(target[:, step], dt)
-        moved = f @ covariance @ f.T + process_noise(motion, target[:, step], dt)
-        covariance = np.where(known[:, None, None], moved, covariance)
-        if start.position_sigma is not None:
-            known |= truth.alive[step]
-        for sensor in sensors:
-            k = int(np.searchsorted(sensor.steps, step))
-            if k == len(sensor.steps) or sensor.steps[k] != step:
+        passed = drawn[(drawn > latest) & (drawn <= step)]
+        if len(passed) > 0:
+            moved = _predicted(motion, covariance, truth.time[[latest, *passed]])
+            covariance, latest = moved if known.all() else np.where(known, moved, covariance), passed[-1]
+        for name, of in sensors.items():
+            k = int(np.searchsorted(of.steps, step))
+            if k == len(of.steps) or of.steps[k] != step:
                 continue
-            rate = rates[sensor.name][k]
-            gained = rate[:, None, None] * _information(sensor, k, target[:, step])
-            covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
-            known |= rate > 0.0
-        result[row] = np.where(known[:, None], np.einsum("oii->oi", covariance), np.nan)
+            if start.position_sigma is not None:
+                known = known | truth.alive[step][:, None]
+            root, seen = of.root[k][..., None], masks[name][k]
+            updated = _updated(covariance, root, seen)
+            begun = seen & ~known
+            covariance = np.where(begun, _first(prior, root), updated) if begun.any() else updated
+            known = known | begun
+        now = covariance if step == latest else _predicted(motion, covariance, truth.time[[latest, step]])
+        variance = np.einsum("ii...->i...", now)
+        result[:, row] = np.where(known, [variance[0] + variance[1], variance[2] + variance[3]], np.nan)
     return result
-
-
-def rms_bound(variances: Array, weight: Array) -> Bound:
-    """The bound of the RMSE, from variances ``(instants, objects, 4)`` and the number of estimates at each."""
-    use = (weight > 0) & np.isfinite(variances).all(axis=2)
-    if not use.any():
-        return NO_BOUND
-    mean = (variances[use] * weight[use][:, None]).sum(axis=0) / weight[use].sum()
-    return Bound(float(np.sqrt(mean[:2].sum())), float(np.sqrt(mean[2:].sum())))
 
 
 def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
@@ -108,3 +153,32 @@ def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:
     weight = np.broadcast_to(sensor.visible[measurement], target.shape[1:]).astype(float)
     total = np.einsum("or,aior,ajor->oij", weight, h, weighted)
     return np.asarray(total / np.maximum(weight.sum(axis=1), 1.0)[:, None, None])
+
+
+def _predicted(motion: ConstantVelocity, covariance: Array, times: Array) -> Array:
+    """``P <- F P F^T + Q``, the acceleration being drawn at each of the times but the last."""
+    nowhere = np.zeros(4)
+    f, q = np.eye(4), np.zeros((4, 4))
+    for dt in map(float, np.diff(times)):
+        step = motion.jacobian(nowhere, dt)
+        f, q = step @ f, step @ q @ step.T + process_noise(motion, nowhere, dt)
+    return linalg.quadratic(f, covariance) + q[:, :, None, None]
+
+
+def _updated(covariance: Array, root: Array, seen: Mask) -> Array:
+    """``P <- (P^-1 + A^T A)^-1`` where there is a measurement, without an inverse of ``P``."""
+    cross = linalg.matmul(root, covariance)
+    s = linalg.matmul_transposed(cross, root) + np.eye(len(root))[:, :, None, None]
+    gain = linalg.cholesky(s).whiten(cross)
+    return covariance - linalg.gram(gain if seen.all() else np.where(seen, gain, 0.0))
+
+
+def _first(prior: Array, root: Array) -> Array:
+    """``(4, 4, objects, 1)`` after the first measurement: the prior is too wide for the difference above."""
+    total = np.linalg.inv(prior)[:, :, None, None] + linalg.gram(root)
+    return np.asarray(np.linalg.inv(total.transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1))
+
+
+def _shared(valid: Mask) -> Mask:
+    """``(measurements, objects, runs)``, of one run where all are alike."""
+    return valid[..., :1] if bool((valid == valid[..., :1]).all()) else valid

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.metrics import Fault, Scorer, evaluate, health
+from trackbench.metrics import Fault, Scorer, evaluate, health, score_together
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
 from trackbench.recording.tables import Columns, split
@@ -73,8 +73,11 @@ def _scored(
                 scan = _scan(float(time), sensor, np.isfinite(white[0]))
                 scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
         scorer.estimate(estimate)
+        if scorer.full or instant == len(recorded.target.time) - 1:
+            for fault in score_together([scorer]).values():
+                raise fault
     sums = scorer.close()
-    known = evaluate(sums).values
+    known = evaluate(sums, np.zeros(1, dtype=np.intp)).values
     return TrackerResult(
         name=tracker.name,
         describe=tracker.describe,

@@ -43,6 +43,8 @@ class MetricValue(Part):
     """Where 95 % of autocorrelations lie if the innovations are white."""
     steps_inside_bounds: float | None = None
     """Share of the instants at which the mean over runs and objects is inside its own bounds."""
+    coverage: float | None = None
+    """Share of the measurements of which there is an innovation, among those where there should be one."""
     inside95: float | None = None
     """Share of single statistics under their 95 % point."""
     verdict: str | None = None

@@ -29,8 +29,17 @@ class ScenarioSummary(Part):
     overrides: list[str]
 
 
+class SceneSummary(Part):
+    """One of several scenes."""
+
+    name: str
+    """What tells it from the others, such as ``seed 13``."""
+    objects: list[str]
+    duration_s: float
+
+
 class TruthSummary(Part):
-    """Where the truth came from and what the audit found; the source's own options stand beside."""
+    """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -41,6 +50,8 @@ class TruthSummary(Part):
     duration_s: float
     audit: dict[str, Any]
     cached: bool
+    scenes: list[SceneSummary] = Field(default_factory=list)
+    """All of them, where there are several."""
 
 
 class SensorSummary(Part):
@@ -49,10 +60,11 @@ class SensorSummary(Part):
     kind: str
     dof: int
     """Components of a measurement."""
-    rate_hz: float
+    rate_hz: float | None
+    """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None
     detection_rate: float | None
-    """Share of the instants with an object in view that gave a measurement of it."""
+    """Share of the scans with an object in view that gave a measurement of it."""
 
 
 class BoundSummary(Part):
@@ -81,6 +93,14 @@ class ScoreSummary(Part):
 
     settle_s: float
     divergence_m: float
+    min_coverage: float
+    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    common_share: float | None
+    """Share of the estimates of the ranked trackers that all of them gave, which alone are scored."""
+    from_s: float
+    """The first instant at which a sensor looks; trackers are asked and scored from here on."""
+    to_s: float
+    """The last one."""
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 
@@ -206,6 +226,7 @@ class Summary(Part):
     scenario: ScenarioSummary
     seed: int
     runs: int = Field(ge=1)
+    """Of all scenes together."""
     versions: dict[str, str]
     engine: str = "numpy"
     command: str

@@ -46,7 +46,7 @@ def adapt(
     make = create(config.use, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker):
-        return Direct(primed(tracker))
+        return Direct(primed(tracker.reading_only(config.sensors)))
     if getattr(tracker, "batched", False):
         return Batched(tracker)
     return Looped(make, batch)

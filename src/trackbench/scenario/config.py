@@ -40,6 +40,13 @@ class Score(Config):
 
     settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
+    min_coverage: float = Field(
+        0.9,
+        ge=0,
+        le=1,
+        description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
+        "what is expected of it fails.",
+    )
     bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,
@@ -92,7 +99,10 @@ class Expectation(Config):
 class RecordingConfig(Config):
     """What the Rerun recording shows."""
 
-    run: int = Field(0, ge=0, description="The Monte-Carlo run whose measurements and estimates are shown, from 0.")
+    scene: int = Field(0, ge=0, description="The scene that is shown, from 0, where there are several.")
+    run: int = Field(
+        0, ge=0, description="The Monte-Carlo run of it whose measurements and estimates are shown, from 0."
+    )
 
 
 class ScenarioConfig(Config):

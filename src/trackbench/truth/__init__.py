@@ -5,9 +5,9 @@ The simulator takes a second to import, so nothing here imports it before it is 
 
 from __future__ import annotations
 
-from trackbench.truth.base import TRUTH_SOURCES, Draw, LoadedTruth, SteppedTruth, TruthSource
+from trackbench.truth.base import MAX_SCENES, TRUTH_SOURCES, Draw, LoadedTruth, SteppedTruth, TruthSource
 
-__all__ = ["TRUTH_SOURCES", "Draw", "LoadedTruth", "SteppedTruth", "TruthSource", "list_envs"]
+__all__ = ["MAX_SCENES", "TRUTH_SOURCES", "Draw", "LoadedTruth", "SteppedTruth", "TruthSource", "list_envs"]
 
 
 def list_envs() -> list[str]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
 from trackbench.config import Config
 from trackbench.plugins import Registry, lacks_class
 from trackbench.types import Progress, RecordedMeasurements, Truth, no_progress
+
+#: Largest number of scenes of one source.
+MAX_SCENES = 1000
 
 
 class Draw(NamedTuple):
@@ -29,7 +32,7 @@ class LoadedTruth(NamedTuple):
     cached: bool = False
     """Whether it was read from the cache."""
     notes: tuple[str, ...] = ()
-    """What went wrong with the cache, a line each."""
+    """What went wrong with the cache, and what was left out of a recording, a line each."""
     measurements: dict[str, RecordedMeasurements] | None = None
     """By sensor; None where measurements are to be synthesised."""
 
@@ -44,6 +47,22 @@ class TruthSource(Config, ABC):
     def _named(cls, data: Any) -> Any:
         return {"source": TRUTH_SOURCES.name_of(cls), **data} if isinstance(data, dict) else data
 
+    def scenes(self) -> Sequence[Self]:
+        """Each scene as a source of its own; the source itself, where it has only one.
+
+        Scenes differ in their motion and nothing else: same sensors, same length, same number of runs.
+        """
+        return (self,)
+
+    @property
+    def scene_name(self) -> str:
+        """What tells it from the other scenes; empty where nothing does."""
+        return ""
+
+    def stored(self) -> LoadedTruth | None:
+        """The truth, where it is at hand without being made; None where ``load`` has to make it."""
+        return None
+
     @abstractmethod
     def load(
         self,
@@ -54,7 +73,7 @@ class TruthSource(Config, ABC):
         cache: bool = True,
         progress: Progress = no_progress,
     ) -> LoadedTruth:
-        """The truth that these options describe.
+        """The truth that these options describe; of several scenes, that of the first.
 
         Args:
             draw: what random motion is drawn by.
@@ -82,6 +101,12 @@ class TruthSource(Config, ABC):
     def random(self) -> bool:
         """Whether the motion differs from run to run."""
         return False
+
+    @property
+    def white_acceleration(self) -> float | None:
+        """Standard deviation per axis, m/s^2, of an acceleration drawn anew at each step of the truth, if nothing else
+        drives any object; else None."""
+        return None
 
     def most_runs(self) -> int | None:
         """The number of runs whose motion fits the memory; None where it does not depend on them."""

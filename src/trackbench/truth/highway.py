@@ -119,7 +119,7 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     truth = replace(
         truth,
         roads=lane_edges(lanes, *everywhere),
-        source=config.model_dump(mode="json"),
+        source=config.model_dump(mode="json", exclude={"seeds"}),
         audit={"ended_early": ended_early},
     )
     velocity = [held(a[:, targets], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]

@@ -17,30 +17,47 @@ log = logging.getLogger(__name__)
 
 def load(config: HighwayOptions, cache: bool, progress: Progress) -> LoadedTruth:
     """Read the truth from the cache, or simulate and keep it."""
-    file = store.path(config) if cache and _determined(config) else None
     notes = []
-    if file is not None:
-        try:
-            stored = store.read(file, config)
-        except ValueError as error:
-            notes.append(f"cache: {error}; simulated again")
-        else:
-            if stored is not None:
-                log.info("truth from the cache: %s", file)
-                return LoadedTruth(stored, cached=True)
+    try:
+        kept = _read(config) if cache else None
+    except ValueError as error:
+        notes.append(f"cache: {error}; simulated again")
+    else:
+        if kept is not None:
+            return kept
 
     from trackbench.truth import highway
 
     begin = time.perf_counter()
     truth = highway.simulate(config, progress)
     log.info("truth simulated in %.1f s: %s", time.perf_counter() - begin, config.env)
-    if file is not None:
+    if cache and _determined(config):
+        file = store.path(config)
         try:
             store.write(file, config, truth)
             log.info("truth kept in the cache: %s", file)
         except OSError as error:
             notes.append(f"cache: {file.parent} cannot be written ({error.strerror}); the truth is not kept")
     return LoadedTruth(truth, cached=False, notes=tuple(notes))
+
+
+def stored(config: HighwayOptions) -> LoadedTruth | None:
+    """The truth from the cache; None where it is not there, or is damaged."""
+    try:
+        return _read(config)
+    except ValueError:
+        return None
+
+
+def _read(config: HighwayOptions) -> LoadedTruth | None:
+    if not _determined(config):
+        return None
+    file = store.path(config)
+    truth = store.read(file, config)
+    if truth is None:
+        return None
+    log.info("truth from the cache: %s", file)
+    return LoadedTruth(truth, cached=True)
 
 
 def _determined(config: HighwayOptions) -> bool:

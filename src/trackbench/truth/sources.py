@@ -26,12 +26,15 @@ class HighwayTruth(HighwayOptions):
         cache: bool = True,
         progress: Progress = no_progress,
     ) -> LoadedTruth:
-        return simulated.load(self, cache, progress)
+        return simulated.load(self.scenes()[0], cache, progress)
+
+    def stored(self) -> LoadedTruth | None:
+        return simulated.stored(self.scenes()[0])
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
         from trackbench.truth import highway
 
-        highway.validate(self)
+        highway.validate(self.scenes()[0])
 
 
 class ScriptedTruth(ScriptedOptions):
@@ -65,7 +68,7 @@ class RecordingTruth(RecordingOptions):
         progress: Progress = no_progress,
     ) -> LoadedTruth:
         recording = recorded.load(self, sensors or {}, folder)
-        return LoadedTruth(recording.truth, measurements=recording.measurements)
+        return LoadedTruth(recording.truth, notes=recording.notes, measurements=recording.measurements)
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
         recorded.load(self, sensors or {}, folder or Path())

@@ -96,15 +96,15 @@ def _verdict(result: Result) -> Iterator[Block]:
         expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
     )
     if missing:
-        yield Status(f"{counted(len(missing), 'tracker')} without a score", "bad")
+        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if result.scored:
         yield Items(
             tuple(Item(f"{verdict(t, summary.runs)}.", t.name, t.describe, t.name) for t in result.scored),
             numbered=True,
         )
     if missing:
-        failures = tuple(Item(failure(tracker), tracker.name, tone="bad") for tracker in missing)
-        yield Section("Without a score", (Items(failures),))
+        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
+        yield Section("Not ranked", (Items(failures),))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.config import MAPPING, PROBLEM, WORD, Config, shape
-from trackbench.truth.base import SteppedTruth
+from trackbench.config import MAPPING, PROBLEM, WORD, Config, Problem, shape
+from trackbench.truth.base import MAX_SCENES, SteppedTruth
 from trackbench.truth.config.observer import FixedObserver
+
+LARGEST_SEED = 2**32 - 1
 
 
 class NearestTargets(Config):
@@ -47,6 +50,24 @@ Targets = Annotated[
 ]
 
 
+def _seeds_choice(value: Any) -> str | None:
+    if isinstance(value, list):
+        return "<list>"
+    return "<count>" if isinstance(value, int | float | str) and not isinstance(value, bool) else None
+
+
+Seed = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
+Seeds = Annotated[
+    Annotated[int, Field(ge=1, le=MAX_SCENES), Tag("<count>")]
+    | Annotated[list[Seed], Field(min_length=1), Tag("<list>")],
+    Discriminator(
+        _seeds_choice,
+        custom_error_type=PROBLEM,
+        custom_error_message="write a number of scenes, such as 20, or a list of seeds, such as [3, 5]",
+    ),
+]
+
+
 class HighwayOptions(SteppedTruth):
     """Traffic simulated by highway-env."""
 
@@ -57,7 +78,12 @@ class HighwayOptions(SteppedTruth):
     config: dict[str, Any] = Field(
         default_factory=dict, description="The environment's own configuration; unknown keys are refused."
     )
-    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the traffic.")
+    seed: Seed = Field(0, description="Seed of the traffic; of the first scene, where `seeds` is a number.")
+    seeds: Seeds | None = Field(
+        None,
+        description="Several scenes: how many, with the seeds from `seed` on, or a list of their seeds. At most "
+        f"{MAX_SCENES}.",
+    )
     observer: Observer = Field(
         "ego", description="What carries the sensors: the ego vehicle, or a fixed point {x, y, yaw_deg}."
     )
@@ -74,3 +100,28 @@ class HighwayOptions(SteppedTruth):
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
+
+    @property
+    def scene_name(self) -> str:
+        return f"seed {self.seed}"
+
+    def scenes(self) -> Sequence[Self]:
+        if self.seeds is None:
+            return (self,)
+        seeds = self.seeds if isinstance(self.seeds, list) else range(self.seed, self.seed + self.seeds)
+        return tuple(self.model_copy(update={"seed": seed, "seeds": None}) for seed in seeds)
+
+    def problems(self) -> Iterator[Problem]:
+        if isinstance(self.seeds, int):
+            if self.seed + self.seeds - 1 > LARGEST_SEED:
+                yield Problem(("seeds",), f"the last of them would be above {LARGEST_SEED}; lower seed or seeds")
+            return
+        if self.seeds is None:
+            return
+        if "seed" in self.model_fields_set:
+            yield Problem(("seed",), "not used with a list of seeds; remove it, or write in seeds how many there are")
+        if len(self.seeds) > MAX_SCENES:
+            yield Problem(("seeds",), f"{len(self.seeds)} scenes are too many; at most {MAX_SCENES}")
+        for index, seed in enumerate(self.seeds):
+            if seed in self.seeds[:index]:
+                yield Problem(("seeds", index), f"{seed} is there already; each seed is another scene")

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from trackbench.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
-from trackbench.models.motion import MOTION_MODELS, MotionModel
+from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.observer import MovingObserver
 
@@ -98,6 +98,14 @@ class Piece(Config):
         """Whether the motion differs from run to run."""
         return self.white is not None or self.white_acceleration is not None
 
+    @property
+    def acceleration_sigma(self) -> float | None:
+        """Standard deviation of its white acceleration, m/s^2; None where that is not all, or differs by axis."""
+        if self.white is not None and type(self.white.motion) is ConstantVelocity:
+            return self.white.motion.acceleration_sigma_mps2
+        drawn = self.white_acceleration
+        return drawn.x_sigma_mps2 if drawn is not None and drawn.x_sigma_mps2 == drawn.y_sigma_mps2 else None
+
     def problems(self) -> Iterator[Problem]:
         given = [kind for kind in KINDS if getattr(self, kind) is not None]
         for kind in given[1:]:
@@ -141,6 +149,11 @@ class ScriptedOptions(SteppedTruth):
     def random(self) -> bool:
         """Whether any motion differs from run to run."""
         return any(body.random for body in self.objects.values())
+
+    @property
+    def white_acceleration(self) -> float | None:
+        sigmas = {piece.acceleration_sigma for body in self.objects.values() for piece in body.pieces}
+        return sigmas.pop() if len(sigmas) == 1 else None
 
     def problems(self) -> Iterator[Problem]:
         for name, body in self.objects.items():

@@ -1,0 +1,44 @@
+"""Measure the claims and write results/calibration.md and .json.
+
+    python -m benchmarks.calibration [SUBJECT...]
+
+With subjects, only those are measured; the others stay in the table as they were. Exit status 1 where a claim does not
+hold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+from .subjects import load, measure, save, subjects
+
+
+def main() -> int:
+    known = subjects()
+    arguments = argparse.ArgumentParser(prog="python -m benchmarks.calibration", description="Measure the claims.")
+    arguments.add_argument("subjects", nargs="*", metavar="SUBJECT", help=f"of {', '.join(known)}; all unless given")
+    arguments.add_argument("--workers", type=int, default=2)
+    given = arguments.parse_args()
+    for name in given.subjects:
+        if name not in known:
+            arguments.error(f"no subject {name!r}; there are {', '.join(known)}")
+    chosen = given.subjects or known
+    measured = load()
+    # Before a worker imports NumPy: the linear algebra of each would take every core.
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        for name, claims in zip(chosen, pool.map(measure, chosen), strict=True):
+            measured[name] = claims
+            for claim in claims:
+                sign = "holds" if claim.holds else "FAILS"
+                print(f"{sign}  {name}: {claim.what}: {claim.measured}, wanted {claim.wanted}", flush=True)
+    save({name: measured[name] for name in known if name in measured})
+    return 0 if all(claim.holds for name in chosen for claim in measured[name]) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

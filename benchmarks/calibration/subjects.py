@@ -1,0 +1,58 @@
+"""The subjects, and the table of what was measured."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import pkgutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from .claim import Claim
+
+FOLDER = Path(__file__).parent
+RESULTS = FOLDER.parents[1] / "results"
+#: Modules that are no subjects.
+OTHERS = {"__main__", "claim", "subjects"}
+
+
+def subjects() -> list[str]:
+    """The names of all subjects."""
+    return sorted(module.name for module in pkgutil.iter_modules([str(FOLDER)]) if module.name not in OTHERS)
+
+
+def measure(subject: str) -> list[Claim]:
+    """The claims of one subject."""
+    return list(importlib.import_module(f"{__package__}.{subject}").claims())
+
+
+def load() -> dict[str, list[Claim]]:
+    """What was measured before, by subject."""
+    file = RESULTS / "calibration.json"
+    known = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    return {name: [Claim(**claim) for claim in claims] for name, claims in known.items()}
+
+
+def save(found: Mapping[str, Sequence[Claim]]) -> None:
+    """Write the table as data and as Markdown."""
+    entries = {name: [claim._asdict() for claim in claims] for name, claims in found.items()}
+    text = json.dumps(entries, indent=1, ensure_ascii=False) + "\n"
+    (RESULTS / "calibration.json").write_text(text, encoding="utf-8")
+    (RESULTS / "calibration.md").write_text("\n".join(_lines(found)), encoding="utf-8")
+
+
+def _lines(found: Mapping[str, Sequence[Claim]]) -> Iterator[str]:
+    every = [claim for claims in found.values() for claim in claims]
+    yield "# Calibration"
+    yield ""
+    yield f"Made by `make calibration`: {sum(claim.holds for claim in every)} of {len(every)} claims hold."
+    yield "± is the Monte-Carlo error of the measurement itself, 95 %."
+    for subject, claims in found.items():
+        yield ""
+        yield f"## {importlib.import_module(f'{__package__}.{subject}').__doc__}"
+        yield ""
+        yield "| claim | measured | wanted | |"
+        yield "|---|---|---|---|"
+        for claim in claims:
+            yield f"| {claim.what} | {claim.measured} | {claim.wanted} | {'holds' if claim.holds else '**fails**'} |"
+    yield ""
