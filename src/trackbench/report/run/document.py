@@ -34,7 +34,8 @@ from trackbench.report.run.figures.consistency import nees_over_time, nis_over_t
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
 from trackbench.report.run.figures.map import map_of_run
-from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
+from trackbench.report.run.scenes import basis_of_intervals, scenes
+from trackbench.report.run.sentences import common, expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
 from trackbench.words import counted
 
@@ -79,6 +80,7 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
     sections = [
         Section("Verdict", tuple(_verdict(result))),
         *_scores(result, styles),
+        *([Section("Scene by scene", tuple(scenes(result)))] if summary.truth.scenes else []),
         *_accuracy(result, shown),
         *_breakdown(result, styles),
         *_consistency(result, shown),
@@ -116,7 +118,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     margin = margin_words(result.summary.score.margin, "m")
     legend = Paragraph(
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
-        "Small print is the 95 % interval."
+        f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
     )
     others = tables.other_metrics(result)
     more = Section("Errors along each axis, and bounds", (tables.axes_and_bounds(result),), folded=True)
