@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao bound: the least error that any estimator of these measurements can have."""
+"""The posterior Cramer-Rao bound of the errors, for targets that move with white acceleration."""
 
 from __future__ import annotations
 

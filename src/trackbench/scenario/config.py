@@ -30,8 +30,10 @@ class BoundConfig(Config):
         description="Standard deviation of the acceleration that the bound allows for, m/s^2; the RMS "
         "acceleration of the truth unless given.",
     )
-    velocity_sigma_mps: Positive = Field(
-        20, description="Standard deviation of the velocity before the first measurement, m/s."
+    velocity_sigma_mps: Positive | None = Field(
+        None,
+        description="Standard deviation of the velocity per axis before the first measurement, m/s; the RMS velocity "
+        "of the targets as they enter the scene unless given.",
     )
 
 
