@@ -12,14 +12,15 @@ from tests.udacity import synthetic_lines
 
 from trackbench.cli.main import cli
 from trackbench.errors import InputError
+from trackbench.report.console import _title
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 
 LINES = synthetic_lines(60)
-LIDAR = {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}
-RADAR = {"type": "radar", "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.7, "range_rate_sigma_mps": 0.3}
+LIDAR = {"type": "lidar", "position_sigma_m": 0.15}
+RADAR = {"type": "radar", "range_sigma_m": 0.3, "azimuth_sigma_deg": 1.7, "range_rate_sigma_mps": 0.3}
 EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3}
 UDACITY = {
     "name": "recorded",
@@ -82,7 +83,8 @@ def test_a_dropout_silences_a_recorded_sensor(tmp_path: Path) -> None:
 
 
 def test_truth_alone_gets_synthetic_measurements_at_its_own_irregular_times(tmp_path: Path) -> None:
-    scenario = {**UDACITY, "truth": TABLE, "monte_carlo": {"runs": 20}}
+    sensors = {"lidar": {**LIDAR, "rate_hz": 10}, "radar": {**RADAR, "rate_hz": 10}}
+    scenario = {**UDACITY, "truth": TABLE, "sensors": sensors, "monte_carlo": {"runs": 20}}
     found = result(write(tmp_path, scenario))
     entries = {item["name"]: item for item in found.json()["trackers"]}
     assert entries["ekf"]["metrics"]["position_rmse"]["value"] < 0.3
@@ -95,7 +97,8 @@ def test_truth_alone_gets_synthetic_measurements_at_its_own_irregular_times(tmp_
 
 def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
     truth = {**TABLE, "readings": {"lidar": {"x": "a", "y": "b"}}}
-    found = result(write(tmp_path, {**UDACITY, "truth": truth, "monte_carlo": {"runs": 5}}))
+    sensors = {"lidar": LIDAR, "radar": {**RADAR, "rate_hz": 10}}
+    found = result(write(tmp_path, {**UDACITY, "truth": truth, "sensors": sensors, "monte_carlo": {"runs": 5}}))
     assert found.json()["truth"]["recorded"] == ["lidar"]
     rows = found.tables["measurements"].to_pydict()
     lidar = [i for i, name in enumerate(rows["sensor"]) if name == "lidar"]
@@ -114,6 +117,23 @@ def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
         (
             {"sensors": {"lidar": {**LIDAR, "detection_probability": 0.5}}},
             "sensors.lidar.detection_probability: the measurements of lidar are recorded and taken as they are",
+        ),
+        (
+            {"sensors": {"lidar": {**LIDAR, "rate_hz": 10}}},
+            "sensors.lidar.rate_hz: the measurements of lidar are recorded and taken as they are; remove",
+        ),
+        ({"truth": TABLE}, "sensors.lidar.rate_hz: missing; measurements per second, Hz"),
+        (
+            {"truth": {**TABLE, "readings": {"lidar": {"x": "a", "y": "b", "units": {"x": "deg"}}}}},
+            "truth.readings.lidar.units.x: 'deg' is no unit of length; choose from: cm, ft, km, m, mm",
+        ),
+        (
+            {"truth": {**TABLE, "readings": {"lidar": {"x": "a", "y": "b", "bias": {"z": 1}}}}},
+            "truth.readings.lidar.z: sensor lidar is a lidar, which reads x, y",
+        ),
+        (
+            {"truth": {**TABLE, "columns": {**TABLE["columns"], "units": {"pz": "m"}}}},
+            "truth.columns.units.pz: no column is given for 'pz'; did you mean 'py'?",
         ),
         (
             {"truth": {**TABLE, "readings": {"lidr": {"x": "a", "y": "b"}}}},
@@ -171,3 +191,45 @@ def test_check_reads_the_recording_too(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, ["check", str(file)], standalone_mode=False)
     assert isinstance(done.exception, InputError)
     assert "there is no file log.txt" in str(done.exception)
+
+
+def drive(folder: Path) -> Path:
+    """Two cars for 20 s before a radar; one leaves its field of view, and half of the scans miss either."""
+    random = np.random.default_rng(5)
+    truth, radar = ["t,who,x,y,u,v"], ["t,who,r,az,rr"]
+    for k in range(401):
+        t = 0.05 * k
+        for who, x, y, u in (("near", 20 + 2 * t, 1.0, 2.0), ("gone", 30 - 4 * t, 5.0, -4.0)):
+            truth.append(f"{t:.3f},{who},{x},{y},{u},0")
+            azimuth, r = np.arctan2(y, x), np.hypot(x, y)
+            if abs(azimuth) < np.deg2rad(60) and 1 < t < 18 and random.random() < 0.5:
+                radar.append(f"{t:.3f},{who},{r + random.normal(0, 0.3)},{azimuth},{u * x / r}")
+    (folder / "truth.csv").write_text("\n".join(truth))
+    (folder / "radar.csv").write_text("\n".join(radar))
+    columns = {"time": "t", "object": "who", "px": "x", "py": "y", "vx": "u", "vy": "v"}
+    readings = {"radar": {"path": "radar.csv", "range": "r", "azimuth": "az", "range_rate": "rr"}}
+    source = {"source": "recording", "format": "csv", "path": "truth.csv", "columns": columns, "readings": readings}
+    scenario = {**UDACITY, "truth": source, "sensors": {"radar": {**RADAR, "fov_deg": 120}}}
+    file = folder / "scenario.yaml"
+    file.write_text(yaml.safe_dump(scenario))
+    return file
+
+
+def test_rate_and_detections_are_measured(tmp_path: Path) -> None:
+    found = result(drive(tmp_path))
+    radar = found.summary.sensors["radar"]
+    assert radar.rate_hz == pytest.approx(20, rel=1e-6)
+    # Of about 340 scans with the one in view and 130 with the other, each seen in half: three sigma.
+    assert radar.detection_rate == pytest.approx(0.5, abs=3 * 0.5 / np.sqrt(470))
+
+
+def test_what_is_scored_is_said(tmp_path: Path) -> None:
+    found = result(drive(tmp_path))
+    score = found.summary.score
+    assert found.summary.truth.duration_s == pytest.approx(20)
+    assert (score.from_s, score.to_s) == (pytest.approx(1, abs=0.3), pytest.approx(18, abs=0.3))
+    lines = "\n".join(line.plain for line in [_title(found)])
+    assert f"20.0 s ({score.from_s:.1f} to {score.to_s:.1f} s scored)" in lines
+    # Scans without a detection are instants at which a tracker is asked, by prediction.
+    times = np.array(found.tables["steps"].to_pydict()["time_s"])
+    assert np.diff(np.unique(times)).max() < 0.051

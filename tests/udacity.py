@@ -14,8 +14,8 @@ SCENARIO = """
 name: cyclist
 truth: {source: recording, format: udacity, path: lines.txt}
 sensors:
-  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15}
-  radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 1.718873, range_rate_sigma_mps: 0.3}
+  lidar: {type: lidar, position_sigma_m: 0.15}
+  radar: {type: radar, range_sigma_m: 0.3, azimuth_sigma_deg: 1.718873, range_rate_sigma_mps: 0.3}
 trackers:
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading}
   ekf_lidar: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading, sensors: [lidar]}

@@ -118,11 +118,14 @@ class RecordedMeasurements(NamedTuple):
     """What one sensor read, where its measurements come from a recording instead of being synthesised."""
 
     steps: Indices
-    """``(measurements,)`` indices into the truth's times."""
+    """``(scans,)`` indices into the truth's times; a scan may have detected nothing."""
     measurement: Array
-    """``(m, measurements, objects)``, NaN where not valid."""
+    """``(m, scans, objects)``, NaN where not valid."""
     valid: Mask
-    """``(measurements, objects)``: False where the sensor did not detect the object."""
+    """``(scans, objects)``: False where the sensor did not detect the object."""
+    cycle: Indices | None = None
+    """``(scans,)`` the number of the sensor's cycle, which may give its detections at several instants; each scan is a
+    cycle of its own unless given."""
 
 
 @dataclass(frozen=True)

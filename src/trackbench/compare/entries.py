@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackbench import results
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
-from trackbench.metrics import Interval
+from trackbench.metrics import Interval, clustered
 from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
@@ -76,6 +76,8 @@ class Entry:
     def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 
+        With runs of several scenes it is what each scene adds.
+
         Args:
             tracker: its name.
             metric: what to read.
@@ -103,9 +105,11 @@ class Entry:
         if found is None:
             return None
         self._require_agreement(tracker, metric.path, found.value)
-        if runs is None:
-            return found
-        return metric.of_runs(value[runs], count[runs], None if bound is None else bound[runs])
+        scene = self._column(rows, "scene").astype(np.intp)
+        if runs is not None:
+            found = metric.of_runs(value[runs], count[runs], None if bound is None else bound[runs])
+            scene = scene[runs]
+        return None if found is None else clustered(found, scene)
 
     def _stated(self, tracker: str, metric: str) -> float | None:
         """The value of a metric in the summary."""

@@ -60,7 +60,7 @@ class ComparedMetric:
             bound: ``(runs,)`` what it is divided by; None where it is by none.
         """
         if self.path == _NEES:
-            return ratio(np.nan_to_num(values) * count, count) if count.sum() > 0 else None
+            return ratio(np.nan_to_num(values) * count, count, positive=True) if count.sum() > 0 else None
         if bound is not None:
             squares, least = (np.nan_to_num(each) ** 2 * count for each in (values, bound))
             return root(ratio(squares, least)) if least.sum() > 0 else None

@@ -70,7 +70,7 @@ def with_noise(scan: Scan, random: np.random.Generator) -> Scan:
 
 def probe_rate(sensor: Sensor) -> float:
     """Scans of a sensor per second at a probe, Hz."""
-    return min(sensor.rate_hz, 20.0)
+    return min(sensor.rate_hz or 20.0, 20.0)
 
 
 GENERAL = (

@@ -2,7 +2,7 @@
 
 from trackbench.metrics.builtin import BUILT_IN, BuiltInMetric
 from trackbench.metrics.evaluate import Evaluation, Sums, evaluate, health, merge_sums, no_metrics
-from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled, variance_shares
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, OwnMetric, Scope, Target
 from trackbench.metrics.scorer import Scorer, score_together
 from trackbench.metrics.sums import BlockScores, Scores
@@ -24,6 +24,7 @@ __all__ = [
     "Scores",
     "Sums",
     "Target",
+    "clustered",
     "evaluate",
     "health",
     "merge_sums",
@@ -32,4 +33,5 @@ __all__ = [
     "root",
     "scaled",
     "score_together",
+    "variance_shares",
 ]

@@ -106,7 +106,7 @@ class Nees(BuiltInMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
-        return _chi_square(ratio(total, count), 4, len(count), inside)
+        return _chi_square(ratio(total, count, positive=True), 4, len(count), inside)
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)
@@ -131,7 +131,7 @@ class Nis(BuiltInMetric):
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
-        found = _chi_square(ratio(total, count), nis.dof, len(count), inside)
+        found = _chi_square(ratio(total, count, positive=True), nis.dof, len(count), inside)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
         return found.model_copy(update={"inside95": share, "coverage": _share(count.sum(), expected)})
 

@@ -34,7 +34,7 @@ class Contents:
     @property
     def hold(self) -> float:
         """For how long an estimate is shown when none follows: the period of the slowest sensor, s."""
-        return max(1.0 / sensor.rate_hz for sensor in self.sensors.values())
+        return max((1.0 / sensor.rate_hz for sensor in self.sensors.values() if sensor.rate_hz), default=1.0)
 
 
 def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Contents:

@@ -101,7 +101,8 @@ def _sensor(name: str, sensor: SensorSummary) -> str:
     preset = f", {sensor.preset}" if sensor.preset else ""
     share = sensor.detection_rate
     found = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
-    return f"- **{name}**: {sensor.kind}{preset}, {sensor.rate_hz:g} Hz, {found}"
+    rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
+    return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}"
 
 
 def _number(value: float | None) -> str:

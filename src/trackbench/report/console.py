@@ -12,7 +12,7 @@ from trackbench.document.terminal import STYLE
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import Pairs, groups
-from trackbench.report.run.sentences import expectations_met, failure, precision_reached
+from trackbench.report.run.sentences import duration, expectations_met, failure, precision_reached
 from trackbench.report.run.tables import found
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
 from trackbench.words import counted
@@ -57,8 +57,8 @@ def _print_missed(result: Result, console: Console) -> None:
 
 def _title(result: Result) -> Text:
     summary, truth = result.summary, result.summary.truth
-    what = f"{counted(summary.runs, 'run')}, {counted(len(truth.objects), 'vehicle')}, "
-    return Text.assemble((result.name, "bold"), f": {what}{fixed(truth.duration_s, 1)} s, seed {summary.seed}")
+    what = f"{counted(summary.runs, 'run')}, {counted(len(truth.objects), 'vehicle')}, {duration(result)}"
+    return Text.assemble((result.name, "bold"), f": {what}, seed {summary.seed}")
 
 
 @dataclass(frozen=True)

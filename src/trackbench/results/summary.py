@@ -60,10 +60,11 @@ class SensorSummary(Part):
     kind: str
     dof: int
     """Components of a measurement."""
-    rate_hz: float
+    rate_hz: float | None
+    """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None
     detection_rate: float | None
-    """Share of the instants with an object in view that gave a measurement of it."""
+    """Share of the scans with an object in view that gave a measurement of it."""
 
 
 class BoundSummary(Part):
@@ -92,10 +93,14 @@ class ScoreSummary(Part):
 
     settle_s: float
     divergence_m: float
-    min_coverage: float = 0.0
+    min_coverage: float
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
-    common_share: float | None = None
+    common_share: float | None
     """Share of the estimates of the ranked trackers that all of them gave, which alone are scored."""
+    from_s: float
+    """The first instant at which a sensor looks; trackers are asked and scored from here on."""
+    to_s: float
+    """The last one."""
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 

@@ -29,7 +29,7 @@ from trackbench.runner.evaluated import evaluated
 from trackbench.runner.expectations import judge
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.sensing.scans import IdealSensor
+from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.truth import LoadedTruth, TruthSource
 
@@ -48,6 +48,7 @@ def assemble(
     compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
     pairs = differences(compared, work.metrics)
     trackers = [assembly.tracker(name) for name in work.trackers]
+    instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
     summary = Summary(
         scenario=ScenarioSummary(
@@ -72,6 +73,8 @@ def assemble(
             divergence_m=work.divergence,
             min_coverage=work.min_coverage,
             common_share=found.common_share,
+            from_s=min(float(time[0]) for time in instants),
+            to_s=max(float(time[-1]) for time in instants),
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
         recorded_run=work.recorded_scene * work.runs + work.recorded_run,
@@ -125,7 +128,7 @@ class _Assembly:
             found[sensor.name] = SensorSummary(
                 kind=sensor.config.type,
                 dof=len(sensor.noise_covariance),
-                rate_hz=sensor.config.rate_hz,
+                rate_hz=scan_rate(sensor),
                 preset=sensor.config.preset,
                 detection_rate=float(detected / seen) if seen > 0 else None,
             )

@@ -27,6 +27,10 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
         yield from recorded_checks.problems(scenario, scenario.truth)
     if isinstance(scenario.truth, SteppedTruth):
         yield from _times(scenario, scenario.truth)
+    fed = scenario.truth.feeds({name: sensor.type for name, sensor in scenario.sensors.items()})
+    for name, sensor in scenario.sensors.items():
+        if sensor.rate_hz is None and name not in fed:
+            yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -49,6 +53,8 @@ def _times(scenario: ScenarioConfig, truth: SteppedTruth) -> Iterator[Problem]:
         yield Problem(("score", "settle_s"), f"must be shorter than {longest}")
     truth_rate = truth.rate_hz
     for name, sensor in scenario.sensors.items():
+        if sensor.rate_hz is None:
+            continue
         steps = truth_rate / sensor.rate_hz
         if not _whole(steps):
             near = " or ".join(f"{rate:g}" for rate in _nearest_rates(truth_rate, steps))

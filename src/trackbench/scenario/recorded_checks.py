@@ -9,13 +9,14 @@ from trackbench.config import Problem
 from trackbench.errors import nearest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import FilterConfig
+from trackbench.truth.config.columns import COMPONENT_QUANTITIES, unit_problems
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
     from trackbench.scenario.config import ScenarioConfig
 
-#: Keys of a sensor that say what it would read; recorded measurements are taken as they are.
-SYNTHETIC = ("phase_s", "fov_deg", "max_range_m", "detection_probability")
+#: Keys of a sensor that say when and what it would read; recorded measurements are taken as they are.
+SYNTHETIC = ("rate_hz", "phase_s", "detection_probability")
 
 
 def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Problem]:
@@ -44,9 +45,13 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
         for component in needed:
             if component not in columns.components:
                 yield Problem((*at, component), f"missing: a {kinds[name]} reads {', '.join(needed)}")
-        for component in columns.components:
+        for component in (*columns.components, *columns.bias):
             if component not in needed:
                 yield Problem((*at, component), f"sensor {name} is a {kinds[name]}, which reads {', '.join(needed)}")
+        model = SENSOR_MODELS[kinds[name]]
+        quantities = {c: COMPONENT_QUANTITIES.get(unit) for c, unit in zip(needed, model.units, strict=True)}
+        for problem in unit_problems(columns.units, {"time": "time", **quantities}):
+            yield Problem((*at, *problem.at), problem.message)
 
 
 def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from trackbench.models.sensors import Radar, Sensor
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.streams import stream
-from trackbench.types import Array, Mask, RecordedMeasurements, Scan, Truth
+from trackbench.types import Array, Indices, Mask, RecordedMeasurements, Scan, Truth
 from trackbench.units import difference
 
 
@@ -23,7 +22,7 @@ class IdealSensor:
 
     name: str
     config: Sensor
-    steps: npt.NDArray[np.intp]
+    steps: Indices
     """``(instants,)`` indices into the truth."""
     time: Array
     """``(instants,)`` s."""
@@ -37,8 +36,10 @@ class IdealSensor:
     """``(2, instants)``."""
     noise_covariance: Array
     """``(m, m)``."""
+    cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
+    """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     recorded: bool = False
-    """Whether the measurements are as recorded: no noise is added, and every visible object is detected."""
+    """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
 
 
 def ideal_sensors(
@@ -107,26 +108,47 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
     measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
-    polar = Radar.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
-    time = truth.time[steps]
-    visible = truth.alive[steps][:, :, None] & ~silent(config, time)[:, None, None]
-    visible = visible & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
-    if config.max_range_m is not None:
-        visible = visible & (polar[0] <= config.max_range_m)
+    visible = _in_view(truth, steps, config, pose)
     noise = config.noise_covariance()
-    return IdealSensor(name, config, steps, time, measurement, visible, pose, velocity, noise)
+    return IdealSensor(name, config, steps, truth.time[steps], measurement, visible, pose, velocity, noise)
 
 
 def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: RecordedMeasurements) -> IdealSensor:
+    steps, valid = measurements.steps, measurements.valid
     motion = sensor_motion(truth.observer, config.mount)
-    time = truth.time[measurements.steps]
-    visible = measurements.valid[:, :, None] & ~silent(config, time)[:, None, None]
-    pose, velocity = motion.pose[:, measurements.steps], motion.velocity[:, measurements.steps]
+    pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
+    cycle = np.arange(len(steps)) if measurements.cycle is None else measurements.cycle
+    _, first, number = np.unique(cycle, return_index=True, return_inverse=True)
+    in_cycle = np.logical_or.reduceat(valid, first, axis=0)[number] if len(steps) else valid
+    # An object that a cycle detected at another of its instants was not missed at this one.
+    missed = ~in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
+    silenced = silent(config, truth.time[steps])[:, None, None]
+    visible = (valid[:, :, None] & ~silenced) | (missed[:, :, None] & _in_view(truth, steps, config, pose))
     noise = config.noise_covariance()
     measurement = measurements.measurement[..., None]
+    time = truth.time[steps]
     return IdealSensor(
-        name, config, measurements.steps, time, measurement, visible, pose, velocity, noise, recorded=True
+        name, config, steps, time, measurement, visible, pose, velocity, noise, cycle_starts=first, recorded=True
     )
+
+
+def scan_rate(sensor: IdealSensor) -> float | None:
+    """Scans per second, Hz: as stated, or of recorded ones the median; None where there is a single one."""
+    if not sensor.recorded:
+        return sensor.config.rate_hz
+    starts = sensor.time[sensor.cycle_starts]
+    return float(1.0 / np.median(np.diff(starts))) if len(starts) > 1 else None
+
+
+def _in_view(truth: Truth, steps: Indices, config: Sensor, pose: Array) -> Mask:
+    """``(instants, objects, runs or 1)``: present, in range, in the field of view, and the sensor not silent."""
+    position = np.stack([truth.px, truth.py, np.zeros_like(truth.px), np.zeros_like(truth.px)])[:, steps]
+    polar = Radar.measure(position, pose[:, :, None, None], np.zeros((2, 1, 1, 1)))
+    visible = truth.alive[steps][:, :, None] & ~silent(config, truth.time[steps])[:, None, None]
+    visible = visible & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
+    if config.max_range_m is not None:
+        visible = visible & (polar[0] <= config.max_range_m)
+    return np.asarray(visible)
 
 
 def _noisy(
@@ -146,6 +168,8 @@ def _noisy(
         chance = random.random((instants, objects))
         of_run = run if sensor.measurement.shape[-1] > 1 else 0
         detected = sensor.visible[..., of_run] & (chance < probability)
+        if sensor.recorded:
+            detected = detected & np.isfinite(sensor.measurement[..., of_run]).all(axis=0)
         noisy = difference(sensor.measurement[..., of_run], -error, sensor.config.angular)
         noisy = np.where(detected, noisy, np.nan)
         hashes[i].update(noisy.tobytes())

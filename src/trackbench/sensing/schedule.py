@@ -17,6 +17,7 @@ def firing_steps(config: Sensor, time: Array) -> npt.NDArray[np.intp]:
 
     On a regular grid whose rate that of the sensor divides, these are the instants themselves.
     """
+    assert config.rate_hz is not None
     due = np.arange(config.phase_s, time[-1] + TOLERANCE, 1.0 / config.rate_hz)
     return np.unique(np.searchsorted(time, due - TOLERANCE))
 

@@ -68,7 +68,7 @@ class RecordingTruth(RecordingOptions):
         progress: Progress = no_progress,
     ) -> LoadedTruth:
         recording = recorded.load(self, sensors or {}, folder)
-        return LoadedTruth(recording.truth, measurements=recording.measurements)
+        return LoadedTruth(recording.truth, notes=recording.notes, measurements=recording.measurements)
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
         recorded.load(self, sensors or {}, folder or Path())

@@ -55,7 +55,12 @@ class Sensor(Config, ABC):
         description="A real sensor whose published figures are the defaults of the other keys "
         "(`trackbench list sensors` shows them).",
     )
-    rate_hz: float = Field(gt=0, le=1000, description="Measurements per second, Hz; it divides truth.rate_hz.")
+    rate_hz: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        description="Measurements per second, Hz; it divides truth.rate_hz. Required, but not where they are recorded.",
+    )
     phase_s: NonNegative = Field(
         0, description="Time of the first measurement, s; a whole number of truth steps, shorter than a period."
     )

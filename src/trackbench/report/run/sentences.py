@@ -30,12 +30,21 @@ def facts(result: Result) -> tuple[str, ...]:
         f"{source}, other motion in each run" if options.get("random") else source,
         counted(summary.runs, "run"),
         counted(len(truth.objects), "vehicle"),
-        f"{fixed(truth.duration_s, 1)} s",
+        duration(result),
         counted(len(summary.sensors), "sensor"),
         counted(len(summary.trackers), "tracker"),
         f"seed {summary.seed}",
         f"{summary.engine} engine",
     )
+
+
+def duration(result: Result) -> str:
+    """How long the truth is, and which part of it is scored where the sensors do not look all the time."""
+    length, score = result.summary.truth.duration_s, result.summary.score
+    period = max((1 / sensor.rate_hz for sensor in result.summary.sensors.values() if sensor.rate_hz), default=0.0)
+    whole = score.from_s <= period and length - score.to_s <= period
+    part = "" if whole else f" ({fixed(score.from_s, 1)} to {fixed(score.to_s, 1)} s scored)"
+    return f"{fixed(length, 1)} s{part}"
 
 
 def verdict(tracker: TrackerResult, runs: int) -> str:

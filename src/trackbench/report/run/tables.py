@@ -164,13 +164,13 @@ def sensors(result: Result) -> Table:
         Column("kind", left=True),
         Column("rate, Hz"),
         Column("components", "of one measurement"),
-        Column("detections, %", "instants with a vehicle present that gave a measurement of it"),
+        Column("detections, %", "scans with a vehicle in the field of view that gave a measurement of it"),
     )
     rows = [
         (
             Cell(name, (about.preset,) if about.preset else ()),
             Cell(about.kind),
-            Cell(f"{about.rate_hz:g}"),
+            Cell(NOT_AVAILABLE, reason="a single scan") if about.rate_hz is None else Cell(f"{about.rate_hz:.4g}"),
             Cell(str(about.dof)),
             Cell(_percents(about.detection_rate)),
         )

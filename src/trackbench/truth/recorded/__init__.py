@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from trackbench.truth.config import RecordingOptions
+from trackbench.truth.recorded.drive import Drive
 from trackbench.types import RecordedMeasurements, Truth
 
-__all__ = ["Recording", "load"]
+__all__ = ["Drive", "Recording", "load", "read"]
 
 
 class Recording(NamedTuple):
-    """What a file says."""
+    """What a file says, on one grid of times."""
 
     truth: Truth
     measurements: dict[str, RecordedMeasurements]
     """By sensor."""
+    notes: tuple[str, ...]
+    """What was put in order or left out, a line each."""
 
 
 def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Recording:
@@ -31,8 +35,27 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
+    from trackbench.truth.recorded import assemble
+
+    drive = read(config, kinds, folder)
+    clipped = drive.clipped()
+    assemble.require_measurements(drive, clipped)
+    looked = assemble.scan_cycles(clipped)
+    times = assemble.grid(clipped, looked)
+    counts = assemble.left_out(drive, clipped)
+    truth = assemble.truth(config, clipped, times)
+    truth = replace(truth, source={**truth.source, **({"left_out": counts} if counts else {})})
+    found = {
+        name: assemble.measurements(log, kinds[name], looked[name], times, len(truth.ids))
+        for name, log in clipped.logs.items()
+    }
+    return Recording(truth, found, tuple(assemble.notes(drive, counts)))
+
+
+def read(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
+    """Read the files of a recording; see :func:`load`."""
     from trackbench.truth.recorded import table, udacity_file
 
     if config.format == "udacity":
-        return Recording(*udacity_file.load(config, kinds, folder))
-    return Recording(*table.load(config, kinds, folder))
+        return udacity_file.load(config, kinds, folder)
+    return table.load(config, kinds, folder)

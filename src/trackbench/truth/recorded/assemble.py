@@ -1,62 +1,30 @@
-"""Recorded motion and measurements on one grid of times."""
+"""A recorded drive on one grid of times."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from trackbench.errors import InputError
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.truth.config import FixedObserver, RecordingOptions
-from trackbench.types import Array, Indices, Observer, RecordedMeasurements, Truth
+from trackbench.truth.recorded.cycles import Cycles, cycles
+from trackbench.truth.recorded.drive import Drive, Log, Motion
+from trackbench.types import Array, Observer, RecordedMeasurements, Truth
 from trackbench.units import wrap_angle
+from trackbench.words import counted
 
 
-class Motion(NamedTuple):
-    """The recorded motion of one object, each ``(rows,)``, at strictly increasing times."""
-
-    time: Array
-    """s from the recording's first instant."""
-    px: Array
-    py: Array
-    vx: Array
-    vy: Array
-    heading: Array | None = None
-    """rad; None: the course."""
-    yaw_rate: Array | None = None
-    """rad/s; None: from the heading."""
-
-
-class Log(NamedTuple):
-    """The recorded measurements of one sensor, one row a detection."""
-
-    time: Array
-    """``(rows,)`` s."""
-    object: Indices
-    """``(rows,)`` number of the object."""
-    measurement: Array
-    """``(m, rows)``"""
-
-
-def truth(
-    config: RecordingOptions,
-    motions: Mapping[str, Motion],
-    logs: Mapping[str, Log],
-    observer: Observer | None,
-    times: Array,
-    source: Mapping[str, Any],
-) -> Truth:
+def truth(config: RecordingOptions, drive: Drive, times: Array) -> Truth:
     """The motion of all objects at ``times``, between the recorded instants by linear interpolation.
 
     Args:
         config: the scenario's.
-        motions: by object.
-        logs: by sensor.
-        observer: what carries the sensors, at ``times``; None: the fixed point of ``config``.
+        drive: what the files say.
         times: ``(steps,)`` s, increasing.
-        source: what the result says of the recording beside its format and file.
     """
+    motions = drive.motions
     columns = [_on_grid(motion, times) for motion in motions.values()]
 
     def stacked(name: str) -> Array:
@@ -76,32 +44,110 @@ def truth(
         alive=alive,
         length=np.full(len(motions), config.length_m),
         width=np.full(len(motions), config.width_m),
-        observer=observer if observer is not None else fixed(config.observer, len(times)),
-        source={"source": "recording", "format": config.format, "recorded": list(logs), **source},
+        observer=fixed(config.observer, len(times)) if drive.observer is None else carrier(drive.observer, times),
+        source={"source": "recording", "format": config.format, "recorded": list(drive.logs), **drive.source},
     )
 
 
-def measurements(log: Log, kind: str, times: Array, objects: int) -> RecordedMeasurements:
-    """A sensor's measurements by step and object, its angles wrapped to (-pi, pi].
+def scan_cycles(drive: Drive) -> dict[str, Cycles]:
+    """When each sensor looked, by name."""
+    return {name: cycles(log.time, log.object, log.scans) for name, log in drive.logs.items()}
+
+
+def grid(drive: Drive, looked: Mapping[str, Cycles]) -> Array:
+    """All times of the truth's rows and of the scans, each once and in order, as far as the observer is known.
+
+    Raises:
+        InputError: the observer is known at none of them.
+    """
+    times = np.unique(
+        np.concatenate([m.time for m in drive.motions.values()] + [found.instants for found in looked.values()])
+    )
+    if drive.observer is None:
+        return times
+    first, last = float(drive.observer.time[0]), float(drive.observer.time[-1])
+    known = times[(times >= first) & (times <= last)]
+    if not len(known):
+        span = f"from {times[0]:g} to {times[-1]:g} s"
+        message = f"it is known from {first:g} to {last:g} s, and the truth {span}: check the units of time"
+        raise InputError(message, key="truth.columns.observer")
+    return np.asarray(known)
+
+
+def measurements(log: Log, kind: str, looked: Cycles, times: Array, objects: int) -> RecordedMeasurements:
+    """A sensor's measurements by scan and object, its angles wrapped to (-pi, pi].
 
     Args:
         log: at most one row for each time and object.
         kind: of the sensor.
+        looked: when it looked.
         times: ``(steps,)`` those of the truth, with all of the log's among them.
         objects: how many there are.
     """
     model = SENSOR_MODELS[kind]
-    instants, of_row = np.unique(log.time, return_inverse=True)
+    there = (looked.instants >= times[0]) & (looked.instants <= times[-1])
+    instants = looked.instants[there]
     measurement = np.full((len(model.components), len(instants), objects), np.nan)
-    measurement[:, of_row, log.object] = log.measurement
+    measurement[:, np.searchsorted(instants, log.time), log.object] = log.measurement
     for i in model.angular:
         measurement[i] = wrap_angle(measurement[i])
-    return RecordedMeasurements(np.searchsorted(times, instants), measurement, np.isfinite(measurement).all(axis=0))
+    valid = np.isfinite(measurement).all(axis=0)
+    return RecordedMeasurements(np.searchsorted(times, instants), measurement, valid, looked.cycle[there])
 
 
-def grid(arrays: Sequence[Array]) -> Array:
-    """All the times of several recordings, each once and in order."""
-    return np.unique(np.concatenate(arrays))
+def left_out(drive: Drive, clipped: Drive) -> dict[str, dict[str, int]]:
+    """How many rows of the truth and of each sensor were put in order or left out; what did not occur is not named."""
+    seen = drive.observer
+    unknown = (
+        0
+        if seen is None
+        else sum(int(((m.time < seen.time[0]) | (m.time > seen.time[-1])).sum()) for m in drive.motions.values())
+    )
+    found = {
+        "truth": {
+            "out_of_order": drive.order.backwards,
+            "duplicates": drive.order.duplicates,
+            "outside_observer": unknown,
+        }
+    }
+    for name, log in drive.logs.items():
+        found[name] = {
+            "out_of_order": log.order.backwards,
+            "duplicates": log.order.duplicates,
+            "outside_truth": len(log.time) - len(clipped.logs[name].time),
+        }
+    counts = {name: {what: count for what, count in of.items() if count} for name, of in found.items()}
+    return {name: of for name, of in counts.items() if of}
+
+
+def notes(drive: Drive, counts: Mapping[str, Mapping[str, int]]) -> Iterator[str]:
+    """A line for the truth and each sensor whose rows were put in order or left out."""
+    words = {
+        "out_of_order": "out of the order of time (sorted)",
+        "duplicates": "of an object and a time that came before (left out)",
+        "outside_truth": "outside the time of the truth (left out)",
+        "outside_observer": "outside the time of the observer (left out)",
+    }
+    for name, of in counts.items():
+        rows = drive.order.rows if name == "truth" else drive.logs[name].order.rows
+        said = ", ".join(f"{count} {words[what]}" for what, count in of.items())
+        yield f"{name}: of {counted(rows, 'row')}, {said}"
+
+
+def require_measurements(drive: Drive, clipped: Drive) -> None:
+    """Make sure that every sensor has a measurement within the time of the truth.
+
+    Raises:
+        InputError: one has none.
+    """
+    for name, log in drive.logs.items():
+        if len(clipped.logs[name].time):
+            continue
+        spans = [drive.span(number) for number in range(len(drive.motions))]
+        known = f"from {min(first for first, _ in spans):g} to {max(last for _, last in spans):g} s"
+        own = f"from {log.time[0]:g} to {log.time[-1]:g} s"
+        message = f"no measurement of {name} ({own}) lies within the time of its object's truth ({known})"
+        raise InputError(f"{message}: check the units of time", key=f"truth.readings.{name}")
 
 
 def fixed(observer: FixedObserver, steps: int) -> Observer:
@@ -109,6 +155,18 @@ def fixed(observer: FixedObserver, steps: int) -> Observer:
     at_rest = np.zeros(steps)
     yaw = np.deg2rad(observer.yaw_deg)
     return Observer(at_rest + observer.x, at_rest + observer.y, at_rest + yaw, at_rest, at_rest, at_rest)
+
+
+def carrier(motion: Motion, times: Array) -> Observer:
+    """A recorded observer at ``times``; its heading is interpolated the short way round."""
+    assert motion.heading is not None
+    yaw = np.unwrap(motion.heading)
+    rate = _slope(yaw, motion.time) if motion.yaw_rate is None else motion.yaw_rate
+
+    def at(values: Array) -> Array:
+        return np.interp(times, motion.time, values)
+
+    return Observer(at(motion.px), at(motion.py), at(yaw), at(motion.vx), at(motion.vy), at(rate))
 
 
 def _on_grid(motion: Motion, times: Array) -> dict[str, Array]:

@@ -37,20 +37,18 @@ class Rows(NamedTuple):
         return InputError(message, file=self.file, line=self.lines[row])
 
     def numbers(self, column: str, *, optional: bool = False) -> Array:
-        """A column of finite numbers; NaN where it is empty, if it may be."""
+        """A column of finite numbers; NaN where it is empty or says so, if it may be."""
         values = np.empty(len(self))
         for row, value in enumerate(self.columns[column]):
-            values[row] = math.nan if optional and _empty(value) else self._number(row, column, value)
+            values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value)
         return values
 
     def times(self, column: str) -> list[Decimal]:
-        """A column of times that never run backwards, exactly as written."""
+        """A column of times, exactly as written."""
         times = []
         for row, value in enumerate(self.columns[column]):
             self._number(row, column, value)
             times.append(Decimal(value.strip() if isinstance(value, str) else value))
-            if row and times[row] < times[row - 1]:
-                raise self.error(row, f"{column}: time runs backwards, {value} after {times[row - 1]}")
         return times
 
     def names(self, column: str) -> list[str]:
@@ -133,3 +131,10 @@ def _require(names: list[str], header: list[str], file: Path, line: int | None) 
 
 def _empty(value: Any) -> bool:
     return value is None or (isinstance(value, str) and not value.strip())
+
+
+def _unknown(value: Any) -> bool:
+    """Empty, or "not a number": as programs write what they do not know."""
+    if isinstance(value, str):
+        return value.strip().lower() in ("", "nan")
+    return value is None or (isinstance(value, float) and math.isnan(value))

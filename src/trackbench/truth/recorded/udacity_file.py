@@ -9,16 +9,14 @@ import numpy as np
 
 from trackbench.errors import InputError
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.recorded import assemble, files
+from trackbench.truth.recorded import files
+from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
 from trackbench.truth.recorded.udacity import Measurement, parse_line
-from trackbench.types import RecordedMeasurements, Truth
 
 OBJECT = "cyclist"
 
 
-def load(
-    config: RecordingOptions, kinds: Mapping[str, str], folder: Path
-) -> tuple[Truth, dict[str, RecordedMeasurements]]:
+def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Drive:
     """The one object's truth at every line, and the measurements of the sensors of the given kinds.
 
     Raises:
@@ -32,7 +30,7 @@ def load(
     px, py, vx, vy = np.array([item.truth for item in measurements]).T[:, first]
     yaw = [item.yaw for item in measurements]
     rate = [item.yaw_rate for item in measurements]
-    motion = assemble.Motion(
+    motion = Motion(
         *(times, px, py, vx, vy),
         heading=None if None in yaw else np.array(yaw, dtype=float)[first],
         yaw_rate=None if None in rate else np.array(rate, dtype=float)[first],
@@ -42,11 +40,10 @@ def load(
         rows = [i for i, item in enumerate(measurements) if item.kind == kind]
         if not rows:
             raise InputError(f"the file has no line of a {kind}, which sensor {name} is", file=file)
-        measurement = np.array([measurements[i].measurement for i in rows]).T
-        logs[name] = assemble.Log(seconds[rows], np.zeros(len(rows), dtype=np.intp), measurement)
-    source = {"file": file.name, "lines": len(measurements)}
-    truth = assemble.truth(config, {OBJECT: motion}, logs, None, times, source)
-    return truth, {name: assemble.measurements(log, kinds[name], times, 1) for name, log in logs.items()}
+        measurement, owner = np.array([measurements[i].measurement for i in rows]).T, np.zeros(len(rows), dtype=np.intp)
+        logs[name] = Log(seconds[rows], owner, measurement, seconds[rows], row_order(seconds[rows], owner)[1])
+    order = row_order(times, np.zeros(len(times), dtype=np.intp))[1]
+    return Drive({OBJECT: motion}, order, None, logs, {"file": file.name, "lines": len(measurements)})
 
 
 def parse(text: str, file: Path) -> list[Measurement]:
