@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from tests.scenes import random_walk, work
+from trackbench.metrics.bound import BoundStart, cramer_rao, rms_bound
 
 from trackbench.metrics import evaluate, health
-from trackbench.metrics.bound import BoundStart, cramer_rao, rms_bound
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import NO_BOUND, merge
 from trackbench.models.sensors import Lidar, Radar

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 from tests.scenes import TRACKERS, random_walk, scan, truth, work
+from trackbench.metrics.bound import rms_bound
 
 from trackbench.metrics import Bound, Fault, Scorer, Target, evaluate, health, scorer
-from trackbench.metrics.bound import rms_bound
 from trackbench.metrics.estimates import ESTIMATES, percentiles
 from trackbench.metrics.sums import NO_BOUND, merge
 from trackbench.models.sensors import Lidar, Radar

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 from tests.scenes import fixed_observer, truth
-
 from trackbench.metrics.bound import BoundStart, cramer_rao
+
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar
 from trackbench.results import Result, TrackerResult
 from trackbench.runner.run import run

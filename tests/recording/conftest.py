@@ -13,7 +13,7 @@ from scipy import stats
 
 from trackbench import recording
 from trackbench.results import ExpectationResult, Health, MetricValue, Result, Summary, Tables, TrackerResult
-from trackbench.results.summary import BoundSummary, ScenarioSummary, ScoreSummary, SensorSummary, TruthSummary
+from trackbench.results.summary import ReferenceSummary, ScenarioSummary, ScoreSummary, SensorSummary, TruthSummary
 
 STEPS, DT, RUNS = 401, 0.05, 100
 TARGETS = ("v1", "v2", "v3", "v4", "v5")
@@ -47,8 +47,8 @@ def synthetic_result() -> Result:
                 "nees_mean": mean,
                 "nees_low": low,
                 "nees_high": high,
-                "position_bound_m": 0.3 * growth,
-                "velocity_bound_mps": 0.5 * growth,
+                "position_reference_m": 0.3 * growth,
+                "velocity_reference_mps": 0.5 * growth,
             }
         )
         for sensor, (every, dof) in SENSORS.items():
@@ -181,7 +181,14 @@ def _summary() -> Summary:
             "front_radar": SensorSummary(kind="radar", dof=3, rate_hz=20, detection_rate=0.9, preset=None),
             "roof_lidar": SensorSummary(kind="lidar", dof=2, rate_hz=10, detection_rate=0.9, preset=None),
         },
-        bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
+        reference=ReferenceSummary(
+            kind="reference",
+            motion="cv",
+            acceleration_sigma_mps2=1.0,
+            acceleration_from="truth",
+            acceleration_changes="each measurement",
+            velocity_sigma_mps=10.0,
+        ),
         score=ScoreSummary(settle_s=0.0, divergence_m=10.0),
         recorded_run=0,
         trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
@@ -206,7 +213,7 @@ def _tracker(name: str, sigma: float) -> TrackerResult:
     metrics = {
         "position_rmse": MetricValue(value=sigma, unit="m", ci95=(sigma - 0.01, sigma + 0.01)),
         "nees": nees,
-        "position_efficiency": MetricValue(value=sigma / 0.3, unit="1"),
+        "position_over_reference": MetricValue(value=sigma / 0.3, unit="1"),
     }
     return TrackerResult(name=name, describe=f"{name}, both sensors", failed=None, metrics=metrics, health=Health())
 

@@ -26,18 +26,18 @@ SINGLE = "95 % of single innovations"
 SAME = 1e-6
 
 
-def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: Mapping[str, str]) -> None:
-    """RMSE with the Cramér-Rao bound, mean NEES and mean NIS with their 95 % bounds."""
+def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: Mapping[str, str], reference: str) -> None:
+    """RMSE with that of the reference, which has the given name; mean NEES and mean NIS with their 95 % bounds."""
     by_tracker = {tracker: rows for (tracker,), rows in split(steps, "tracker").items()}
     for quantity, unit in (("position", "m"), ("velocity", "mps")):
         place = ("series", ALL_RUNS, f"{quantity}_rmse")
         _lines(stream, place, by_tracker, f"{quantity}_rmse_{unit}", colours)
-        _bounds(stream, place, "Cramér-Rao bound", by_tracker, (f"{quantity}_bound_{unit}",), colours)
-        columns = (f"{quantity}_rmse_{unit}", f"{quantity}_bound_{unit}")
+        _bounds(stream, place, reference, by_tracker, (f"{quantity}_reference_{unit}",), colours)
+        columns = (f"{quantity}_rmse_{unit}", f"{quantity}_reference_{unit}")
         logs = {tracker: _log10(rows, columns) for tracker, rows in by_tracker.items()}
         log_place = (*LOG, *place[1:])
         _lines(stream, log_place, logs, columns[0], colours)
-        _bounds(stream, log_place, "Cramér-Rao bound", logs, columns[1:], colours)
+        _bounds(stream, log_place, reference, logs, columns[1:], colours)
     place = ("series", ALL_RUNS, "nees")
     _lines(stream, place, by_tracker, "nees_mean", colours)
     _bounds(stream, place, "95 % bounds", by_tracker, ("nees_low", "nees_high"), colours)
@@ -130,7 +130,7 @@ def _bounds(
     fields: tuple[str, ...],
     colours: Mapping[str, str],
 ) -> None:
-    """One line for all trackers that share a bound, in its tracker's colour where only some do and it is of one."""
+    """One line for all trackers that share it, in its tracker's colour where only some do and it is of one."""
     for field in fields:
         shared: list[list[str]] = []
         for tracker, tracker_rows in rows.items():
@@ -150,7 +150,7 @@ def _bounds(
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
-    """Whether a bound is the same at nearly all instants that both have: tracks may start a measurement apart."""
+    """Whether it is the same at nearly all instants that both have: tracks may start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)

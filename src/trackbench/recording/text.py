@@ -30,7 +30,7 @@ def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[
     yield f"## {name}"
     yield f"All {runs} runs, ranked by position RMSE"
     yield ""
-    yield "| # | tracker | RMSE m | 95 % interval | RMSE / bound | NEES | covariance |"
+    yield "| # | tracker | RMSE m | 95 % interval | RMSE / reference | NEES | covariance |"
     yield "|--:|:--|--:|:-:|--:|--:|:--|"
     failures = []
     for place, tracker in enumerate(trackers, start=1):
@@ -78,13 +78,13 @@ def _row(place: int, tracker: TrackerResult) -> str:
     if tracker.failed is not None:
         return f"| {place} | {tracker.name} | failed | | | | |"
     error, nees = tracker.position_rmse, tracker.nees
-    efficiency = tracker.metrics.get("position_efficiency")
+    over = tracker.metrics.get("position_over_reference")
     cells = (
         str(place),
         tracker.name,
         _number(error.value),
         " to ".join(map(_number, error.ci95)) if error.ci95 else NOT_AVAILABLE,
-        _number(None if efficiency is None else efficiency.value),
+        _number(None if over is None else over.value),
         _number(nees.value),
         nees.verdict or NOT_AVAILABLE,
     )

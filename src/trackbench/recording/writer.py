@@ -91,7 +91,7 @@ def draw(recording: rr.RecordingStream, contents: Contents) -> None:
     scene.send_vehicles(stream, tables.truth)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     scene.send_estimates(stream, tables.estimates, tables.truth, colours, contents.hold)
-    series.send_all_runs(stream, tables.steps, tables.nis, colours)
+    series.send_all_runs(stream, tables.steps, tables.nis, colours, contents.reference)
     series.send_recorded_run(stream, tables.estimates, tables.recorded_nis, tables.nis, colours)
 
 

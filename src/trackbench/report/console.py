@@ -86,7 +86,7 @@ def _ranked(result: Result, width: int) -> list[Text]:
         _Column("position m", _values(trackers, "position_rmse")),
         *([_Column("group", [Text(group) for group in letters], right=False)] if letters else []),
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
-        _Column("/bound", _values(trackers, "position_efficiency")),
+        _Column("/ref", _values(trackers, "position_over_reference")),
         _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
         _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
         _Column("µs/step", _values(trackers, "step_time", 2)),
@@ -144,7 +144,9 @@ def _nees(metrics: Sequence[MetricValue]) -> list[Text]:
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
-    notes = [f"±: 95 %; /bound: over the Cramér-Rao bound; diverged: of {counted(summary.runs, 'run')}"]
+    assumed = " (white acceleration)" if summary.reference.kind == "reference" else ""
+    over = f"over the {summary.reference.label}{assumed}"
+    notes = [f"±: 95 %; /ref: {over}; diverged: of {counted(summary.runs, 'run')}"]
     if not _groups(result):
         notes.append("group: too many groups for this table; report.html has them")
     elif len(trackers) > 1:
@@ -155,7 +157,7 @@ def _notes(result: Result) -> list[str]:
         notes.append(precision_reached(summary.precision, summary.runs))
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
-    for path in ("velocity_rmse", "position_efficiency", "nees"):
+    for path in ("velocity_rmse", "position_over_reference", "nees"):
         metrics = [metric_of(tracker, path) for tracker in trackers]
         reasons = {metric.reason or "not given" for metric in metrics if metric.value is None}
         notes += [f"{path.replace('_', ' ')} n/a: {reason}" for reason in sorted(reasons)]

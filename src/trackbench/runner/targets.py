@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.metrics import Target
-from trackbench.metrics.bound import BoundStart, conditional_bound
+from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.runner.work import Piece, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -31,7 +31,7 @@ class Targets:
             for sensor in self._scene.sensors
         }
         self._starts: dict[frozenset[str], Array] = {}
-        self._bounds: dict[tuple[frozenset[str], BoundStart], Array] = {}
+        self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: FilterConfig | PluginConfig) -> Target:
         """What a tracker is held against."""
@@ -39,10 +39,10 @@ class Targets:
         if given not in self._starts:
             self._starts[given] = self._first_detection(given) + self._work.settle
         case = given, _start(tracker, self._work.velocity_sigma)
-        if case not in self._bounds:
-            self._bounds[case] = self._bound(*case)
+        if case not in self._references:
+            self._references[case] = self._reference(*case)
         return Target(
-            self._time, self._state, self._alive, self._starts[given], self._work.divergence, self._bounds[case]
+            self._time, self._state, self._alive, self._starts[given], self._work.divergence, self._references[case]
         )
 
     def _first_detection(self, sensors: frozenset[str]) -> Array:
@@ -54,7 +54,7 @@ class Targets:
                 first = np.where(valid.any(axis=0), np.minimum(first, sensor.time[np.argmax(valid, axis=0)]), first)
         return first
 
-    def _bound(self, sensors: frozenset[str], start: BoundStart) -> Array:
+    def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
         """Zero before anything is known, where no estimate is scored."""
         scene, work = self._scene, self._work
         found = conditional_bound(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.metrics import BUILT_IN, Metric
-from trackbench.metrics.bound import Information, entry_velocity, information, typical_acceleration
+from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -65,9 +65,9 @@ class Work:
     recorded_run: int
     """Numbered within its scene."""
     acceleration: float
-    """That the bound allows for, m/s^2 per axis."""
+    """That the reference allows for, m/s^2 per axis."""
     velocity_sigma: float
-    """That the bound starts from, m/s per axis."""
+    """That the reference starts from, m/s per axis."""
     acceleration_as_drawn: bool = False
     """Whether it is all that drives the targets, drawn anew at each step of the truth."""
     min_coverage: float = 0.0
@@ -101,9 +101,9 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         truths: one for each scene.
     """
     scenario = loaded.config
-    bound, driven = scenario.score.bound, scenario.truth.white_acceleration
+    stated, driven = scenario.score.reference, scenario.truth.white_acceleration
     every = [item.truth for item in truths]
-    acceleration, velocity = bound.acceleration_sigma_mps2, bound.velocity_sigma_mps
+    acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
     if acceleration is None:
         acceleration = typical_acceleration(every) if driven is None else driven
     return Work(

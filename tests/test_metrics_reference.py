@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound where it is known in closed form."""
+"""The reference: the Cramer-Rao bound where it is known in closed form, and what it assumes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,13 @@ import pytest
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
-from trackbench.metrics.bound import BoundStart, conditional_bound, entry_velocity, information, typical_acceleration
+from trackbench.metrics.reference import (
+    BoundStart,
+    conditional_bound,
+    entry_velocity,
+    information,
+    typical_acceleration,
+)
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
 from trackbench.runner.work import work_of
@@ -163,6 +169,15 @@ def test_between_its_measurements_the_bound_is_that_of_a_prediction_from_the_lat
     np.testing.assert_allclose(at_all[:, 1, 0, 0], both(belief.covariance), rtol=1e-9)
 
 
+def test_a_long_track_settles_and_stays_symmetric_enough():
+    """5,000 measurements, whose variances no longer change after the first hundred."""
+    time = np.arange(5_001) * 0.1
+    still = np.zeros((len(time), 1, 1))
+    of = truth(time, still + 20.0, still, still, still)
+    found = bound(of, {"lidar": LIDAR}, BoundStart(velocity_sigma=20.0))[0][:, 100:, 0, 0]
+    np.testing.assert_allclose(found, np.broadcast_to(found[:, :1], found.shape), rtol=1e-9)
+
+
 def test_more_sensors_tighten_it():
     of = moving()
     full, two = bound(of, {"lidar": LIDAR})[0], bound(of, {"lidar": LIDAR, "radar": RADAR})
@@ -226,6 +241,7 @@ def test_the_entry_velocity_is_that_at_which_targets_appear():
     vx, vy = np.array([[[3.0], [30.0], [50.0]], [[9.0], [12.0], [50.0]]]), np.array([[[4.0], [0.0], [0.0]]] * 2)
     of = truth(np.arange(2) / 10, 0.0 * vx, 0.0 * vx, vx, vy, alive=alive)
     assert entry_velocity([of]) == pytest.approx(np.sqrt((5.0**2 + 12.0**2) / 2 / 2))
+    assert entry_velocity([replace(of, speed=0.0 * of.speed)]) == 1.0
     assert entry_velocity([of, scripted()]) == pytest.approx(np.sqrt((5.0**2 + 12.0**2 + 10.0**2) / 3 / 2))
 
 
@@ -267,9 +283,9 @@ def test_the_information_of_a_lidar_does_not_depend_on_the_motion():
 @pytest.mark.parametrize(
     ("settings", "drawn"),
     [
-        (("score.bound.acceleration_sigma_mps2=null",), True),
+        (("score.reference.acceleration_sigma_mps2=null",), True),
         ((), True),
-        (("score.bound.acceleration_sigma_mps2=2.1",), False),
+        (("score.reference.acceleration_sigma_mps2=2.1",), False),
         (("truth.objects.left.pieces=[{white: {motion: cv, acceleration_sigma_mps2: 3}}]",), False),
     ],
 )
