@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.scenes import random_walk, truth, work
+from tests.scenes import block_of, random_walk, truth, work
 from tests.test_metrics_scorer import SENSORS, TWO, estimate, target
 
-from trackbench.metrics import Scorer
-from trackbench.metrics.breakdown import band_name, breakdown, cells
+from trackbench.metrics import Scorer, score_together
+from trackbench.metrics.breakdown import band_name, breakdown, cells, class_sums
 from trackbench.metrics.conditions import BANDS, MANOEUVRES, conditions
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ratio, root
 from trackbench.models.sensors import Lidar
-from trackbench.runner.block import run_block
 from trackbench.sensing.scans import ideal_sensors
 
 LIDAR = Lidar(rate_hz=10, position_sigma_m=0.1)
@@ -95,12 +94,13 @@ def test_each_run_has_its_own_classes_where_its_motion_is_its_own():
 
 
 def scored(errors, codes, runs, covariance=None):
-    """Estimates with errors ``(instants, 4, batch)`` of an object that stays at the origin."""
+    """By condition, estimates with errors ``(instants, 4, batch)`` of an object that stays at the origin."""
     of = target(np.zeros((4, len(errors), 1)), runs)
     made = Scorer(of, np.asarray(codes, dtype=np.int8), {})
     for error in errors:
         made.estimate(estimate(error, covariance))
-    return made.close()[ESTIMATES.name]
+    assert not score_together([made])
+    return class_sums(made.close()[ESTIMATES.name].where(frozenset()).cells, runs)
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["the same in every run", "its own in each run"])
@@ -110,7 +110,7 @@ def test_errors_of_each_class_by_hand(own):
     turning, far = MANOEUVRES.index("turning") * BANDS, 2
     shared = np.array([0, 0, turning, turning, turning + far, far])
     codes = shared[:, None, None] if not own else random.permuted(np.repeat(shared[:, None, None], 5, 2), axis=0)
-    found = breakdown(scored(errors, codes, 5).classes)
+    found = breakdown(scored(errors, codes, 5))
     each = np.broadcast_to(codes[:, 0], (6, 5))
     position, velocity = (errors[:, :2] ** 2).sum(axis=1), (errors[:, 2:] ** 2).sum(axis=1)
     for group, chosen in (
@@ -138,7 +138,7 @@ def test_parts_of_the_nees_agree_with_numpy():
     factor = random.normal(size=(batch, 4, 4))
     covariance = factor @ np.swapaxes(factor, 1, 2) + 0.2 * np.eye(4)
     error = random.normal(size=(1, 4, batch))
-    found = breakdown(scored(error, np.zeros((1, 1, 1)), batch, np.moveaxis(covariance, 0, -1)).classes).all
+    found = breakdown(scored(error, np.zeros((1, 1, 1)), batch, np.moveaxis(covariance, 0, -1))).all
     for name, part in (("nees_position", slice(0, 2)), ("nees_velocity", slice(2, 4)), ("nees", slice(0, 4))):
         pairs = zip(error[0].T, covariance, strict=True)
         expected = [e[part] @ np.linalg.solve(p[part, part], e[part]) for e, p in pairs]
@@ -149,23 +149,24 @@ def test_parts_of_the_nees_agree_with_numpy():
 def test_velocities_that_are_correlated_to_the_last_bit_break_nothing():
     tight = np.eye(4)
     tight[2:, 2:] = [[1, 1 - 1e-15], [1 - 1e-15, 1]]
-    found = breakdown(scored(np.zeros((1, 4, 2)), np.zeros((1, 1, 1)), 2, np.repeat(tight[..., None], 2, 2)).classes)
+    found = breakdown(scored(np.zeros((1, 4, 2)), np.zeros((1, 1, 1)), 2, np.repeat(tight[..., None], 2, 2)))
     assert found.all.nees_velocity.mean == 0
 
 
 def test_one_run_has_no_interval():
-    found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1).classes).all
+    found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1)).all
     assert found.position_rmse.ci95 is None
     assert "two runs" in found.position_rmse.reason
 
 
 def test_cells_add_up_to_everything():
     of = random_walk(4, 60, 0.05, 4.0, seed=2, start=np.array([15.0, 10.0, 10.0, 5.0]))
-    scores = run_block(work(of, SENSORS, TWO, 4), range(4)).scores["ekf"]
-    rows = list(cells(scores.classes))
+    scores = block_of(work(of, SENSORS, TWO, 4), range(4)).scores["ekf"]
+    sums = scores.where(frozenset())
+    rows = list(cells(class_sums(sums.cells, 4)))
     assert len(rows) > 2
-    assert sum(row["count"] for row in rows) == scores.per_run[0].sum()
+    assert sum(row["count"] for row in rows) == sums.per_run[0].sum()
     square = sum(row["count"] * row["position_rmse_m"] ** 2 for row in rows)
-    assert square == pytest.approx(scores.per_run[1:3].sum())
+    assert square == pytest.approx(sums.per_run[1:3].sum())
     mean = sum(row["count"] * row["nees_mean"] for row in rows)
-    assert mean == pytest.approx(scores.per_run[5].sum())
+    assert mean == pytest.approx(sums.per_run[5].sum())

@@ -131,7 +131,7 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
-    assert "no difference was shown between it and ekf_ctrv." in page.text
+    assert "whether it is better than ekf_ctrv is undecided." in page.text
     assert "0.412 m position RMSE, 1.18 times the reference; pessimistic overall" in page.text
     assert "NEES n/a: the tracker gives no covariance" in page.text
     assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
@@ -253,7 +253,7 @@ def test_one_run_gives_no_intervals() -> None:
             if isinstance(value, dict) and "ci95" in value:
                 value["ci95"] = None
     for entry in summary["differences"]:
-        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "no difference shown"}
+        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
     page = Page(render(Result.from_json(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text

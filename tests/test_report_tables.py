@@ -88,9 +88,10 @@ def test_letters_say_exactly_who_differs() -> None:
             unit="m",
             value=-1.0,
             ci95=(-2.0, 0.0),
+            margin=0.005,
             p_value=0.01,
             better=x if (x, y) in differ else None,
-            verdict=f"{x} better" if (x, y) in differ else "no difference shown",
+            verdict=f"{x} better" if (x, y) in differ else "undecided",
         )
         for i, x in enumerate(names)
         for y in names[i + 1 :]

@@ -40,7 +40,15 @@ SMALL = Result.from_json(
             "acceleration_changes": "each measurement",
             "velocity_sigma_mps": 20,
         },
-        "score": {"settle_s": 0, "divergence_m": 20},
+        "score": {
+            "settle_s": 0,
+            "divergence_m": 20,
+            "min_coverage": 0.9,
+            "common_share": 1.0,
+            "from_s": 0.0,
+            "to_s": 1.0,
+            "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},
+        },
         "recorded_run": 0,
         "trackers": [
             {

@@ -7,9 +7,9 @@ import numpy as np
 from trackbench.errors import InputError
 from trackbench.metrics import Fault, Scorer, evaluate, health, score_together
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
-from trackbench.recording.tables import Columns, split
+from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack
 from trackbench.results import Health, Result, TrackerResult
+from trackbench.results.columns import Columns, split
 from trackbench.types import Array, Estimate, Mask, Scan
 
 #: Metrics that a recording cannot give: the reference needs the sensors' models, whiteness the innovations themselves,

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.document.terminal import STYLE
+from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import Pairs, groups
@@ -150,7 +151,8 @@ def _notes(result: Result) -> list[str]:
     if not _groups(result):
         notes.append("group: too many groups for this table; report.html has them")
     elif len(trackers) > 1:
-        notes.append("group: no difference in position was shown between those that share a letter")
+        margin = margin_words(summary.score.margin, "m")
+        notes.append(f"group: no difference over {margin} shown between those that share a letter")
     if summary.runs == 1:
         notes.append("one run gives no interval and shows no difference")
     if summary.precision:

@@ -25,8 +25,10 @@ from trackbench.results.summary import (
     PrecisionReached,
     Summary,
     TrackerResult,
+    TruthSummary,
 )
 from trackbench.results.tables import Tables
+from trackbench.results.truth_audit import TruthAudit
 
 __all__ = [
     "EXAMINATION",
@@ -44,6 +46,8 @@ __all__ = [
     "Summary",
     "Tables",
     "TrackerResult",
+    "TruthAudit",
+    "TruthSummary",
     "require_file",
     "require_replaceable",
     "require_writable",

@@ -33,8 +33,17 @@ class ReferenceConfig(Config):
     velocity_sigma_mps: Positive | None = Field(
         None,
         description="Standard deviation of the velocity per axis before the first measurement, m/s; the RMS velocity "
-        "of the targets as they enter the scene unless given.",
+        "of the targets as they enter the scene, and at least 1, unless given.",
     )
+
+
+class Margin(Config):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: NonNegative = Field(1, description="Share of the better value, %.")
+    position_m: NonNegative = Field(0.005, description="Of errors in m.")
+    velocity_mps: NonNegative = Field(0.02, description="Of errors in m/s.")
+    course_deg: NonNegative = Field(0.05, description="Of errors in degrees.")
 
 
 class Score(Config):
@@ -49,6 +58,7 @@ class Score(Config):
         description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
         "what is expected of it fails.",
     )
+    margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
     reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="What errors are held against.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,

@@ -22,6 +22,7 @@ from trackbench.document.styles import tracker_styles
 from trackbench.palette import tracker_colours
 from trackbench.report.calibration import NOTABLE, QUANTITIES
 from trackbench.report.conditions import BY, TITLE
+from trackbench.report.margin import margin_words
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import calibrations, errors, shares
@@ -37,8 +38,9 @@ from trackbench.words import counted
 
 _DIFFERENCES = (
     "Differences of position RMSE, paired: every tracker saw the same truth and the same noise. Negative means smaller "
-    "errors. “No difference shown” means that these runs cannot tell the two apart (5 % level, corrected for the "
-    "number of pairs after Holm). Each interval is that of its pair alone, without the correction."
+    "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
+    "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
+    "would tell. Each interval is that of its pair alone, without the correction."
 )
 _MANOEUVRES = (
     "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "
@@ -103,9 +105,11 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     trackers = result.scored
     if not trackers:
         return
+    margin = margin_words(result.summary.score.margin, "m")
     legend = Paragraph(
-        "By position RMSE. No difference was shown between trackers that share a letter under “group”. The 95 % bounds "
-        f"of the NEES are those of {counted(result.summary.runs, 'run')}. Small print is the 95 % interval."
+        f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
+        f"The 95 % bounds of the NEES are those of {counted(result.summary.runs, 'run')}. Small print is the 95 % "
+        "interval."
     )
     others = tables.other_metrics(result)
     more = Section(
@@ -119,7 +123,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
         cost = cost_against_accuracy(trackers, styles)
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
         pairs = Section("All pairs", (tables.all_differences(result),), folded=True)
-        yield Section("Differences between trackers", (Paragraph(_DIFFERENCES), beside, pairs))
+        yield Section("Differences between trackers", (Paragraph(_DIFFERENCES.format(margin=margin)), beside, pairs))
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
@@ -177,7 +181,7 @@ def _figures(title: str, figures: Sequence[Figure | None], numbers: Sequence[Tab
 
 
 def _truth(result: Result) -> Iterator[Block]:
-    for sentence in audit_sentences(result.summary.truth.audit):
+    for sentence in audit_sentences(result.summary.truth):
         yield Paragraph(sentence)
     yield tables.sensors(result)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trackbench.report.calibration import calibration_clauses
+from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.run.pairs import Pairs
 from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
@@ -98,9 +99,15 @@ def headline(result: Result) -> str:
     if len(names) == 1:
         return text + "."
     pairs = Pairs(result.summary.differences)
-    tied = [name for name in names[1:] if not pairs.differ(names[0], name)]
-    if tied:
-        return f"{text}, but no difference was shown between it and {joined(tied)}."
+    found = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
+    equivalent, undecided = ([name for name in found if found[name] == what] for what in ("equivalent", "undecided"))
+    if equivalent:
+        margin = margin_words(result.summary.score.margin, "m")
+        text += f"; equivalent to {joined(equivalent)} (within {margin})"
+    if undecided:
+        text += f"; whether it is better than {joined(undecided)} is undecided"
+    if equivalent or undecided:
+        return text + "."
     second = pairs.get(names[1], names[0])
     if second is None:
         return text + "."
