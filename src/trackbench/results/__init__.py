@@ -12,7 +12,7 @@ from trackbench.results.folder import (
     write_file,
     write_text,
 )
-from trackbench.results.metric_value import MetricValue
+from trackbench.results.metric_value import ConditionVerdict, MetricValue
 from trackbench.results.result import Result, summary_of
 from trackbench.results.summary import (
     SCHEMA_VERSION,
@@ -36,6 +36,7 @@ __all__ = [
     "SUMMARY",
     "Breakdown",
     "ConditionScores",
+    "ConditionVerdict",
     "Difference",
     "ExpectationResult",
     "Failure",

@@ -228,6 +228,8 @@ class Breakdown(Part):
     all: ConditionScores
     manoeuvre: dict[str, ConditionScores]
     range: dict[str, ConditionScores]
+    age: dict[str, ConditionScores]
+    """By time since a sensor could first see the object."""
 
 
 class TrackerResult(Part):
