@@ -89,7 +89,7 @@ def _ranked(result: Result, width: int) -> list[Text]:
         _Column("position m", _values(trackers, "position_rmse")),
         *([_Column("group", [Text(group) for group in letters], right=False)] if letters else []),
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
-        _Column("/bound", _values(trackers, "position_efficiency")),
+        _Column("/ref", _values(trackers, "position_over_reference")),
         _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
         *([_Column("coverage %", _coverage(trackers))] if any(map(_silent, trackers)) else []),
         _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
@@ -154,9 +154,10 @@ def _nees(metrics: Sequence[MetricValue]) -> list[Text]:
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
+    assumed = " (white acceleration)" if summary.reference.kind == "reference" else ""
     notes = [
         f"±: 95 %, {basis_of_intervals(result)}",
-        f"/bound: over the Cramér-Rao bound; diverged: of {counted(summary.runs, 'run')}",
+        f"/ref: over the {summary.reference.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *([common(result).strip()] if common(result) else []),
     ]
     if not _groups(result):
@@ -173,7 +174,7 @@ def _notes(result: Result) -> list[str]:
         notes += [f"  {name}: {conditions_off(found)} where {found.dof} is right" for name, found in mixed]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
-    for path in ("velocity_rmse", "position_efficiency", "nees"):
+    for path in ("velocity_rmse", "position_over_reference", "nees"):
         metrics = [metric_of(tracker, path) for tracker in trackers]
         reasons = {metric.reason or "not given" for metric in metrics if metric.value is None}
         notes += [f"{path.replace('_', ' ')} n/a: {reason}" for reason in sorted(reasons)]

@@ -17,11 +17,11 @@ from trackbench.metrics.differences import differences
 from trackbench.models.sensors import Sensor
 from trackbench.results import Health, Result, Summary, Tables, TrackerResult
 from trackbench.results.summary import (
-    BoundSummary,
     ComponentNoise,
     MarginSummary,
     MountSummary,
     OwnMetricSummary,
+    ReferenceSummary,
     ScenarioSummary,
     SceneSummary,
     ScoreSummary,
@@ -72,8 +72,13 @@ def assemble(
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
         truth=_truth_summary(truths, work, scenario.truth.scenes(), found),
         sensors=assembly.sensors(),
-        bound=BoundSummary(
-            motion="cv", acceleration_sigma_mps2=work.acceleration, velocity_sigma_mps=work.velocity_sigma
+        reference=ReferenceSummary(
+            kind="bound" if work.acceleration_as_drawn else "reference",
+            motion="cv",
+            acceleration_sigma_mps2=work.acceleration,
+            acceleration_from="truth" if scenario.score.reference.acceleration_sigma_mps2 is None else "scenario",
+            acceleration_changes="each truth step" if work.acceleration_as_drawn else "each measurement",
+            velocity_sigma_mps=work.velocity_sigma,
         ),
         score=ScoreSummary(
             settle_s=work.settle,

@@ -103,7 +103,10 @@ def _verdict(result: Result) -> Iterator[Block]:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if result.scored:
         yield Items(
-            tuple(Item(f"{verdict(t, summary.runs)}.", t.name, t.describe, t.name) for t in result.scored),
+            tuple(
+                Item(f"{verdict(t, summary.runs, summary.reference.label)}.", t.name, t.describe, t.name)
+                for t in result.scored
+            ),
             numbered=True,
         )
     if missing:
@@ -121,7 +124,11 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
         f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
     )
     others = tables.other_metrics(result)
-    more = Section("Errors along each axis, and bounds", (tables.axes_and_bounds(result),), folded=True)
+    more = Section(
+        f"Errors along each axis, and the {result.summary.reference.label}",
+        (tables.axes_and_reference(result),),
+        folded=True,
+    )
     own = [] if others is None else [Section("Other metrics", (others,))]
     yield Section("Ranking", (legend, tables.ranking(result), *own, more))
     if len(trackers) > 1:
@@ -132,10 +139,10 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    steps, acceleration = result.tables.steps, result.summary.bound.acceleration_sigma_mps2
+    steps, reference = result.tables.steps, result.summary.reference
     figures = [
-        *(error_over_time(steps, shown, quantity, acceleration) for quantity in QUANTITIES),
-        spread(steps, shown),
+        *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
+        spread(steps, shown, reference.label),
         map_of_run(result.tables, result.summary.recorded_run, shown),
     ]
     yield from _figures("Accuracy", figures)
