@@ -12,10 +12,20 @@ from rerun.chunk import RrdReader
 from scipy import stats
 
 from trackbench import recording
-from trackbench.results import ExpectationResult, Health, MetricValue, Result, Summary, Tables, TrackerResult
+from trackbench.results import (
+    ConditionVerdict,
+    ExpectationResult,
+    Health,
+    MetricValue,
+    Result,
+    Summary,
+    Tables,
+    TrackerResult,
+)
 from trackbench.results.summary import (
     BoundSummary,
     ComponentNoise,
+    MarginSummary,
     MountSummary,
     ScenarioSummary,
     ScoreSummary,
@@ -23,6 +33,7 @@ from trackbench.results.summary import (
     TruthSummary,
 )
 
+MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
 STEPS, DT, RUNS = 401, 0.05, 100
 TARGETS = ("v1", "v2", "v3", "v4", "v5")
 TRACKERS = {"raw": 0.9, "kf_cv": 0.5, "ekf_cv": 0.42, "ukf_ctrv": 0.38, "tuned_badly": 0.55}
@@ -194,7 +205,13 @@ def _summary() -> Summary:
         },
         bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
         score=ScoreSummary(
-            settle_s=0.0, divergence_m=10.0, min_coverage=0.5, common_share=1.0, from_s=0.0, to_s=TIME[-1]
+            settle_s=0.0,
+            divergence_m=10.0,
+            min_coverage=0.5,
+            common_share=1.0,
+            from_s=0.0,
+            to_s=TIME[-1],
+            margin=MARGIN,
         ),
         recorded_run=0,
         trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
@@ -228,6 +245,9 @@ def _tracker(name: str, sigma: float) -> TrackerResult:
         nees = MetricValue(value=None, unit="1", dof=4, reason="no covariance")
     elif name == "tuned_badly":
         nees = MetricValue(value=12.1, unit="1", dof=4, verdict="optimistic")
+    elif name == "kf_cv":
+        off = ConditionVerdict(name="turning", mean=39.7, ci95=(39.0, 40.4), verdict="optimistic")
+        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="mixed", conditions=(off,))
     else:
         nees = MetricValue(value=4.02, unit="1", dof=4, verdict="consistent")
     metrics = {

@@ -63,7 +63,7 @@ def _scored(
 ) -> TrackerResult:
     counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
-    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int8)
+    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int16)
     scorer = Scorer(recorded.target, alike, counts)
     for instant, time in enumerate(recorded.target.time):
         estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])

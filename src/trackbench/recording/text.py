@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from trackbench.metrics.verdict_words import MEANING, conditions_off
 from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult, sensor_words
 from trackbench.results.summary import SensorSummary
 from trackbench.words import counted
@@ -24,6 +25,7 @@ def ranking(result: Result) -> str:
     """The trackers by position RMSE, and whether the scenario's expectations were met."""
     summary = result.summary
     lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
+    lines += _mixed(result.scored)
     if summary.expectations:
         verdict = "all met" if summary.passed else "**not all met**"
         lines += ["", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations)]
@@ -47,6 +49,14 @@ def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[
             failures.append(f"- **{tracker.name}** at {at}: {failed.cause}")
     if failures:
         yield from ("", "### Failed", "", *failures)
+
+
+def _mixed(trackers: Iterable[TrackerResult]) -> Iterator[str]:
+    """Under which conditions each mixed covariance is off."""
+    found = [tracker for tracker in trackers if tracker.nees.verdict == "mixed"]
+    if found:
+        yield from ("", f"*mixed*: {MEANING['mixed']}. NEES where {found[0].nees.dof} is right:", "")
+        yield from (f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in found)
 
 
 def about(result: Result) -> str:

@@ -18,6 +18,7 @@ from trackbench.results import Health, Result, Summary, Tables, TrackerResult
 from trackbench.results.summary import (
     BoundSummary,
     ComponentNoise,
+    MarginSummary,
     MountSummary,
     OwnMetricSummary,
     ScenarioSummary,
@@ -50,7 +51,8 @@ def assemble(
     assembly = _Assembly(work, blocks)
     found = assembly.found
     compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
-    pairs = differences(compared, work.metrics)
+    margin = MarginSummary(**scenario.score.margin.model_dump())
+    pairs = differences(compared, work.metrics, margin)
     trackers = [assembly.tracker(name) for name in work.trackers]
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
@@ -79,6 +81,7 @@ def assemble(
             common_share=found.common_share,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
+            margin=margin,
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
         recorded_run=work.recorded_scene * work.runs + work.recorded_run,
@@ -196,6 +199,7 @@ def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[
                 name=source.scene_name or f"scene {number}",
                 objects=list(item.truth.ids),
                 duration_s=float(item.truth.time[-1]),
+                audit=item.truth.audit,
             )
             for number, (item, source) in enumerate(zip(truths, sources, strict=True), 1)
             if len(truths) > 1
