@@ -33,7 +33,8 @@ from trackbench.report.run.figures.breakdown import errors_by_class
 from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
-from trackbench.report.run.figures.map import map_of_run
+from trackbench.report.run.figures.map import map_of_run, mapped
+from trackbench.report.run.moments import moments_section, worst_moments
 from trackbench.report.run.scenes import basis_of_intervals, scenes
 from trackbench.report.run.sentences import common, expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
@@ -140,12 +141,14 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
     steps, reference = result.tables.steps, result.summary.reference
+    moments, run = worst_moments(result), result.summary.recorded_run
     figures = [
         *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
         spread(steps, shown, reference.label),
-        map_of_run(result.tables, result.summary.recorded_run, shown),
+        map_of_run(result.tables, run, shown, moments),
     ]
     yield from _figures("Accuracy", figures)
+    yield from moments_section(moments, run, [style.name for style in mapped(shown)])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
