@@ -91,7 +91,9 @@ def _of_groups(result: tb.Result) -> Iterator[Claim]:
         )
         intervals = [_over(group).ci95 for group in _groups(sums, MANY)]
         held = [interval is not None and interval[0] <= 1.0 <= interval[1] for interval in intervals]
-        yield rate(f"95 % interval of the {quantity} RMSE over the bound holds 1, {MANY} runs, Pd 0.5", held, 0.93, 0.97)
+        yield rate(
+            f"95 % interval of the {quantity} RMSE over the bound holds 1, {MANY} runs, Pd 0.5", held, 0.93, 0.97
+        )
 
 
 def _sums(rows: Any, quantity: str, unit: str) -> Array:
