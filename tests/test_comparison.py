@@ -57,6 +57,7 @@ def runs_table(rmse: dict[str, float], tied: tuple[str, ...]) -> pa.Table:
         {
             "tracker": np.repeat(list(rmse), RUNS),
             "run": np.tile(np.arange(RUNS, dtype=float), len(rmse)),
+            "scene": np.zeros(RUNS * len(rmse)),
             "count": np.full(RUNS * len(rmse), 10.0),
             "position_rmse_m": np.sqrt(np.concatenate(list(squares.values()))),
         }
@@ -89,7 +90,15 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         },
         "sensors": {},
         "bound": {"motion": "cv", "acceleration_sigma_mps2": 1.0, "velocity_sigma_mps": 20.0},
-        "score": {"settle_s": 0.0, "divergence_m": 10.0},
+        "score": {
+            "settle_s": 0.0,
+            "divergence_m": 10.0,
+            "min_coverage": 0.9,
+            "common_share": 1.0,
+            "from_s": 0.0,
+            "to_s": 1.0,
+            "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},
+        },
         "recorded_run": 0,
         "trackers": [*entries, *([failed_tracker()] if failed else [])],
         "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],

@@ -8,7 +8,6 @@ import numpy as np
 
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference, RankedTracker
 from trackbench.compare.entries import Entry
-from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.types import Array
 
 RESAMPLES = 10_000
@@ -25,11 +24,11 @@ class Pairings:
         self._better: dict[tuple[str, frozenset[str]], str] = {}
         for item in differences:
             a, b = item.entrant.tracker, item.against.tracker
-            if item.metric == RANKED_BY and item.verdict != NO_DIFFERENCE:
+            if item.metric == RANKED_BY and item.verdict in ("better", "worse"):
                 self._better[item.scenario, frozenset((a, b))] = a if item.verdict == "better" else b
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
-        """The better one of the two, None where no difference was shown."""
+        """The better one of the two, None where none is shown to be."""
         return self._better.get((scenario, frozenset((a, b))))
 
 

@@ -144,16 +144,29 @@ class Contrast(NamedTuple):
     value: float
     ci95: tuple[float, float] | None
     p_value: float
-    """Two-sided, of the hypothesis that there is no difference; 1 with fewer than two runs."""
+    """Of the hypothesis that the difference is within the margin: twice that of the nearer end, so it is below 5 %
+    exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis that treatments
+    have negligible effects"). Without a margin that of the two-sided t test; 1 with fewer than two runs."""
+    margin: float
+    """Up to this a difference does not matter; at least what rounding makes."""
+
+    @property
+    def equivalent(self) -> bool:
+        """Whether the interval lies within the margin.
+
+        So the two one-sided tests show, each at 2.5 % (Schuirmann 1987, "A comparison of the two one-sided tests
+        procedure and the power approach").
+        """
+        return self.ci95 is not None and max(map(abs, self.ci95)) <= self.margin
 
 
-def paired(a: Interval, b: Interval) -> Contrast:
+def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
     influence = a.influence - b.influence
-    return _tested(a, b, _standard_error(influence), len(influence) - 1)
+    return _tested(a, b, _standard_error(influence), len(influence) - 1, margin)
 
 
-def unpaired(a: Interval, b: Interval) -> Contrast:
+def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where the runs of one have nothing to do with those of the other, by Welch's t test on the influences.
 
     Source: Welch (1947), "The generalization of Student's problem when several different population variances are
@@ -161,26 +174,25 @@ def unpaired(a: Interval, b: Interval) -> Contrast:
     """
     errors = [_standard_error(item.influence) for item in (a, b)]
     if errors[0] is None or errors[1] is None:
-        return _tested(a, b, None, 0)
+        return _tested(a, b, None, 0, margin)
     squares = [error**2 for error in errors if error is not None]
     total = sum(squares)
     parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
     freedom = total**2 / sum(parts) if total > 0 else 1.0
-    return _tested(a, b, float(np.sqrt(total)), freedom)
+    return _tested(a, b, float(np.sqrt(total)), freedom, margin)
 
 
-def _tested(a: Interval, b: Interval, error: float | None, freedom: float) -> Contrast:
+def _tested(a: Interval, b: Interval, error: float | None, freedom: float, margin: float) -> Contrast:
     """The difference with its interval and p-value, from its standard error."""
     from scipy import special
 
     value = a.value - b.value
+    margin = max(margin, ROUNDING * max(abs(a.value), abs(b.value)))
     if error is None:
-        return Contrast(value, None, 1.0)
-    reach = _t95(freedom) * error
-    ci95 = (value - reach, value + reach)
-    if abs(value) <= ROUNDING * max(abs(a.value), abs(b.value)):
-        return Contrast(value, ci95, 1.0)
-    return Contrast(value, ci95, float(2 * special.stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0)
+        return Contrast(value, None, 1.0, margin)
+    reach, excess = _t95(freedom) * error, abs(value) - margin
+    p_value = min(1.0, 2 * float(special.stdtr(freedom, -excess / error))) if error > 0 else float(excess <= 0)
+    return Contrast(value, (value - reach, value + reach), p_value, margin)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

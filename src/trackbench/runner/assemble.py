@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -12,9 +13,13 @@ import pyarrow as pa
 from trackbench.metrics import Evaluation, Metric, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
+from trackbench.models.sensors import Sensor
 from trackbench.results import Health, Result, Summary, Tables, TrackerResult
 from trackbench.results.summary import (
     BoundSummary,
+    ComponentNoise,
+    MarginSummary,
+    MountSummary,
     OwnMetricSummary,
     ScenarioSummary,
     SceneSummary,
@@ -46,7 +51,8 @@ def assemble(
     assembly = _Assembly(work, blocks)
     found = assembly.found
     compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
-    pairs = differences(compared, work.metrics)
+    margin = MarginSummary(**scenario.score.margin.model_dump())
+    pairs = differences(compared, work.metrics, margin)
     trackers = [assembly.tracker(name) for name in work.trackers]
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
@@ -75,6 +81,7 @@ def assemble(
             common_share=found.common_share,
             from_s=min(float(time[0]) for time in instants),
             to_s=max(float(time[-1]) for time in instants),
+            margin=margin,
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
         recorded_run=work.recorded_scene * work.runs + work.recorded_run,
@@ -128,6 +135,10 @@ class _Assembly:
             found[sensor.name] = SensorSummary(
                 kind=sensor.config.type,
                 dof=len(sensor.noise_covariance),
+                noise=_noise(sensor.config),
+                fov_deg=sensor.config.fov_deg,
+                max_range_m=sensor.config.max_range_m,
+                mount=MountSummary.model_validate(sensor.config.mount.model_dump()),
                 rate_hz=scan_rate(sensor),
                 preset=sensor.config.preset,
                 detection_rate=float(detected / seen) if seen > 0 else None,
@@ -164,6 +175,15 @@ class _Assembly:
         }
 
 
+def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
+    """Of each component, angles in degrees."""
+    found = {}
+    for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
+        angle = unit == "rad"
+        found[name] = ComponentNoise(sigma=math.degrees(sigma) if angle else sigma, unit="deg" if angle else unit)
+    return found
+
+
 def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource]) -> TruthSummary:
     loaded = truths[work.recorded_scene]
     truth = loaded.truth
@@ -179,6 +199,7 @@ def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[
                 name=source.scene_name or f"scene {number}",
                 objects=list(item.truth.ids),
                 duration_s=float(item.truth.time[-1]),
+                audit=item.truth.audit,
             )
             for number, (item, source) in enumerate(zip(truths, sources, strict=True), 1)
             if len(truths) > 1

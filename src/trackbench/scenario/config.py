@@ -35,6 +35,15 @@ class BoundConfig(Config):
     )
 
 
+class Margin(Config):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: NonNegative = Field(1, description="Share of the better value, %.")
+    position_m: NonNegative = Field(0.005, description="Of errors in m.")
+    velocity_mps: NonNegative = Field(0.02, description="Of errors in m/s.")
+    course_deg: NonNegative = Field(0.05, description="Of errors in degrees.")
+
+
 class Score(Config):
     """Which errors count, and what they are held against."""
 
@@ -47,6 +56,7 @@ class Score(Config):
         description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
         "what is expected of it fails.",
     )
+    margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
     bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,
