@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from trackbench.metrics.consistency import mean_bounds, normalised_square, point95, verdict, whiteness_verdict
+from trackbench.metrics.consistency import mean_bounds, normalised_square, point95
 from trackbench.metrics.intervals import holm, paired, ratio, root, scaled
 
 
@@ -48,56 +48,6 @@ def test_bounds_are_those_of_the_tables():
     np.testing.assert_allclose([low[1], high[1]], 4, atol=0.02)
     assert low[0] < 0.5
     assert high[0] > 11
-
-
-@pytest.mark.parametrize(
-    ("ci95", "expected"),
-    [
-        ((3.7, 4.2), "consistent"),
-        ((4.1, 4.3), "consistent"),
-        ((3.6, 4.4), "consistent"),
-        ((4.1, 4.5), "optimistic"),
-        ((7.0, 9.0), "optimistic"),
-        ((3.5, 3.9), "pessimistic"),
-        ((3.9, 4.5), "undecided"),
-        ((3.0, 5.0), "undecided"),
-        (None, "undecided"),
-    ],
-)
-def test_verdicts_of_a_nees_of_four_degrees_of_freedom(ci95, expected):
-    assert verdict(ci95, 4) == expected
-
-
-@pytest.mark.parametrize(
-    ("ci95", "expected"),
-    [
-        ((0.01, 0.02), "white"),
-        ((0.01, 0.06), "coloured"),
-        ((-0.3, -0.2), "coloured"),
-        ((-0.01, 0.06), "undecided"),
-        (None, "undecided"),
-    ],
-)
-def test_verdicts_of_a_correlation(ci95, expected):
-    assert whiteness_verdict(ci95) == expected
-
-
-@pytest.mark.parametrize("runs", [20, 100, 1000])
-def test_a_verdict_is_wrong_as_rarely_as_stated(runs):
-    """Mean NEES of scenes of 25 independent instants of 4 degrees of freedom: chi-square over 25."""
-    random = np.random.default_rng(runs)
-
-    def share(word, scale, repeats=1000):
-        means = scale * random.chisquare(100, size=(repeats, runs)) / 25
-        return np.mean([verdict(ratio(row, np.ones(runs)).ci95, 4) == word for row in means])
-
-    # An interval misses on either side once in forty times; three standard deviations more are 0.015.
-    assert share("optimistic", 1.0) < 0.04
-    assert share("pessimistic", 1.0) < 0.04
-    assert share("consistent", 1.101) < 0.04
-    assert share("consistent", 0.899) < 0.04
-    assert share("consistent", 1.0) > {20: 0.6, 100: 0.99, 1000: 0.999}[runs]
-    assert share("optimistic", 1.25) > 0.95
 
 
 def test_a_ratio_of_equal_counts_has_the_interval_of_a_mean():

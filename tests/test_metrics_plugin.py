@@ -14,7 +14,7 @@ import pytest
 from trackbench.errors import InputError
 from trackbench.metrics.stored import from_runs, run_column
 from trackbench.results import Result
-from trackbench.runner import block
+from trackbench.runner import work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.schema import json_schema
 from trackbench.trackers.published import check_options
@@ -66,7 +66,7 @@ class Lost(BuiltInMetric):
     '''From the sums of the built-in metrics.'''
     name, unit, meaning = "estimates", "1", "number of estimates"
     def finish(self, sums):
-        return sums.per_run[0].sum()
+        return sums.per_part[0].sum()
 """
 
 
@@ -135,7 +135,7 @@ def test_blocks_and_workers_change_nothing(
     found: Result, run_tiny: Run, module: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, workers: int
 ) -> None:
     name, folder = module
-    monkeypatch.setattr(block, "BATCH_SIZE", 6)
+    monkeypatch.setattr(work, "BATCH_SIZE", 6)
     overrides = (f"score.metrics=['{name}:Square']", "monte_carlo.runs=8", "score.settle_s=0.5")
     merged = run_tiny(*overrides, folder=folder, workers=workers)
     for tracker in ("raw", "ekf"):

@@ -134,6 +134,7 @@ def test_verdicts_in_words(page: Page) -> None:
     assert "whether it is better than ekf_ctrv is undecided." in page.text
     assert "0.412 m position RMSE, 18\N{NO-BREAK SPACE}% above the Cramér-Rao bound; pessimistic overall" in page.text
     assert "NEES n/a: the tracker gives no covariance" in page.text
+    assert "white where the interval of their autocorrelation is within 0.05 of zero" in page.text
     assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
     assert "1 of 2 expectations failed" in page.text
     assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
@@ -151,9 +152,9 @@ def test_what_is_said_of_calibration_is_what_was_shown() -> None:
 
     # The sensor gap is too rare to be worth a word, whatever the errors in it.
     assert said() == ["optimistic about velocity in turns (errors 1.6 times as large as stated)"]
-    # 1.25 times as large as stated is a NEES of 3.125 with 2 degrees of freedom.
-    assert said(turning__velocity=3.1) == []
-    assert said(turning__velocity=3.2) == ["optimistic about velocity in turns (errors 1.3 times as large as stated)"]
+    # A NEES of 3.0 with 2 degrees of freedom is 50 % above what is right, its root 1.22 times as large.
+    assert said(turning__velocity=3.0) == []
+    assert said(turning__velocity=3.1) == ["optimistic about velocity in turns (errors 1.2 times as large as stated)"]
     assert said(turning__velocity=8, straight__velocity=18, straight__position=0.5) == [
         "optimistic about velocity on straights and in turns (errors up to 3.0 times as large as stated)",
         "pessimistic about position on straights (errors 0.5 times as large as stated)",
@@ -183,6 +184,11 @@ def test_calibration_by_manoeuvre_is_in_the_tables(page: Page) -> None:
     assert ["ekf_cv", "1.0", "1.0", "5.0"] in rows
     without = [row for row in page.rows if row and row[0] == "alpha_beta" and len(row) == 4]
     assert ["alpha_beta", "n/a1", "n/a1", "n/a1"] in without
+
+
+def test_nees_by_condition_is_in_a_table_where_it_was_judged(page: Page) -> None:
+    rows = [row for row in page.rows if len(row) == 4 and row[0] == "ekf_ctrv"]
+    assert ["ekf_ctrv", "2.9", "39.7", "4.0"] in rows
 
 
 def test_a_metric_of_a_plug_in_has_its_column() -> None:

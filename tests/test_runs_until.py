@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trackbench.results import Result
-from trackbench.runner import block
+from trackbench.runner import work
 from trackbench.runner.run import run
 from trackbench.runner.until import FIRST_RUNS, first_look, run_until
 from trackbench.scenario import Scenario, load_scenario
@@ -49,7 +49,7 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
     tiny: Path, monkeypatch: pytest.MonkeyPatch, batch: int, overrides: tuple[str, ...]
 ) -> None:
     """In one block that grows, and in several of which the last one is cut short."""
-    monkeypatch.setattr(block, "BATCH_SIZE", batch)
+    monkeypatch.setattr(work, "BATCH_SIZE", batch)
     found = until(tiny, 0.012, 2000, *overrides)
     runs = found.json()["runs"]
     assert found.json()["precision"]["reached"]
@@ -86,7 +86,7 @@ def test_it_ends_at_the_stated_number(tiny: Path) -> None:
 
 
 def test_any_number_of_workers_gives_the_same(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block, "BATCH_SIZE", 60)
+    monkeypatch.setattr(work, "BATCH_SIZE", 60)
     assert comparable(until(tiny, 0.02, 500, workers=2)) == comparable(until(tiny, 0.02, 500))
 
 

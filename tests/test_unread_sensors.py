@@ -3,62 +3,84 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from tests.scenes import NOISE, TRACKERS, random_walk, scan, tracker, work
+import yaml
+from tests.scenes import NOISE, TRACKERS, scan, tracker
 
-from trackbench.models.sensors import Lidar, Radar
 from trackbench.runner.block import RecordedEstimates, run_block
-from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.runner.run import run
+from trackbench.runner.work import work_of
+from trackbench.scenario import Scenario
+from trackbench.scenario.load import scenario_of
+from trackbench.scenario.truth import truths_of
 
-LIDAR = Lidar(rate_hz=10, phase_s=0.05, position_sigma_m=0.3, detection_probability=0.8)
-RADAR = Radar(rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.2)
-#: The radar is the first of the two in the order of the sensors, and the last.
+LIDAR = {"type": "lidar", "rate_hz": 10, "phase_s": 0.05, "position_sigma_m": 0.3, "detection_probability": 0.8}
+RADAR = {"type": "radar", "rate_hz": 20, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.2}
+#: The radar comes first at an instant, and last.
 ORDERS = {"radar_first": {"radar": RADAR, "lidar": LIDAR}, "radar_last": {"lidar": LIDAR, "radar": RADAR}}
-RUNS, DT = 3, 0.05
-TRUTH = random_walk(RUNS, 81, DT, 2.0, 5, np.array([60.0, 20.0, 10.0, -5.0]))
 #: Of the truth's steps, those at which the lidar measures.
 OWN = slice(1, None, 2)
 
 
-def estimates(sensors: Mapping[str, Radar | Lidar], config: FilterConfig | PluginConfig) -> RecordedEstimates:
-    """Of one tracker, at every instant at which a sensor measures."""
-    block = run_block(work(TRUTH, sensors, {"one": config}, RUNS), range(RUNS))
-    return block.recorded["one"]
+def scenario(sensors: Mapping[str, Any], trackers: Mapping[str, Any], duration_s: float = 4, runs: int = 3) -> Scenario:
+    """A car whose acceleration is white and constant from one truth step to the next."""
+    start = {"x": 60, "y": 20, "vx_mps": 10, "vy_mps": -5}
+    white = {"white_acceleration": {"x_sigma_mps2": 2, "y_sigma_mps2": 2}}
+    values = {
+        "name": "unread",
+        "truth": {
+            "source": "scripted",
+            "duration_s": duration_s,
+            "rate_hz": 20,
+            "objects": {"car": {"start": start, "pieces": [white]}},
+        },
+        "sensors": sensors,
+        "trackers": trackers,
+        "monte_carlo": {"runs": runs},
+        "score": {"settle_s": duration_s / 10},
+    }
+    return scenario_of(yaml.safe_dump(values, sort_keys=False), Path("unread.yaml"))
 
 
-def assert_same(a: RecordedEstimates, b: RecordedEstimates) -> None:
-    """To the last bit."""
-    assert np.isfinite(a.mean[:, 2:]).any()
-    np.testing.assert_array_equal(a.mean, b.mean)
-    np.testing.assert_array_equal(a.covariance, b.covariance)
+def estimates(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, RecordedEstimates]:
+    """By tracker, at every instant at which a sensor measures."""
+    loaded = scenario(sensors, trackers)
+    work = work_of(loaded, truths_of(loaded))
+    return run_block(work, work.pieces()[0]).recorded
 
 
-def at_own(found: RecordedEstimates) -> RecordedEstimates:
-    return RecordedEstimates(found.mean[:, OWN], found.covariance[:, :, OWN])
+def assert_lidar_alone_decides(order: Mapping[str, Any], trackers: Mapping[str, Any]) -> None:
+    """Hold the estimates at the lidar's instants, to the last bit, against those without the radar."""
+    both, alone = estimates(order, trackers), estimates({"lidar": LIDAR}, trackers)
+    assert set(both) == set(alone) == set(trackers)
+    for name, without in alone.items():
+        assert np.isfinite(without.mean[:, 5:]).all(), name
+        np.testing.assert_array_equal(both[name].mean[:, OWN], without.mean, err_msg=name)
+        np.testing.assert_array_equal(both[name].covariance[:, :, OWN], without.covariance, err_msg=name)
 
 
 @pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
 @pytest.mark.parametrize("start", ["two_readings", "first_reading", "truth"])
-@pytest.mark.parametrize("keys", TRACKERS.values(), ids=TRACKERS)
-def test_estimates_do_not_depend_on_a_sensor_that_is_not_read(
-    keys: dict[str, Any], start: str, order: Mapping[str, Radar | Lidar]
-) -> None:
-    config = FilterConfig.model_validate({**keys, "initial": start, "sensors": ["lidar"]})
-    assert_same(at_own(estimates(order, config)), estimates({"lidar": LIDAR}, config))
+def test_estimates_do_not_depend_on_a_sensor_that_is_not_read(start: str, order: Mapping[str, Any]) -> None:
+    every = {
+        name.replace("-", "_"): {**keys, "initial": start, "sensors": ["lidar"]} for name, keys in TRACKERS.items()
+    }
+    assert_lidar_alone_decides(order, every)
 
 
-@pytest.mark.parametrize("options", [{}, {"sensors": ["radar", "lidar"]}], ids=["reads_all", "reads_both"])
-def test_a_built_in_filter_by_name_is_told_what_it_does_not_read(options: dict[str, Any]) -> None:
-    of = PluginConfig(use="ekf", options={"motion": "cv", **NOISE["cv"], **options}, sensors=["lidar"])
-    assert_same(at_own(estimates(ORDERS["radar_first"], of)), estimates({"lidar": LIDAR}, of))
-
-
-def test_the_baseline_does_not_depend_on_it_either() -> None:
-    of = PluginConfig(use="raw", sensors=["lidar"])
-    assert_same(at_own(estimates(ORDERS["radar_first"], of)), estimates({"lidar": LIDAR}, of))
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+def test_nor_does_a_tracker_by_name_that_is_told_so_beside_its_options(order: Mapping[str, Any]) -> None:
+    keys = {"motion": "cv", **NOISE["cv"]}
+    trackers = {
+        "raw": {"use": "raw", "sensors": ["lidar"]},
+        "reads_all": {"use": "ekf", "options": keys, "sensors": ["lidar"]},
+        "reads_both": {"use": "ekf", "options": {**keys, "sensors": ["radar", "lidar"]}, "sensors": ["lidar"]},
+    }
+    assert_lidar_alone_decides(order, trackers)
 
 
 def test_between_its_own_scans_it_predicts_from_the_last_of_them() -> None:
@@ -93,3 +115,24 @@ def test_a_sensor_that_only_starts_tracks_advances_the_state() -> None:
     assert made.advances("radar")
     assert made.advances("lidar")
     assert not made.advances("camera")
+
+
+def test_the_process_noise_belongs_to_the_interval() -> None:
+    """The table of docs/motion-models.md."""
+    lidar = {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}
+    silent = {**RADAR, "dropouts": [{"from_s": 0, "to_s": 60}]}
+    kf = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "sensors": ["lidar"]}
+    trackers = {"kf": kf, "scaled": {**kf, "acceleration_sigma_mps2": 2 * 0.5**0.5}}
+
+    def nees(sensors: Mapping[str, Any], trackers: Mapping[str, Any]) -> dict[str, float]:
+        loaded = scenario(sensors, trackers, duration_s=20, runs=400)
+        return {
+            item["name"]: item["metrics"]["nees"]["mean"] for item in run(loaded, truths_of(loaded)).json()["trackers"]
+        }
+
+    often = nees({"lidar": {**lidar, "rate_hz": 20}}, {"kf": kf})
+    alone = nees({"lidar": lidar}, trackers)
+    beside = nees({"lidar": lidar, "radar": silent}, {"kf": kf})
+    every = nees({"lidar": lidar, "radar": silent}, {"kf": {**kf, "advance_at": "all_scans"}})
+    found = [often["kf"], alone["kf"], alone["scaled"], beside["kf"], every["kf"]]
+    assert found == pytest.approx([4.04, 3.08, 4.03, 3.13, 4.02], abs=0.01)

@@ -14,7 +14,7 @@ from trackbench.errors import InputError
 from trackbench.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import Scenario
-from trackbench.scenario.check import check_plugins
+from trackbench.scenario.check import check_plugins, notes
 from trackbench.scenario.shipped import shown_name
 from trackbench.scenario.truth import truths_of
 
@@ -87,7 +87,7 @@ def _prepare(scenario: Scenario, plan: Plan, listener: Listener, place: str) -> 
     check_plugins(scenario)
     with listener.progress(f"{place}truth of {scenario.config.name}", "steps") as advance:
         truths = truths_of(scenario, advance, plan.workers)
-    for note in dict.fromkeys(note for truth in truths for note in truth.notes):
+    for note in (*notes(scenario), *dict.fromkeys(note for truth in truths for note in truth.notes)):
         listener.note(note)
     return Prepared(scenario, truths)
 

@@ -1,4 +1,4 @@
-"""Scores by manoeuvre and by range band."""
+"""Scores by manoeuvre, by range band and by age."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.metrics.conditions import BAND_EDGES, BANDS, MANOEUVRES
+from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, MANOEUVRES, SHAPE
 from trackbench.metrics.intervals import positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
-from trackbench.types import Array
+from trackbench.types import Array, Indices
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
 FIELDS = {
@@ -26,12 +26,20 @@ FIELDS = {
 #: Degrees of freedom of the parts of the NEES.
 DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
 
-# Columns of the sums: all estimates, each manoeuvre, each band, each manoeuvre in each band.
+# Columns of the sums: all estimates, each manoeuvre, each band, each age, each manoeuvre in each band.
 _MANOEUVRE = 1
 _BAND = _MANOEUVRE + len(MANOEUVRES)
-_CELL = _BAND + BANDS
+_AGE = _BAND + BANDS
+_CELL = _AGE + len(AGES)
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
+
+
+def columns(classes: Indices) -> Indices:
+    """``(columns, classes)`` those in which the estimates of each class count."""
+    manoeuvre, band, age = np.unravel_index(classes, SHAPE)
+    cell = manoeuvre * BANDS + band
+    return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _CELL + cell])
 
 
 def combined(errors: Array) -> Array:
@@ -48,9 +56,9 @@ def class_sums(cells: Cells, parts: int) -> ClassSums:
     """
     sums = ClassSums(*(np.zeros((rows, _COLUMNS)) for rows in (len(FIELDS), len(FIELDS), len(FIELDS), 1)))
     found, place = np.unique(cells.code, return_inverse=True)
-    columns = np.stack([np.zeros_like(found), _MANOEUVRE + found // BANDS, _BAND + found % BANDS, _CELL + found])
-    for column in np.unique(columns):
-        here = (columns == column).any(axis=0)[place]
+    counted = columns(found)
+    for column in np.unique(counted):
+        here = (counted == column).any(axis=0)[place]
         by_part = np.stack([np.bincount(cells.part[here], row[here], parts) for row in cells.values])
         sums.total[:, column] = by_part.sum(axis=1)
         sums.square[:, column] = (by_part**2).sum(axis=1)
@@ -62,7 +70,7 @@ def class_sums(cells: Cells, parts: int) -> ClassSums:
 def breakdown(sums: ClassSums) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
     if not sums.total[0, 0]:
-        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={})
+        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={}, age={})
     occurred = np.flatnonzero(sums.total[0])
     return Breakdown(
         all=_scores(sums, 0),
@@ -74,6 +82,7 @@ def breakdown(sums: ClassSums) -> Breakdown:
             for band in range(BANDS)
             if _BAND + band in occurred
         },
+        age={name: _scores(sums, column) for column, name in enumerate(AGES, _AGE) if column in occurred},
     )
 
 

@@ -8,16 +8,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from trackbench.metrics.consistency import mean_bounds, verdict, whiteness_verdict
+from trackbench.metrics.breakdown import breakdown
+from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ONE_RUN, Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
+from trackbench.metrics.verdicts import (
+    CONSISTENCY,
+    WHITENESS,
+    WHITENESS_TOLERANCE,
+    judged,
+    together,
+    verdict,
+    whiteness_verdict,
+)
 from trackbench.results import MetricValue
 from trackbench.types import Array
-
-CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
-WHITENESS = ("white", "coloured", "undecided")
 
 
 class BuiltInMetric(Metric):
@@ -98,7 +105,7 @@ class Nees(BuiltInMetric):
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
-        Field("verdict", "whether the errors are as large as stated", CONSISTENCY),
+        Field("verdict", "whether the errors are as large as stated, under each condition", (*CONSISTENCY, "mixed")),
     )
 
     def finish(self, sums: Scores) -> Outcome:
@@ -106,7 +113,10 @@ class Nees(BuiltInMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
-        return _chi_square(ratio(total, count, positive=True), 4, len(count), inside)
+        found = _chi_square(ratio(total, count, positive=True), 4, inside)
+        conditions = judged(breakdown(sums.classes))
+        word = together(found.verdict or "undecided", conditions)
+        return found.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)
@@ -131,7 +141,7 @@ class Nis(BuiltInMetric):
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
-        found = _chi_square(ratio(total, count, positive=True), nis.dof, len(count), inside)
+        found = _chi_square(ratio(total, count, positive=True), nis.dof, inside)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
         return found.model_copy(update={"inside95": share, "coverage": _share(count.sum(), expected)})
 
@@ -141,7 +151,7 @@ class Whiteness(BuiltInMetric):
 
     name, unit, per_sensor = "whiteness", "1", True
     meaning = "correlation of successive normalised innovations of one sensor"
-    fields = (Field("verdict", "whether they are uncorrelated", WHITENESS),)
+    fields = (Field("verdict", f"whether it is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
         return {sensor: self._of(nis) for sensor, nis in sums.nis.items()}
@@ -245,13 +255,11 @@ def _number(metric: Metric, value: float, reason: str) -> Outcome:
     return float(value) if np.isfinite(value) else metric.no_value(reason)
 
 
-def _chi_square(mean: Interval, dof: int, runs: int, steps_inside: float) -> MetricValue:
-    low, high = (float(bound) for bound in mean_bounds(dof, runs))
+def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
     return MetricValue(
         value=mean.value,
         unit="1",
         dof=dof,
-        bounds95=(low, high),
         ci95=mean.ci95,
         reason=None if mean.ci95 else ONE_RUN,
         steps_inside_bounds=steps_inside,

@@ -60,19 +60,22 @@ def evaluate(
     scores: BlockScores = sums[ESTIMATES.name]
     found = Evaluation(scores_of(scores, givers, scene))
     for metric in metrics:
+        shared = metric.accumulator is ESTIMATES
+        own = found.scores if shared else sums[metric.accumulator.name]
+        parts = found.scores.per_part.shape[1] if shared else len(scene)
         if metric in BUILT_IN:
-            values = _values(metric, found.scores, found.scores.per_part.shape[1])
+            values = _values(metric, own, parts)
         else:
-            values = _guarded(_checked, metric, sums[metric.accumulator.name], scores, len(scene))
+            values = _guarded(_checked, metric, own, list(scores.nis), parts)
         if isinstance(values, Broken):
             found.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         for path, (value, interval) in values.items():
             if metric not in BUILT_IN:
-                found.own[path] = interval
-                if interval is not None:
-                    interval = clustered(interval, scene)
-                    value = interval.as_value(metric.unit)
+                found.own[path] = None if shared else interval
+            if interval is not None and not shared:
+                interval = clustered(interval, scene)
+                value = interval.as_value(metric.unit)
             found.values[path] = value
             if interval is not None:
                 found.intervals[path] = interval
@@ -156,15 +159,15 @@ def _values(metric: Metric, sums: Any, parts: int) -> dict[str, tuple[MetricValu
 
 
 def _checked(
-    metric: Metric, sums: Any, scores: BlockScores, runs: int
+    metric: Metric, sums: Any, sensors: Sequence[str], parts: int
 ) -> dict[str, tuple[MetricValue, Interval | None]]:
     """By path, of a plug-in.
 
     Raises:
         ValueError: it cannot stand in a result; says why.
     """
-    values = _values(metric, sums, runs)
-    paths = {f"{metric.name}.{sensor}" for sensor in scores.nis} if metric.per_sensor else {metric.name}
+    values = _values(metric, sums, parts)
+    paths = {f"{metric.name}.{sensor}" for sensor in sensors} if metric.per_sensor else {metric.name}
     for path, (value, _) in values.items():
         if path not in paths:
             raise ValueError(f"finish gave {path}, where it may give {' and '.join(sorted(paths)) or 'nothing'}")

@@ -20,8 +20,8 @@ class Contents:
     """How many runs the scores are over: "100", or "4 and 6" where those of several results differ."""
     recorded_run: str
     """The number of the recorded run, or the numbers."""
-    duration_s: float
-    targets: int
+    vehicles: list[str]
+    """Those that are tracked."""
     colours: Mapping[str, str]
     """By tracker."""
     sensors: Mapping[str, SensorSummary]
@@ -49,8 +49,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         name=result.name,
         runs=str(summary.runs),
         recorded_run=str(summary.recorded_run),
-        duration_s=summary.truth.duration_s,
-        targets=len(summary.truth.objects),
+        vehicles=list(summary.truth.objects),
         colours=colours_of((tracker.name for tracker in summary.trackers), colours),
         sensors=summary.sensors,
         tables=result.tables,

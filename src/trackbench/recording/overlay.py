@@ -12,8 +12,8 @@ import pyarrow as pa
 from trackbench.palette import tracker_colours
 from trackbench.recording import text
 from trackbench.recording.contents import Contents
-from trackbench.recording.tables import split
 from trackbench.results import Result, Tables, TrackerResult
+from trackbench.results.columns import split
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
@@ -61,8 +61,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         name=name,
         runs=runs,
         recorded_run=_each(result.summary.recorded_run for result in named.values()),
-        duration_s=first.summary.truth.duration_s,
-        targets=len(first.summary.truth.objects),
+        vehicles=list(first.summary.truth.objects),
         colours=tracker_colours(tracker.name for tracker in trackers),
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),

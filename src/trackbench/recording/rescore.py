@@ -7,9 +7,9 @@ import numpy as np
 from trackbench.errors import InputError
 from trackbench.metrics import Fault, Scorer, evaluate, health, score_together
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
-from trackbench.recording.tables import Columns, split
+from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack
 from trackbench.results import Health, Result, TrackerResult
+from trackbench.results.columns import Columns, split
 from trackbench.types import Array, Estimate, Mask, Scan
 
 #: Metrics that a recording cannot give: the bound needs the sensors' models, whiteness the innovations themselves, and
@@ -63,7 +63,7 @@ def _scored(
 ) -> TrackerResult:
     counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
-    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int8)
+    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int16)
     scorer = Scorer(recorded.target, alike, counts)
     for instant, time in enumerate(recorded.target.time):
         estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.document.terminal import STYLE
+from trackbench.metrics.verdict_words import conditions_off, mean_text
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
@@ -132,9 +133,7 @@ def _spread(metric: MetricValue, places: int) -> str:
 
 
 def _nees(metrics: Sequence[MetricValue]) -> list[Text]:
-    means = [
-        NOT_AVAILABLE if m.mean is None else f"{m.mean:.1f}" if m.mean < 1000 else f"{m.mean:.0e}" for m in metrics
-    ]
+    means = [NOT_AVAILABLE if m.mean is None else mean_text(m.mean) for m in metrics]
     width = max(map(len, means))
     return [
         Text.assemble((f"{mean:>{width}}", ""), (f" {m.verdict}" if m.verdict else "", STYLE[TONE[m.verdict or ""]]))
@@ -155,6 +154,11 @@ def _notes(result: Result) -> list[str]:
         notes.append("one run gives no interval and shows no difference")
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
+    nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]
+    mixed = [(name, found) for name, found in nees if found.verdict == "mixed"]
+    if mixed:
+        notes.append("mixed: errors larger or smaller than stated, depending on the condition")
+        notes += [f"  {name}: {conditions_off(found)} where {found.dof} is right" for name, found in mixed]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_efficiency", "nees"):

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 2
 
@@ -17,6 +18,9 @@ Metrics = Annotated[
     BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
     PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
 ]
+
+#: None where a truth was not audited; such a ``Truth`` has an empty mapping.
+Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
 
 
 class ScenarioSummary(Part):
@@ -36,6 +40,7 @@ class SceneSummary(Part):
     """What tells it from the others, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
+    audit: Audit = None
 
 
 class TruthSummary(Part):
@@ -48,10 +53,26 @@ class TruthSummary(Part):
     steps: int
     dt: float | None
     duration_s: float
-    audit: dict[str, Any]
+    audit: Audit
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
     """All of them, where there are several."""
+
+
+class ComponentNoise(Part):
+    """Of one component of a measurement."""
+
+    sigma: float
+    unit: str
+    """"m", "deg" or "m/s"."""
+
+
+class MountSummary(Part):
+    """The pose of a sensor on the observer."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
 
 
 class SensorSummary(Part):
@@ -60,6 +81,12 @@ class SensorSummary(Part):
     kind: str
     dof: int
     """Components of a measurement."""
+    noise: dict[str, ComponentNoise]
+    """By component, as the sensor states it."""
+    fov_deg: float
+    max_range_m: float | None
+    """None without a limit."""
+    mount: MountSummary
     rate_hz: float | None
     """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None
@@ -170,6 +197,8 @@ class Breakdown(Part):
     all: ConditionScores
     manoeuvre: dict[str, ConditionScores]
     range: dict[str, ConditionScores]
+    age: dict[str, ConditionScores]
+    """By time since a sensor could first see the object."""
 
 
 class TrackerResult(Part):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -12,10 +13,13 @@ import pyarrow as pa
 from trackbench.metrics import Evaluation, Metric, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
+from trackbench.models.sensors import Sensor
 from trackbench.results import Health, Result, Summary, Tables, TrackerResult
 from trackbench.results.summary import (
     BoundSummary,
+    ComponentNoise,
     MarginSummary,
+    MountSummary,
     OwnMetricSummary,
     ScenarioSummary,
     SceneSummary,
@@ -131,6 +135,10 @@ class _Assembly:
             found[sensor.name] = SensorSummary(
                 kind=sensor.config.type,
                 dof=len(sensor.noise_covariance),
+                noise=_noise(sensor.config),
+                fov_deg=sensor.config.fov_deg,
+                max_range_m=sensor.config.max_range_m,
+                mount=MountSummary.model_validate(sensor.config.mount.model_dump()),
                 rate_hz=scan_rate(sensor),
                 preset=sensor.config.preset,
                 detection_rate=float(detected / seen) if seen > 0 else None,
@@ -167,6 +175,15 @@ class _Assembly:
         }
 
 
+def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
+    """Of each component, angles in degrees."""
+    found = {}
+    for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
+        angle = unit == "rad"
+        found[name] = ComponentNoise(sigma=math.degrees(sigma) if angle else sigma, unit="deg" if angle else unit)
+    return found
+
+
 def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource]) -> TruthSummary:
     loaded = truths[work.recorded_scene]
     truth = loaded.truth
@@ -182,6 +199,7 @@ def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[
                 name=source.scene_name or f"scene {number}",
                 objects=list(item.truth.ids),
                 duration_s=float(item.truth.time[-1]),
+                audit=item.truth.audit,
             )
             for number, (item, source) in enumerate(zip(truths, sources, strict=True), 1)
             if len(truths) > 1

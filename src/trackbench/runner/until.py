@@ -67,7 +67,9 @@ def run_until(
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
-        truths = truths_of(loaded) if loaded.config.truth.random else truths
+        if loaded.config.truth.random:
+            # The bound of every run rests on the motion of all.
+            truths, blocks = truths_of(loaded), []
     result = assemble(loaded, truths, work, blocks, command(loaded))
     return result.updated(precision=found)
 

@@ -135,8 +135,7 @@ class FilterConfig(OptionsBeside):
         "own_scans",
         description="At which scans its state moves on. own_scans: those of the sensors that it reads; at others it is "
         "asked for a prediction, which it does not keep, so that they change none of its estimates. all_scans: those "
-        "of sensors left out too, which adds the process noise in more and smaller pieces; some published programs do "
-        "so.",
+        "of sensors left out too, as some published programs have it; the process noise then comes in smaller pieces.",
     )
     process_noise_diag: list[NonNegative] | None = Field(
         None,

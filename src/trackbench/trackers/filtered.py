@@ -34,8 +34,7 @@ class FilterTracker:
     """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid.
 
     At a scan of a sensor that it does not read it is only asked for its estimate: the answer is a prediction over the
-    whole time since its last own scan, and is not kept. So its estimates do not depend on sensors that it does not
-    read.
+    whole time since its last own scan, and is not kept. So no estimate depends on a sensor that is not read.
     """
 
     filter: Filter
@@ -85,7 +84,7 @@ class FilterTracker:
         return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
 
     def advances(self, sensor: str) -> bool:
-        """Whether the state moves on at scans of that sensor: it reads them, starts tracks from them, or is told to."""
+        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is told to."""
         read = self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
         return read or self.advance_at == "all_scans"
 

@@ -19,10 +19,12 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.styles import tracker_styles
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.palette import tracker_colours
-from trackbench.report.calibration import NOTABLE, QUANTITIES
-from trackbench.report.conditions import BY, TITLE
+from trackbench.report.calibration import LIMITS, QUANTITIES
+from trackbench.report.conditions import BY, TITLE, classes
 from trackbench.report.margin import margin_words
+from trackbench.report.numbers import percent
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import calibrations, errors, shares
@@ -44,14 +46,23 @@ _DIFFERENCES = (
 )
 _MANOEUVRES = (
     "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "
-    "by more than 1 m/s each second, and is in a sensor gap where no sensor of the tracker could see it for more than "
-    "three periods of the slowest one; each estimate counts once, for the last of these that applies. The range is the "
-    "distance from the observer."
+    "by more than 1 m/s each second, both over half a second, and is in a sensor gap where no sensor of the tracker "
+    "could see it for more than three periods of the slowest one; each estimate counts once, for the last of these "
+    "that applies. The range is the distance from the observer. The first second begins when a sensor could first see "
+    "the object."
 )
 _CALIBRATION = (
     "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
-    f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {NOTABLE}, pessimistic one below "
-    f"1/{NOTABLE}."
+    f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {LIMITS[1]:.2f}, pessimistic one below "
+    f"{LIMITS[0]:.2f}."
+)
+
+_VERDICTS = (
+    f"Consistent: the 95 % interval of the mean is within {percent(TOLERANCE)} of what is right; optimistic above, "
+    f"pessimistic below, undecided where it is neither. The NEES must be so under each condition too, from "
+    f"{percent(BELOW)} below to {percent(ABOVE)} above, if the condition has {percent(SMALLEST_SHARE)} of the "
+    "estimates; mixed: it is under some conditions and not under others. Innovations are white where the interval of "
+    f"their autocorrelation is within {WHITENESS_TOLERANCE} of zero, coloured where it is beyond."
 )
 
 
@@ -105,8 +116,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     margin = margin_words(result.summary.score.margin, "m")
     legend = Paragraph(
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
-        f"The 95 % bounds of the NEES are those of {counted(result.summary.runs, 'run')}. Small print is the 95 % "
-        "interval."
+        "Small print is the 95 % interval."
     )
     others = tables.other_metrics(result)
     more = Section("Errors along each axis, and bounds", (tables.axes_and_bounds(result),), folded=True)
@@ -133,14 +143,16 @@ def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[S
     trackers = [tracker for tracker in result.scored if tracker.breakdown is not None]
     if not trackers:
         return
-    figures = [errors_by_class(trackers, styles, by, quantity) for quantity in QUANTITIES for by in BY]
+    # Where the first second is not scored, there is nothing to break down by age.
+    known = [by for by in BY if by != "age" or len(classes(trackers, by)) > 1]
+    figures = [errors_by_class(trackers, styles, by, quantity) for quantity in QUANTITIES for by in known]
     numbers = [
         Section(
             f"Errors by {TITLE[by]} in numbers",
             (Paragraph(shares(trackers[0], by)), *(errors(trackers, by, quantity) for quantity in QUANTITIES)),
             folded=True,
         )
-        for by in BY
+        for by in known
     ]
     calibration = [
         Section(
@@ -151,7 +163,7 @@ def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[S
             ),
             folded=by != BY[0],
         )
-        for by in BY
+        for by in known
     ]
     drawn = Row(tuple(figure for figure in figures if figure))
     yield Section("By manoeuvre and range", (Paragraph(_MANOEUVRES), drawn, *calibration, *numbers))
@@ -164,17 +176,22 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
         *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
     ]
-    yield from _figures("Consistency", figures, tables.innovations(result))
+    yield from _figures(
+        "Consistency", figures, (tables.nees_by_condition(result), *tables.innovations(result)), _VERDICTS
+    )
 
 
-def _figures(title: str, figures: Sequence[Figure | None], numbers: Sequence[Table] = ()) -> Iterator[Section]:
-    drawn = tuple(figure for figure in figures if figure)
-    if drawn or numbers:
-        yield Section(title, tuple(Row(blocks) for blocks in (drawn, tuple(numbers)) if blocks))
+def _figures(
+    title: str, figures: Sequence[Figure | None], numbers: Sequence[Table | None] = (), text: str = ""
+) -> Iterator[Section]:
+    rows = [tuple(item for item in items if item) for items in (figures, numbers)]
+    if any(rows):
+        begin = [Paragraph(text)] if text else []
+        yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
 
 
 def _truth(result: Result) -> Iterator[Block]:
-    for sentence in audit_sentences(result.summary.truth.audit):
+    for sentence in audit_sentences(result.summary.truth):
         yield Paragraph(sentence)
     yield tables.sensors(result)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
@@ -13,13 +14,6 @@ from trackbench.words import counted
 
 #: An efficiency this close to one is called "at the bound".
 _AT_THE_BOUND = 0.01
-
-MEANING = {
-    "consistent": "the errors are as large as its covariance states",
-    "optimistic": "the errors are larger than its covariance states",
-    "pessimistic": "the errors are smaller than its covariance states",
-    "undecided": "too few runs to say whether the errors are as large as its covariance states",
-}
 
 
 def facts(result: Result) -> tuple[str, ...]:
@@ -51,21 +45,22 @@ def duration(result: Result) -> str:
 def verdict(tracker: TrackerResult, runs: int) -> str:
     """One sentence on a tracker's accuracy, consistency and health, without its name.
 
-    For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; optimistic: the errors are larger than its
-    covariance states (NEES 6.1, 4 expected)".
+    For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; mixed: the errors are larger or smaller than
+    its covariance states, depending on the condition (NEES 4.2, turning 39.7, straight 2.9 where 4 is right);
+    optimistic about velocity in turns (errors 3.1 times as large as stated)".
     """
     rmse, nees = tracker.position_rmse.value, tracker.metrics.get("nees")
     efficiency = tracker.metrics.get("position_efficiency")
     excess = "" if efficiency is None else _above_bound(efficiency.value)
     parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{excess}"]
-    clauses = [] if tracker.breakdown is None else calibration_clauses(tracker.breakdown)
     if nees is None or nees.mean is None or nees.verdict is None:
         parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
     else:
-        mean = fixed(nees.mean, decimals([nees.mean], 2))
-        meaning = " overall" if clauses else f": {MEANING[nees.verdict]}"
-        parts.append(f"{nees.verdict}{meaning} (NEES {mean}, {nees.dof} expected)")
-    return "; ".join(parts + clauses + _complaints(tracker.health, runs))
+        found = ", ".join(text for text in (f"NEES {mean_text(nees.mean)}", conditions_off(nees)) if text)
+        parts.append(f"{nees.verdict}: {MEANING[nees.verdict]} ({found} where {nees.dof} is right)")
+        if tracker.breakdown is not None and nees.verdict != "consistent":
+            parts += calibration_clauses(tracker.breakdown)
+    return "; ".join(parts + _complaints(tracker.health, runs))
 
 
 def _above_bound(efficiency: float | None) -> str:

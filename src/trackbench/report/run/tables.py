@@ -6,11 +6,13 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics.verdict_words import mean_text
+from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
-from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT, count, metric_of, missing, names, values
+from trackbench.report.run.cells import INTERVAL, TONE, TRACKER, VERDICT, count, metric_of, missing, names, values
 from trackbench.report.run.pairs import Pair, Pairs, groups
-from trackbench.results import Result, TrackerResult
+from trackbench.results import ConditionVerdict, Result, TrackerResult, sensor_words
 
 #: Metrics with a column of their own in some table, and the groups of which all have one.
 _SHOWN = (
@@ -35,7 +37,10 @@ def ranking(result: Result) -> Table:
         (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", details=INTERVAL), values(trackers, "velocity_rmse")),
         (Column("course RMSE, deg", details=INTERVAL), values(trackers, "course_rmse")),
-        (Column("NEES, 4 expected", "mean, verdict and 95 % interval", details=VERDICT), values(trackers, "nees")),
+        (
+            Column("NEES, 4 expected", "mean, verdict under all conditions, 95 % interval", details=VERDICT),
+            values(trackers, "nees"),
+        ),
         (
             Column("efficiency", "position RMSE over the Cramér-Rao bound; 1 is the best possible", details=INTERVAL),
             values(trackers, "position_efficiency"),
@@ -102,13 +107,35 @@ def innovations(result: Result) -> list[Table]:
                 [_inside(tracker, sensor) for tracker in trackers],
             ),
             (
-                Column("lag-1 autocorrelation", "of the normalised innovations; 0 expected", details="verdict"),
+                Column(
+                    "lag-1 autocorrelation",
+                    f"of the normalised innovations; white within {WHITENESS_TOLERANCE} of 0",
+                    details=VERDICT,
+                ),
                 values(trackers, f"whiteness.{sensor}"),
             ),
         ]
         if trackers:
             tables.append(Table.of_columns(f"innovations-{number}", columns, f"Innovations of {sensor}"))
     return tables
+
+
+def nees_by_condition(result: Result) -> Table | None:
+    """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
+    trackers = result.scored
+    found = [{item.name: item for item in metric_of(tracker, "nees").conditions or ()} for tracker in trackers]
+    conditions = list(dict.fromkeys(name for items in found for name in items))
+    if not conditions:
+        return None
+    columns = [(Column(name, details=VERDICT), [_condition(items.get(name)) for items in found]) for name in conditions]
+    caption = "Mean NEES under each condition, 4 expected"
+    return Table.of_columns("nees-by-condition", [(TRACKER, names(trackers)), *columns], caption)
+
+
+def _condition(found: ConditionVerdict | None) -> Cell:
+    if found is None:
+        return Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
+    return Cell(mean_text(found.mean), (found.verdict, interval(found.ci95, 1)), TONE[found.verdict])
 
 
 def _expected(trackers: Sequence[TrackerResult], sensor: str) -> str:
@@ -165,7 +192,10 @@ def sensors(result: Result) -> Table:
         Column("sensor", left=True, details="preset"),
         Column("kind", left=True),
         Column("rate, Hz"),
-        Column("components", "of one measurement"),
+        Column("noise", "standard deviation of each component of a measurement", left=True),
+        Column("field of view, deg", "horizontal, centred on the boresight"),
+        Column("range", "beyond it nothing is detected"),
+        Column("mount", "pose on the observer: forward, to the left, counter-clockwise", left=True),
         Column("detections, %", "scans with a vehicle in the field of view that gave a measurement of it"),
     )
     rows = [
@@ -173,7 +203,10 @@ def sensors(result: Result) -> Table:
             Cell(name, (about.preset,) if about.preset else ()),
             Cell(about.kind),
             Cell(NOT_AVAILABLE, reason="a single scan") if about.rate_hz is None else Cell(f"{about.rate_hz:.4g}"),
-            Cell(str(about.dof)),
+            Cell(sensor_words.noise(about)),
+            Cell(f"{about.fov_deg:g}"),
+            Cell(sensor_words.reach(about)),
+            Cell(sensor_words.mount(about)),
             Cell(_percents(about.detection_rate)),
         )
         for name, about in result.summary.sensors.items()

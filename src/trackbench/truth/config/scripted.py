@@ -66,8 +66,8 @@ class Piece(Config):
     """A stretch of one kind of motion, which goes on from where the piece before it ends.
 
     Without any other key it is straight and steady. In random motion the noise is constant from one truth step to the
-    next, as in the trackers' own models: their process noise is that of the truth where there is a measurement at every
-    truth step.
+    next, as in the trackers' own models: their process noise is that of the truth where they read a sensor
+    at every truth step.
     """
 
     for_s: Positive | None = Field(

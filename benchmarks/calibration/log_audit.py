@@ -1,0 +1,88 @@
+"""The audit of a log"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from tests.recorded_log import Errors, write_log
+
+from trackbench.log_audit import LogAudit, audit_log
+from trackbench.scenario import load_scenario
+
+from .claim import Claim, rate
+
+LOGS = 200
+#: What is wrong with the radar of a log, in SI units and radians.
+WRONG = {
+    "time_offset": -0.06,
+    "mount_yaw": float(np.deg2rad(1.2)),
+    "mount_x": 0.4,
+    "mount_y": -0.3,
+    "bias_range": 0.5,
+    "bias_range_rate": 0.15,
+}
+SIGMA = {"range": 0.45, "azimuth": float(np.deg2rad(0.5)), "range_rate": 0.1}
+DETECTED = 0.7
+RADAR = Errors(
+    time_offset_s=WRONG["time_offset"],
+    mount={"x_m": WRONG["mount_x"], "y_m": WRONG["mount_y"], "yaw_deg": 1.2},
+    truly={
+        "range_bias_m": WRONG["bias_range"],
+        "range_rate_bias_mps": WRONG["bias_range_rate"],
+        "range_sigma_m": SIGMA["range"],
+        "detection_probability": DETECTED,
+    },
+)
+
+
+def claims() -> Iterator[Claim]:
+    """Intervals and findings of logs of 20 s with three objects, half of them without and half with known errors."""
+    clean = [_audit(seed, radar=Errors(), lidar=Errors()) for seed in range(LOGS)]
+    wrong = [_audit(seed, radar=RADAR) for seed in range(LOGS, 2 * LOGS)]
+    yield rate(
+        "a log without errors has any finding (radar and lidar, 20 tests)", [bool(a.findings) for a in clean], 0, 0.05
+    )
+    nothing = dict.fromkeys(WRONG, 0.0)
+    truly = {"range": 0.3, "azimuth": SIGMA["azimuth"], "range_rate": 0.1}
+    for name, audits, errors, sigmas in (("no errors", clean, nothing, truly), ("known errors", wrong, WRONG, SIGMA)):
+        yield from _coverage(name, audits, errors, sigmas)
+    yield rate(
+        "known detection probability of .7 within its interval",
+        [_covers(a.sensors["radar"].detections.share.bounds(), DETECTED) for a in wrong],
+        0.93,
+        0.97,
+    )
+    found = [set(WRONG) <= {finding.kind for finding in a.findings} for a in wrong]
+    yield rate("all six errors of a radar are found", found, 0.95, 1)
+    after = np.array([a.sensors["radar"].square_after for a in wrong])
+    before = np.array([a.sensors["radar"].square_before for a in wrong])
+    yield Claim(
+        "mean square of the errors over the stated sigmas: with the findings put in",
+        f"{after.mean():.3f} (worst {after.max():.3f}), as logged {before.mean():.2f}",
+        "0.98 to 1.02",
+        bool(0.98 < after.mean() < 1.02),
+    )
+
+
+def _coverage(
+    name: str, audits: list[LogAudit], errors: Mapping[str, float], sigmas: Mapping[str, float]
+) -> Iterator[Claim]:
+    for kind, value in errors.items():
+        fits = [audit.sensors["radar"].fit for audit in audits]
+        hits = [_covers(fit.estimates[kind].interval.bounds(), value) for fit in fits if fit is not None]
+        yield rate(f"{name}: {kind} within its 95 % interval", hits, 0.93, 0.97)
+    for i, (component, value) in enumerate(sigmas.items()):
+        hits = [_covers(audit.sensors["radar"].noise[i].sigma.bounds(), value) for audit in audits]
+        yield rate(f"{name}: sigma of {component} within its 95 % interval", hits, 0.93, 0.97)
+
+
+def _covers(bounds: tuple[float, float], value: float) -> bool:
+    return bounds[0] <= value <= bounds[1]
+
+
+def _audit(seed: int, **errors: Errors) -> LogAudit:
+    with tempfile.TemporaryDirectory() as folder:
+        return audit_log(load_scenario(write_log(Path(folder), seed=seed, duration_s=20, **errors)))
