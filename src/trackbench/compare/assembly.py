@@ -217,7 +217,7 @@ def _notes(
 ) -> Iterator[str]:
     """What a reader must know beside the differences."""
     if any(entry.result.summary.runs == 1 for cell in cells for entry in cell.entries.values()):
-        yield "one run gives no interval and shows no difference"
+        yield "one run is compared by nothing but its values"
     compared = {
         (match.scenario, entrant) for match in matches for pair in match.pairs for entrant in match.entrants(pair)
     }

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, MANOEUVRES, SHAPE
-from trackbench.metrics.intervals import positive_ends, reach_of_ratio
+from trackbench.metrics.intervals import TOO_SHORT, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 from trackbench.types import Array, Indices
@@ -151,5 +151,5 @@ def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
 
 def _with_reach(value: float, reach: float, **more: Any) -> MetricValue:
     if math.isnan(reach):
-        return MetricValue(value=value, reason="fewer than two runs give no interval", **more)
+        return MetricValue(value=value, reason=TOO_SHORT, **more)
     return MetricValue(value=value, ci95=positive_ends(value, reach), **more)

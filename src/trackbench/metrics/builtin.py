@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import ONE_RUN, Interval, ratio, root, scaled
+from trackbench.metrics.intervals import TOO_SHORT, Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
 from trackbench.metrics.verdicts import (
@@ -273,7 +273,7 @@ def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
         unit="1",
         dof=dof,
         ci95=mean.ci95,
-        reason=None if mean.ci95 else ONE_RUN,
+        reason=None if mean.ci95 else TOO_SHORT,
         steps_inside_bounds=steps_inside,
         verdict=verdict(mean.ci95, dof),
     )
