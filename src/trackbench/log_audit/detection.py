@@ -18,6 +18,8 @@ from trackbench.types import Array, Indices, Mask
 OUTSIDE = 0.02
 #: A sensor was silent if chance leaves so many detections out in fewer logs than this share.
 UNLIKELY = 1e-4
+#: And for more than so many cycles.
+SILENT = 5
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ def _silence(starts: Array, chance: Mask, detected: Mask) -> tuple[float | None,
     """Begin and length of the longest run of cycles that detected nothing of many chances."""
     share = float(detected[chance].mean()) if chance.any() else 1.0
     best: tuple[float | None, float] = (None, 0.0)
+    shortest = SILENT * float(np.median(np.diff(starts))) if len(starts) > 1 else np.inf
     begin, unlikely = 0, 0.0
     for cycle, (chances, hits) in enumerate(zip(chance.sum(axis=1), np.asarray(detected.any(axis=1)), strict=True)):
         if hits:
@@ -91,7 +94,7 @@ def _silence(starts: Array, chance: Mask, detected: Mask) -> tuple[float | None,
             continue
         unlikely += float(chances) * np.log(max(1 - share, 1e-3))
         length = float(starts[cycle] - starts[begin])
-        if unlikely < np.log(UNLIKELY / len(starts)) and length > best[1]:
+        if unlikely < np.log(UNLIKELY / len(starts)) and length > max(best[1], shortest):
             best = float(starts[begin]), length
     return best
 
