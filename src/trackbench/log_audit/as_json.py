@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.log_audit.audit import LogAudit
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.noise import Band
 from trackbench.log_audit.sensor_audit import SensorAudit
 
@@ -92,7 +92,7 @@ def _sensor(item: SensorAudit) -> dict[str, Any]:
     }
 
 
-def _interval(interval: Interval) -> dict[str, Any]:
+def _interval(interval: BlockInterval) -> dict[str, Any]:
     return {"value": interval.value, "ci95": list(interval.bounds())}
 
 

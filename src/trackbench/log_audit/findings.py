@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.joint_fit import ErrorEstimate
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.
@@ -69,7 +69,7 @@ def shown(value: float, unit: str, *, signed: bool = False) -> str:
     return f"{value * factor:{'+' if signed else ''}.3g}{name}"
 
 
-def between(interval: Interval, unit: str) -> str:
+def between(interval: BlockInterval, unit: str) -> str:
     """The 95 % interval in words."""
     return f"95 %: {bounds_shown(interval.bounds(), unit)}"
 

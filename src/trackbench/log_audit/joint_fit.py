@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
-from trackbench.log_audit.blocks import Blocks, Interval, blocks_of
+from trackbench.log_audit.blocks import BlockInterval, Blocks, blocks_of
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.types import Array, Mask
 from trackbench.units import wrap_angle
@@ -35,7 +35,7 @@ class ErrorEstimate:
 
     name: str
     unit: str
-    interval: Interval
+    interval: BlockInterval
     effect: float
     """RMS of what it does to a measurement, in standard deviations of its noise."""
     same_as: dict[str, float] = field(default_factory=dict)

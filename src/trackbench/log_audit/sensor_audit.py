@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.corrections import error_changes, sigma_keys
 from trackbench.log_audit.detection import Detections, detections_of
 from trackbench.log_audit.drift import clock_drift
@@ -124,9 +124,9 @@ def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
             yield shape_finding(item.log.name, noise, shape)
 
 
-def _ratio(noises: list[ComponentNoise]) -> Interval:
+def _ratio(noises: list[ComponentNoise]) -> BlockInterval:
     """Logarithm of the standard deviation found over the stated one, the mean of several components."""
     logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
     relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
     freedom = min(noise.sigma.freedom for noise in noises)
-    return Interval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
+    return BlockInterval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)

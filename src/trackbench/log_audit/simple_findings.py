@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.clocks import Clock
 from trackbench.log_audit.detection import Detections
 from trackbench.log_audit.findings import LogFinding, between, bounds_shown, shown
@@ -51,7 +51,7 @@ def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
     )
 
 
-def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio: Interval) -> LogFinding:
+def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio: BlockInterval) -> LogFinding:
     """That the noise is not what is stated."""
     stated = float(getattr(log.config, key))
     value = stated * float(np.exp(ratio.value))
@@ -76,7 +76,7 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio:
     )
 
 
-def shape_finding(sensor: str, noise: ComponentNoise, shape: Interval) -> LogFinding:
+def shape_finding(sensor: str, noise: ComponentNoise, shape: BlockInterval) -> LogFinding:
     """That the noise depends on the range."""
     name = noise.name.replace("_", " ")
     near, far = noise.bands[0], noise.bands[-1]
@@ -161,7 +161,7 @@ def outlier_finding(sensor: str, outliers: int, rows: int) -> LogFinding:
     )
 
 
-def drift_finding(log: SensorLog, change: Interval) -> LogFinding:
+def drift_finding(log: SensorLog, change: BlockInterval) -> LogFinding:
     """That the clock drifts or was set."""
     return LogFinding(
         kind="clock_drift",

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.document import Cell, Column, Table
 from trackbench.log_audit import LogAudit
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.clocks import Clock
 from trackbench.log_audit.findings import bounds_shown, shown, spelt
 from trackbench.log_audit.noise import Band, ComponentNoise
@@ -197,7 +197,7 @@ def _exponent(one: ComponentNoise) -> Cell:
     return Cell(f"{one.exponent.value:.2f}", (f"{low:.2f} to {high:.2f}",))
 
 
-def _interval(interval: Interval, unit: str) -> Cell:
+def _interval(interval: BlockInterval, unit: str) -> Cell:
     if not np.isfinite(interval.sigma):
         return Cell(shown(interval.value, unit), ("no interval",))
     return Cell(shown(interval.value, unit), (bounds_shown(interval.bounds(), unit),))
@@ -207,7 +207,7 @@ def _share(item: SensorAudit) -> Cell:
     return _percents(item.detections.share)
 
 
-def _percents(interval: Interval) -> Cell:
+def _percents(interval: BlockInterval) -> Cell:
     low, high = (float(np.clip(bound, 0, 1)) for bound in interval.bounds())
     return Cell(f"{100 * interval.value:.1f}", (f"{100 * low:.1f} to {100 * high:.1f}",))
 
