@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from tests import peers
 
 from scene import DT, SENSORS, weaving
-from trackbench.metrics import Scorer, Target
+from trackbench.metrics import Scorer, Target, score_together
 from trackbench.metrics.conditions import conditions
 from trackbench.models.motion import Kinematics
 from trackbench.runner.adapters import Direct
@@ -97,6 +97,7 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
         alive=truth.alive,
         start=np.zeros((1, of.runs)),
         divergence=20.0,
+        reference=np.zeros((2, of.steps, 1, 1)),
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
     classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
@@ -106,6 +107,8 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
         estimate = stepper.step(scan)
         scorer.scan(instant, scan, estimate)
         scorer.estimate(estimate)
+        if scorer.full or instant == of.steps - 1:
+            score_together([scorer])
     scorer.close()
     return time.perf_counter() - begin
 

@@ -25,7 +25,7 @@ from trackbench.recording import viewer
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 # How long an example takes says how busy the machine is, and nothing of the code.
 settings.register_profile("any machine", deadline=None)
@@ -114,7 +114,7 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
         file = folder / "tiny.yaml"
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
-        return run(loaded, truth_of(loaded), workers=workers)
+        return run(loaded, truths_of(loaded), workers=workers)
 
     return call
 

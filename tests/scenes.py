@@ -6,8 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from trackbench.metrics import BlockScores, evaluate
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.runner.block import Work
+from trackbench.results import MetricValue
+from trackbench.runner.block import Block, run_block
+from trackbench.runner.work import Piece, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -138,6 +142,19 @@ def work(
     seed: int = 1,
     settle: float = 0.0,
     divergence: float = 1e9,
+    acceleration: float = 2.0,
+    velocity_sigma: float = 20.0,
 ) -> Work:
     """What ``run_block`` takes."""
-    return Work("test", seed, runs, of, ideal_sensors(of, sensors), trackers, None, settle, divergence, 0)
+    scene = Scene(of, ideal_sensors(of, sensors))
+    return Work("test", seed, runs, [scene], trackers, None, settle, divergence, 0, 0, acceleration, velocity_sigma)
+
+
+def block_of(whole: Work, runs: range) -> Block:
+    """Some runs of a single scene."""
+    return run_block(whole, Piece(0, runs))
+
+
+def values(scores: BlockScores) -> dict[str, MetricValue]:
+    """The metrics of runs of a single scene, by path."""
+    return evaluate({ESTIMATES.name: scores}, np.zeros(len(scores.due), dtype=np.intp)).values

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import trackbench as tb
-from trackbench.runner.run import work_of
+from trackbench.runner.work import work_of
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
 
@@ -162,8 +162,8 @@ def test_two_tunings_are_compared(scenario: tb.Scenario, result: tb.Result) -> N
 
 def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
     truth, seen = tb.truth(scenario), tb.sense(scenario, range(1, 3))
-    work = work_of(scenario, truth_of(scenario))
-    expected = scans.sense(work.sensors, work.seed, work.scenario, range(1, 3)).scans
+    work = work_of(scenario, [truth_of(scenario)])
+    expected = scans.sense(work.scenes[0].sensors, work.seed, work.scenario, range(1, 3)).scans
     assert len(seen) == len(expected)
     for mine, theirs in zip(seen, expected, strict=True):
         assert mine.measurement.shape == (len(mine.noise_covariance), len(truth.ids), 2)

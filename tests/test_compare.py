@@ -21,7 +21,7 @@ from trackbench.compare import Comparison, Entrant, Limit, PairDifference, Resul
 from trackbench.compare.comparability import Comparability, comparability
 from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
 from trackbench.errors import InputError
-from trackbench.metrics.differences import NO_DIFFERENCE
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.metrics.intervals import paired, ratio, unpaired
 from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.results import Result
@@ -72,7 +72,9 @@ def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path
         assert expected.ci95 is not None
         assert sorted(item.ci95 or ()) == pytest.approx(sorted(sign * end for end in expected.ci95), rel=1e-6)
         assert item.p_value == pytest.approx(expected.p_value, rel=1e-6, abs=1e-12)
-        assert (item.verdict == NO_DIFFERENCE) == (expected.verdict == NO_DIFFERENCE)
+        assert item.margin == pytest.approx(expected.margin)
+        assert (item.verdict in ("better", "worse")) == (expected.better is not None)
+        assert (item.verdict == EQUIVALENT) == (expected.verdict == EQUIVALENT)
 
 
 @pytest.mark.parametrize("metric", sorted(BUILT_IN))
@@ -90,7 +92,7 @@ def test_equal_measurements_are_paired_and_what_did_not_change_is_the_same(keep:
     base, later = keep(), keep(WORSE_EKF)
     found = by_tracker(compare([base, later]))
     assert found["raw"].identical
-    assert (found["raw"].difference, found["raw"].verdict) == (0.0, NO_DIFFERENCE)
+    assert (found["raw"].difference, found["raw"].verdict) == (0.0, EQUIVALENT)
     assert found["ekf"].verdict == "worse"
     assert found["ekf"].paired_runs == 12
     own, other = (item.entries[0].interval("ekf", POSITION) for item in (later, base))
@@ -119,7 +121,7 @@ def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str)
 def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
     """The run with a number is the same however many there are."""
     longer = keep("monte_carlo.runs=20", WORSE_EKF)
-    found = compare([keep(), longer], metrics=["position_rmse", "position_efficiency"])
+    found = compare([keep(), longer], metrics=["position_rmse", "position_over_reference"])
     (_, later) = found.scenarios[0].results
     assert later.shared_runs == 12
     assert later.reason == "over the 12 runs of 20 here and 12 there with equal fingerprints"
@@ -127,8 +129,7 @@ def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
     assert position["raw"].identical
     same_length = by_tracker(compare([keep(), keep(WORSE_EKF)]))["ekf"]
     assert position["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
-    # The bound is that of all runs of each, so a ratio to it is not paired over a part of them.
-    assert {d.paired_runs for d in found.differences if d.metric == "position_efficiency"} == {None}
+    assert {d.paired_runs for d in found.differences if d.metric == "position_over_reference"} == {12}
 
 
 @pytest.mark.parametrize(
@@ -216,7 +217,7 @@ def test_p_values_are_corrected_for_all_differences_of_a_metric(keep: Keep) -> N
 
 def test_one_run_shows_no_difference(keep: Keep) -> None:
     found = compare([keep("monte_carlo.runs=1")])
-    assert [(item.ci95, item.verdict) for item in found.differences] == [(None, NO_DIFFERENCE)]
+    assert [(item.ci95, item.verdict) for item in found.differences] == [(None, UNDECIDED)]
     assert "one run gives no interval and shows no difference" in found.notes
 
 
@@ -234,7 +235,7 @@ def test_welch_agrees_with_scipy() -> None:
     found = unpaired(ratio(a, np.ones(30)), ratio(b, np.ones(12)))
     assert found.p_value == pytest.approx(expected.pvalue, rel=1e-6)
     assert found.ci95 == pytest.approx(tuple(expected.confidence_interval()), rel=1e-6)
-    assert unpaired(ratio(a[:1], np.ones(1)), ratio(b, np.ones(12)))[1:] == (None, 1.0)
+    assert unpaired(ratio(a[:1], np.ones(1)), ratio(b, np.ones(12)))[1:3] == (None, 1.0)
 
 
 def test_rounding_is_no_difference() -> None:
@@ -372,7 +373,7 @@ def test_metrics_that_have_no_limit(keep: Keep, metric: str, message: str) -> No
 
 def test_limits() -> None:
     assert Limit.parse("rmse.px:2.5") == Limit.parse("rmse.px:2.5%") == Limit("rmse.px", 2.5)
-    assert Limit.parse("position_efficiency:1").metric == "position_efficiency"
+    assert Limit.parse("position_over_reference:1").metric == "position_over_reference"
 
 
 @pytest.fixture(scope="module")
@@ -394,7 +395,7 @@ def test_folders_of_several_scenarios_are_compared_by_scenario_and_overall(versi
     assert {(d.scenario, d.entrant.tracker): d.verdict for d in found.differences} == {
         (scenario, tracker): verdict
         for scenario in ("tiny", "other")
-        for tracker, verdict in (("ekf", "worse"), ("raw", NO_DIFFERENCE))
+        for tracker, verdict in (("ekf", "worse"), ("raw", EQUIVALENT))
     }
     overall = {item.entrant.tracker: item for item in found.overall}
     assert overall["ekf"].verdicts == {"worse": 2}

@@ -63,7 +63,7 @@ def test_two_runs_in_a_terminal(cli: Cli, two: Path) -> None:
     assert "(paired: the fingerprints of all measurements are equal)" in " ".join(done.out.split())
     rows = {line.split()[0]: line for line in lines if line.split()[1:3] == ["B", "A"]}
     assert rows["ekf"].rstrip().endswith("worse")
-    assert rows["raw"].rstrip().endswith("0.0  no difference shown")
+    assert rows["raw"].rstrip().endswith("equivalent")
     assert "0 in every run" in rows["raw"]
 
 
@@ -81,7 +81,7 @@ def test_json_and_markdown(cli: Cli, two: Path) -> None:
     assert (done.status, done.err) == (0, "")
     found = json.loads(done.out, parse_constant=pytest.fail)
     assert found["scenarios"][0]["results"][1]["shared_runs"] == 12
-    assert {item["verdict"] for item in found["differences"]} == {"worse", "no difference shown"}
+    assert {item["verdict"] for item in found["differences"]} == {"worse", "equivalent"}
     page = (two / "reports" / "comparison.md").read_text(encoding="utf-8")
     assert re.search(r"\| \*\*ekf B\*\* \| A \| .* \| worse \|", page)
     assert [path.name for path in (two / "reports").iterdir()] == ["comparison.md"]

@@ -7,7 +7,7 @@ import pytest
 from tests.conftest import Run
 
 from trackbench.metrics.innovations import Innovations
-from trackbench.metrics.sums import LAGS
+from trackbench.metrics.sums import LAGS, NIS
 
 
 def by_hand(white, used):
@@ -29,12 +29,12 @@ def test_every_lag_has_the_sums_of_all_pairs(chunk, share):
     white[~np.repeat(used[:, None], 2, axis=1)] = np.nan
     collected = Innovations(45, objects=2, runs=3, chunk=chunk)
     for item, valid in zip(white, used, strict=True):
-        collected.add(item, valid)
+        collected.add(item, valid, valid)
     found = collected.scores()
     expected = by_hand(white, used)
     np.testing.assert_allclose(found.lags, expected, rtol=1e-12, atol=1e-12)
     # The sums per run are of lag one.
-    np.testing.assert_allclose(found.per_run[3:].sum(axis=1), expected[:, 1], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found.per_run[3:6].sum(axis=1), expected[:, 1], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(found.per_run[:2].sum(axis=1), expected[[0, 2], 0], rtol=1e-12)
 
 
@@ -45,10 +45,11 @@ def test_a_measurement_without_an_innovation_counts_in_no_pair():
     used[missing] = False
     collected = Innovations(31, objects=1, runs=4, chunk=7)
     for k, item in enumerate(white):
-        collected.add(None if k in missing else item, np.ones(4, dtype=bool))
+        collected.add(None if k in missing else item, *[np.ones(4, dtype=bool)] * 2)
     found = collected.scores()
     np.testing.assert_allclose(found.lags, by_hand(white, used), rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(np.flatnonzero(found.per_step[0] == 0), missing)
+    np.testing.assert_array_equal(np.flatnonzero(found.per_step[NIS["missing"]]), missing)
 
 
 def test_the_table_agrees_with_the_whiteness_at_lag_one(run_tiny: Run):

@@ -4,16 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
-from tests.scenes import TRACKERS, random_walk, scan, truth, work
+from tests.scenes import TRACKERS, block_of, random_walk, scan, truth, values, work
 
-from trackbench.metrics import Bound, Fault, Scorer, Target, evaluate, health, scorer
-from trackbench.metrics.bound import rms_bound
+from trackbench.metrics import Fault, Scorer, Target, health, score_together, scorer
+from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.estimates import ESTIMATES, percentiles
-from trackbench.metrics.sums import NO_BOUND, merge
+from trackbench.metrics.sums import merge
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import Failure
-from trackbench.runner.block import run_block
 from trackbench.sensing.scans import sense
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -25,7 +23,10 @@ SENSORS = {
 }
 
 
-def target(state, runs, *, alive=None, start=0.0, divergence=10.0):
+EVERYONE = frozenset()
+
+
+def target(state, runs, *, alive=None, start=0.0, divergence=10.0, reference=(0.0, 0.0)):
     """Of a truth ``(4, instants, objects)`` that is the same in every run."""
     state = np.asarray(state, dtype=float)[..., None]
     _, instants, objects, _ = state.shape
@@ -35,6 +36,7 @@ def target(state, runs, *, alive=None, start=0.0, divergence=10.0):
         alive=np.ones((instants, objects), dtype=bool) if alive is None else np.asarray(alive),
         start=np.full((objects, runs), start),
         divergence=divergence,
+        reference=np.broadcast_to(np.reshape(reference, (2, 1, 1, 1)), (2, instants, objects, 1)),
     )
 
 
@@ -47,17 +49,32 @@ def estimate(mean, covariance=None, **more):
 
 def scored(of, estimates, sensors=None):
     """Of estimates after each instant, each with the scans that led to it."""
-    made = Scorer(of, np.zeros((*of.alive.shape, 1), dtype=np.int8), sensors or {})
-    for k, (scans, given) in enumerate(estimates):
-        for seen in scans:
-            made.scan(k, seen, given, seconds=0.002)
-        made.estimate(given)
-    return made.close()[ESTIMATES.name]
+    return scored_together(of, {"tracker": estimates}, sensors)["tracker"]
 
 
-def values(scores, bound=NO_BOUND):
-    """By path."""
-    return evaluate({ESTIMATES.name: replace(scores, bound=bound)}).values
+def scored_together(of, estimates, sensors=None):
+    """Of several trackers, by name.
+
+    Raises:
+        Fault: one gave what cannot be scored.
+    """
+    classes = np.zeros((*of.alive.shape, 1), dtype=np.int8)
+    made = {name: Scorer(of, classes, sensors or {}, tracker=name) for name in estimates}
+    for k in range(len(of.time)):
+        for name, each in estimates.items():
+            scans, given = each[k]
+            for seen in scans:
+                made[name].scan(k, seen, given, seconds=0.002)
+            made[name].estimate(given)
+        if next(iter(made.values())).full or k == len(of.time) - 1:
+            for fault in score_together(list(made.values())).values():
+                raise fault
+    return {name: item.close()[ESTIMATES.name] for name, item in made.items()}
+
+
+def errors(scores):
+    """The sums of all estimates, whoever else gave one."""
+    return scores.where(EVERYONE)
 
 
 def test_errors_by_hand():
@@ -79,13 +96,11 @@ def test_errors_by_hand():
     )
     # With unit covariances the NEES is the sum of squares.
     assert found["nees"].mean == pytest.approx((25 + 100 + 4 + 1) / 4)
-    low, high = stats.chi2.ppf([0.025, 0.975], 2 * 4) / 2
-    assert found["nees"].bounds95 == pytest.approx([low, high])
     # Two runs of 62.5 and 2.5: an interval that says nothing.
     assert found["nees"].verdict == "undecided"
     assert found["coverage"].value == 1.0
-    np.testing.assert_allclose(scores.per_run[1:3].sum(axis=0), [25, 1])
-    np.testing.assert_allclose(scores.per_step[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(errors(scores).per_run[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(errors(scores).per_step[1:3].sum(axis=0), [25, 1])
     np.testing.assert_allclose(scores.spread[:, 0], np.percentile([5, 0], [10, 90]))
 
 
@@ -99,7 +114,7 @@ def test_nees_with_a_full_covariance_agrees_with_numpy():
     scores = scored(target(state, batch), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
     error = mean.T - state[:, 0, 0]
     expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
-    np.testing.assert_allclose(scores.per_run[5], expected, rtol=1e-12)
+    np.testing.assert_allclose(errors(scores).per_run[5], expected, rtol=1e-12)
 
 
 def test_the_course_of_an_object_at_rest_is_not_scored():
@@ -108,7 +123,7 @@ def test_the_course_of_an_object_at_rest_is_not_scored():
     mean = np.zeros((4, 2))
     mean[3] = 5.0
     scores = scored(target(state, 1), [([], estimate(mean))])
-    assert scores.per_run[6, 0] == 1
+    assert errors(scores).per_run[6, 0] == 1
     assert values(scores)["course_rmse"].value == pytest.approx(90)
 
 
@@ -134,8 +149,8 @@ def test_what_is_not_there_or_not_yet_due_is_not_scored():
     mean = np.full((4, 2), 2.0)
     scores = scored(target(state, 1, alive=alive, start=1.0), [([], estimate(mean))] * 3)
     # The settling time cuts the first instant; then both objects, then the second one alone.
-    np.testing.assert_array_equal(scores.weight, [[0, 0], [1, 1], [0, 1]])
-    assert scores.present[0] == scores.per_run[0, 0] == 3
+    np.testing.assert_array_equal(errors(scores).per_step[0], [0, 2, 1])
+    assert scores.due[0] == errors(scores).per_run[0, 0] == 3
 
 
 def test_a_lane_without_an_estimate_costs_coverage():
@@ -144,7 +159,7 @@ def test_a_lane_without_an_estimate_costs_coverage():
     half = estimate(np.array([[1.0, np.nan]] * 4))
     whole = estimate(np.ones((4, 2)))
     scores = scored(target(state, 2), [([], nothing), ([], half), ([], whole), ([], whole)])
-    np.testing.assert_array_equal(scores.per_run[0], [3, 2])
+    np.testing.assert_array_equal(errors(scores).per_run[0], [3, 2])
     assert values(scores)["coverage"].value == pytest.approx(5 / 8)
     assert values(scores)["position_rmse"].value == pytest.approx(np.sqrt(2))
 
@@ -193,12 +208,13 @@ def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
 def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(monkeypatch):
     of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = work(of, SENSORS, TWO, 5)
-    expected = run_block(whole, range(5)).scores
+    expected = block_of(whole, range(5)).scores
     monkeypatch.setattr(scorer, "BATCH", 15)
-    for name, found in run_block(whole, range(5)).scores.items():
-        for field in ("per_step", "per_run", "weight", "present", "diverged", "repaired", "spread"):
+    for name, found in block_of(whole, range(5)).scores.items():
+        for field in ("due", "diverged", "repaired", "spread"):
             a, b = getattr(found, field), getattr(expected[name], field)
             np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+        same_errors(found, expected[name])
         for sensor in SENSORS:
             a, b = found.nis[sensor].per_run, expected[name].nis[sensor].per_run
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
@@ -217,14 +233,12 @@ def test_innovations_by_hand():
     nis = scores.nis["lidar"]
     # Run 0: 1, 2, 4; run 1: 13, missed, 1. Of those 13 alone is above 5.991.
     np.testing.assert_allclose(nis.per_run[:3], [[3, 2], [7, 14], [3, 1]])
-    np.testing.assert_allclose(nis.per_step, [[2, 1, 2], [14, 2, 5], [1, 1, 2]])
+    np.testing.assert_allclose(nis.per_step[:3], [[2, 1, 2], [14, 2, 5], [1, 1, 2]])
     found = values(scores)["nis.lidar"]
     assert values(scores)["step_time"].value == pytest.approx(3 * 0.002 / 6 * 1e6)
     assert found.mean == pytest.approx(21 / 5)
     assert found.inside95 == pytest.approx(4 / 5)
     assert found.dof == 2
-    low, high = stats.chi2.ppf([0.025, 0.975], 2 * 2) / 2
-    assert found.bounds95 == pytest.approx([low, high])
     # Successive measurements of run 0 alone: (1, 0) . (1, 1) + (1, 1) . (-2, 0), over the squares of the later ones.
     white = values(scores)["whiteness.lidar"]
     assert white.value == pytest.approx((1 - 2) / (2 + 4))
@@ -251,25 +265,12 @@ def test_repairs_are_counted_where_the_object_is_scored():
     assert health(scores).repaired_runs == 2
 
 
-def test_efficiency_is_the_error_over_the_bound():
-    state = np.zeros((4, 1, 1))
-    scores = scored(target(state, 2), [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))])
-    found = values(scores, Bound(1.5, 4.0))
-    assert found["position_efficiency"].value == pytest.approx(2.0)
-    assert found["velocity_efficiency"].value == pytest.approx(0.5)
-    assert found["position_bound"].value == 1.5
-
-
-def test_the_bound_is_averaged_as_the_errors_are():
-    variances = np.zeros((2, 2, 4))
-    variances[0, 0] = [1, 2, 3, 4]
-    variances[1, 0] = [5, 6, 7, 8]
-    variances[0, 1] = np.nan
-    weight = np.array([[3.0, 5.0], [1.0, 0.0]])
-    found = rms_bound(variances, weight)
-    assert found.position == pytest.approx(np.sqrt((3 * 3 + 11) / 4))
-    assert found.velocity == pytest.approx(np.sqrt((3 * 7 + 15) / 4))
-    assert np.isnan(rms_bound(variances, np.zeros((2, 2))).position)
+def test_the_error_is_taken_over_that_of_the_reference():
+    of = target(np.zeros((4, 1, 1)), 2, reference=(1.5**2, 4.0**2))
+    found = values(scored(of, [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))]))
+    assert found["position_over_reference"].value == pytest.approx(2.0)
+    assert found["velocity_over_reference"].value == pytest.approx(0.5)
+    assert found["position_reference"].value == 1.5
 
 
 TWO = {
@@ -280,19 +281,33 @@ TWO = {
 }
 
 
+def same_errors(found, expected):
+    """By every set of trackers that gave an estimate, also of each class."""
+    assert set(found.errors) == set(expected.errors)
+    for givers, sums in expected.errors.items():
+        other = found.errors[givers]
+        np.testing.assert_allclose(other.per_step, sums.per_step, rtol=1e-12)
+        np.testing.assert_allclose(other.per_run, sums.per_run, rtol=1e-12)
+        moments = [class_sums(item.cells, sums.per_run.shape[1]) for item in (other, sums)]
+        for field in ("total", "square", "product", "parts"):
+            a, b = (getattr(item, field) for item in moments)
+            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+
+
 @pytest.mark.parametrize("own", [True, False], ids=["another truth in each run", "one truth"])
 def test_merged_blocks_are_one_block(own):
     of = random_walk(12, 60, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
     if not own:
         of = truth(of.time, of.px[..., :1], of.py[..., :1], of.vx[..., :1], of.vy[..., :1])
     whole = work(of, SENSORS, TWO, 12, settle=0.5)
-    one = run_block(whole, range(12))
-    parts = [run_block(whole, runs) for runs in (range(5), range(5, 6), range(6, 12))]
+    one = block_of(whole, range(12))
+    parts = [block_of(whole, runs) for runs in (range(5), range(5, 6), range(6, 12))]
     for name in TWO:
         single, merged = one.scores[name], merge([part.scores[name] for part in parts])
         assert single.steps == merged.steps
-        for field in ("per_step", "per_run", "weight", "present", "diverged", "repaired"):
+        for field in ("due", "diverged", "repaired"):
             np.testing.assert_allclose(getattr(merged, field), getattr(single, field), rtol=1e-12, err_msg=field)
+        same_errors(merged, single)
         for sensor in SENSORS:
             assert single.nis[sensor].dof == merged.nis[sensor].dof
             for field in ("per_step", "per_run"):
@@ -300,9 +315,6 @@ def test_merged_blocks_are_one_block(own):
                 # The whiteness products cancel, so that they are as exact as their terms.
                 np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
             np.testing.assert_allclose(merged.nis[sensor].lags, single.nis[sensor].lags, rtol=1e-12, atol=1e-9)
-        for field in ("total", "square", "product", "runs"):
-            a, b = getattr(merged.classes, field), getattr(single.classes, field)
-            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
     assert one.digests == [digest for part in parts for digest in part.digests]
     for sensor in SENSORS:
         np.testing.assert_array_equal(one.detections[sensor], sum(part.detections[sensor] for part in parts))
@@ -313,29 +325,29 @@ def test_a_block_scores_what_the_tracker_says_of_the_truth():
     time = np.arange(20) * 0.1
     of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
     exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
-    scores = run_block(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
+    scores = block_of(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
     found = values(scores)
     assert found["position_rmse"].value < 1e-5
     assert found["velocity_rmse"].value < 1e-4
-    assert scores.per_run[0].tolist() == [19, 19, 19]
+    assert errors(scores).per_run[0].tolist() == [19, 19, 19]
 
 
 def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over():
     of = random_walk(40, 60, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
     rare = {"lidar": SENSORS["lidar"].model_copy(update={"detection_probability": 0.3})}
     whole = work(of, rare, {"raw": PluginConfig(use="raw")}, 40, settle=1.0)
-    scores = run_block(whole, range(40)).scores["raw"]
-    valid = np.stack([seen.valid for seen in sense(whole.sensors, 1, "test", range(40)).scans])
+    scores = block_of(whole, range(40)).scores["raw"]
+    valid = np.stack([seen.valid for seen in sense(whole.scenes[0].sensors, 1, "test", range(40)).scans])
     first = np.argmax(valid, axis=0)
     # Thirty measurements, 0.1 s apart.
-    np.testing.assert_array_equal(scores.present, np.maximum(30 - (first + 10), 0))
+    np.testing.assert_array_equal(scores.due, np.maximum(30 - (first + 10), 0))
 
 
 def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
     of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = replace(work(of, SENSORS, TWO, 6), recorded_run=4)
-    one, other = run_block(whole, range(6)), run_block(whole, range(3, 6))
-    assert run_block(whole, range(3)).scans is None
+    one, other = block_of(whole, range(6)), block_of(whole, range(3, 6))
+    assert block_of(whole, range(3)).scans is None
     for name in TWO:
         np.testing.assert_allclose(one.recorded[name].mean, other.recorded[name].mean, rtol=1e-12)
         np.testing.assert_allclose(
@@ -386,7 +398,7 @@ class Faulty:
 def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, member):
     of = random_walk(6, 20, 0.1, 1.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
     trackers = {"bad": PluginConfig(use=f"{__name__}:Faulty", options={"how": how}), "good": TWO["ekf"]}
-    block = run_block(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
+    block = block_of(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
     failure = block.scores["bad"]
     assert isinstance(failure, Failure)
     assert failure.cause == cause

@@ -16,7 +16,7 @@ from trackbench.report.console import _title
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 LINES = synthetic_lines(60)
 LIDAR = {"type": "lidar", "position_sigma_m": 0.15}
@@ -49,7 +49,7 @@ def write(folder: Path, scenario: dict[str, object], lines: list[str] = LINES) -
 
 def result(file: Path) -> Result:
     loaded = load_scenario(file)
-    return run(loaded, truth_of(loaded))
+    return run(loaded, truths_of(loaded))
 
 
 def problems(file: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html.parser import HTMLParser
 
 import numpy as np
@@ -131,9 +132,10 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
-    assert "no difference was shown between it and ekf_ctrv." in page.text
-    assert "0.412 m position RMSE, 18\N{NO-BREAK SPACE}% above the Cramér-Rao bound; pessimistic overall" in page.text
+    assert "whether it is better than ekf_ctrv is undecided." in page.text
+    assert "0.412 m position RMSE, 1.18 times the reference; pessimistic overall" in page.text
     assert "NEES n/a: the tracker gives no covariance" in page.text
+    assert "white where the interval of their autocorrelation is within 0.05 of zero" in page.text
     assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
     assert "1 of 2 expectations failed" in page.text
     assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
@@ -151,9 +153,9 @@ def test_what_is_said_of_calibration_is_what_was_shown() -> None:
 
     # The sensor gap is too rare to be worth a word, whatever the errors in it.
     assert said() == ["optimistic about velocity in turns (errors 1.6 times as large as stated)"]
-    # 1.25 times as large as stated is a NEES of 3.125 with 2 degrees of freedom.
-    assert said(turning__velocity=3.1) == []
-    assert said(turning__velocity=3.2) == ["optimistic about velocity in turns (errors 1.3 times as large as stated)"]
+    # A NEES of 3.0 with 2 degrees of freedom is 50 % above what is right, its root 1.22 times as large.
+    assert said(turning__velocity=3.0) == []
+    assert said(turning__velocity=3.1) == ["optimistic about velocity in turns (errors 1.2 times as large as stated)"]
     assert said(turning__velocity=8, straight__velocity=18, straight__position=0.5) == [
         "optimistic about velocity on straights and in turns (errors up to 3.0 times as large as stated)",
         "pessimistic about position on straights (errors 0.5 times as large as stated)",
@@ -185,6 +187,11 @@ def test_calibration_by_manoeuvre_is_in_the_tables(page: Page) -> None:
     assert ["alpha_beta", "n/a1", "n/a1", "n/a1"] in without
 
 
+def test_nees_by_condition_is_in_a_table_where_it_was_judged(page: Page) -> None:
+    rows = [row for row in page.rows if len(row) == 4 and row[0] == "ekf_ctrv"]
+    assert ["ekf_ctrv", "2.9", "39.7", "4.0"] in rows
+
+
 def test_a_metric_of_a_plug_in_has_its_column() -> None:
     summary = make_summary()
     for i, entry in enumerate(summary["trackers"][:-1]):
@@ -210,7 +217,20 @@ def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:
     drawn = text[text.index('<figure id="map">') :].partition("</figure>")[0]
     assert sum(colour.lower() in drawn for colour in ERROR_COLOURS) >= 3
     assert "under " in drawn
-    assert "the ring is where it was largest (ukf_ctrv: " in page.text
+    assert "The ring is where it was largest (ukf_ctrv: " in page.text
+
+
+def test_the_page_has_one_legend(text: str) -> None:
+    legend = text[text.index('<fieldset class="toggles">') :].partition("</fieldset>")[0]
+    assert all(f"</span>{name}</label>" in legend for name in RMSE)
+    assert legend.count("Cramér-Rao bound") == 1
+    figures = [part.partition("</figure>")[0] for part in text.split("<figure ")[1:]]
+    own = [
+        entry for figure in figures for entry in re.findall(r'<li[^>]*><span class="mark.*?</span>(.*?)</li>', figure)
+    ]
+    assert "observer" in own
+    assert "10th to 90th percentile" in own
+    assert not {*RMSE, "Cramér-Rao bound"} & set(own)
 
 
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
@@ -224,7 +244,10 @@ def test_text_is_escaped() -> None:
     summary["scenario"] |= {"name": attack, "description": attack, "text": attack}
     summary["truth"]["objects"][0] = attack
     tables = make_tables()
-    tables["truth"] = tables["truth"].set_column(0, "object", pa.array([attack] * tables["truth"].num_rows))
+    for name in ("truth", "estimates", "measurements"):
+        at = tables[name].column_names.index("object")
+        objects = [attack if value == "v1" else value for value in tables[name]["object"].to_pylist()]
+        tables[name] = tables[name].set_column(at, "object", pa.array(objects))
     page = Page(render(Result.from_json(summary, tables)))
     assert not page.all("script")
     assert page.text.count(attack) >= 4
@@ -253,7 +276,7 @@ def test_one_run_gives_no_intervals() -> None:
             if isinstance(value, dict) and "ci95" in value:
                 value["ci95"] = None
     for entry in summary["differences"]:
-        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "no difference shown"}
+        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
     page = Page(render(Result.from_json(summary, make_tables())))
     assert {row[2] for row in ranked_rows(page).values()} == {"a"}
     assert "95 % interval 0" not in page.text

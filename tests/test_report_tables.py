@@ -37,6 +37,7 @@ def test_markdown_holds_the_whole_report(result: Result) -> None:
         "Verdict",
         "Ranking",
         "Differences between trackers",
+        "Worst moments",
         "By manoeuvre and range",
         "Consistency",
         "Expectations",
@@ -60,6 +61,8 @@ def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.Mo
     assert "\x1b" not in text
     assert all(name in text for name in (*RMSE, "mine"))
     assert "0.412 ±0.008" in text
+    assert "mixed: errors larger or smaller than stated, depending on the condition" in text
+    assert "  ekf_ctrv: turning 39.7, straight 2.9 where 4 is right" in text
     assert "FAILED ekf_cv position_rmse below 0.4: 0.412" in text
     assert "ekf_cv position_rmse below 0.5" not in text
     assert "FAILED mine: ValueError: matrix <3> is singular" in text
@@ -88,9 +91,10 @@ def test_letters_say_exactly_who_differs() -> None:
             unit="m",
             value=-1.0,
             ci95=(-2.0, 0.0),
+            margin=0.005,
             p_value=0.01,
             better=x if (x, y) in differ else None,
-            verdict=f"{x} better" if (x, y) in differ else "no difference shown",
+            verdict=f"{x} better" if (x, y) in differ else "undecided",
         )
         for i, x in enumerate(names)
         for y in names[i + 1 :]

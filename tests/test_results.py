@@ -32,8 +32,23 @@ SMALL = Result.from_json(
             "cached": False,
         },
         "sensors": {"lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10, "preset": None, "detection_rate": 1}},
-        "bound": {"motion": "cv", "acceleration_sigma_mps2": 1, "velocity_sigma_mps": 20},
-        "score": {"settle_s": 0, "divergence_m": 20},
+        "reference": {
+            "kind": "reference",
+            "motion": "cv",
+            "acceleration_sigma_mps2": 1,
+            "acceleration_from": "truth",
+            "acceleration_changes": "each measurement",
+            "velocity_sigma_mps": 20,
+        },
+        "score": {
+            "settle_s": 0,
+            "divergence_m": 20,
+            "min_coverage": 0.9,
+            "common_share": 1.0,
+            "from_s": 0.0,
+            "to_s": 1.0,
+            "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},
+        },
         "recorded_run": 0,
         "trackers": [
             {

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from trackbench.results import Result
-from trackbench.runner import block
+from trackbench.runner import work
 from trackbench.runner.run import run
 from trackbench.runner.until import FIRST_RUNS, first_look, run_until
 from trackbench.scenario import Scenario, load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 Cli = Callable[..., Any]
 
@@ -26,7 +26,7 @@ RANDOM = """truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {
 
 def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: int = 1) -> Result:
     first = first_look(load_scenario(tiny, overrides), max_runs)
-    return run_until(first, truth_of(first), target, max_runs, workers=workers, command=command)
+    return run_until(first, truths_of(first), target, max_runs, workers=workers, command=command)
 
 
 def command(loaded: Scenario) -> str:
@@ -49,13 +49,13 @@ def test_the_result_is_that_of_as_many_runs_bit_for_bit(
     tiny: Path, monkeypatch: pytest.MonkeyPatch, batch: int, overrides: tuple[str, ...]
 ) -> None:
     """In one block that grows, and in several of which the last one is cut short."""
-    monkeypatch.setattr(block, "BATCH_SIZE", batch)
+    monkeypatch.setattr(work, "BATCH_SIZE", batch)
     found = until(tiny, 0.012, 2000, *overrides)
     runs = found.json()["runs"]
     assert found.json()["precision"]["reached"]
     assert runs > 2 * FIRST_RUNS
     loaded = load_scenario(tiny, (*overrides, f"monte_carlo.runs={runs}"))
-    same = run(loaded, truth_of(loaded))
+    same = run(loaded, truths_of(loaded))
     assert comparable(found) == comparable(same)
     for name, table in same.tables.items():
         assert found.tables[name].equals(table) or name == "steps", name
@@ -86,7 +86,7 @@ def test_it_ends_at_the_stated_number(tiny: Path) -> None:
 
 
 def test_any_number_of_workers_gives_the_same(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block, "BATCH_SIZE", 60)
+    monkeypatch.setattr(work, "BATCH_SIZE", 60)
     assert comparable(until(tiny, 0.02, 500, workers=2)) == comparable(until(tiny, 0.02, 500))
 
 

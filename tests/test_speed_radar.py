@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from tests.scenes import NOISE, scan, tracker, truth, work
+from tests.scenes import NOISE, block_of, scan, tracker, truth, work
 
 from trackbench.models.sensors import SENSOR_MODELS, SpeedRadar
-from trackbench.runner.block import run_block
 from trackbench.testing import drive
 from trackbench.trackers.config import FilterConfig
 
@@ -84,7 +83,7 @@ def test_synthetic_measurements_scatter_as_stated():
     time = np.arange(400.0)
     of = truth(time, *(np.full((400, 1, 1), value) for value in (3000.0, 0.0, 0.0, 12.0)))
     config = FilterConfig(filter="ekf", motion="cv", acceleration_sigma_mps2=1)
-    block = run_block(work(of, {"radar": SpeedRadar(**SENSOR)}, {"ekf": config}, 1), range(1))
+    block = block_of(work(of, {"radar": SpeedRadar(**SENSOR)}, {"ekf": config}, 1), range(1))
     third = np.array([item.measurement[2, 0] for item in block.scans])
     assert third.mean() == pytest.approx(12, abs=4 * 2 / 20)
     assert third.std() == pytest.approx(2, rel=0.15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import signal
@@ -136,10 +137,12 @@ def test_a_scene_that_cannot_be_had_is_named(tiny: Path, folder: Path, workers: 
 
 
 def test_scenes_on_the_command_line_are_seeds_of_the_truth(tiny: Path, trackbench: str) -> None:
-    command = [trackbench, "run", str(tiny), "--scenes", "3", "--out", str(tiny.parent)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == "--set truth.seeds=3: truth.seeds: several scenes are not run yet; write one seed\n"
+    command = [trackbench, "run", str(tiny), "--scenes", "2", "--runs", "2", "--no-recording", "--json"]
+    done = subprocess.run([*command, "--out", str(tiny.parent)], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout)
+    assert "truth.seeds=2" in found["scenario"]["overrides"]
+    assert [scene["name"] for scene in found["truth"]["scenes"]] == ["seed 1", "seed 2"]
+    assert all(scene["audit"]["velocity_jumps"]["limit_mps2"] == 20 for scene in found["truth"]["scenes"])
 
 
 def test_scenes_of_a_source_without_seeds_are_refused_in_one_line(tmp_path: Path, trackbench: str) -> None:

@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.scenes import work
+from tests.scenes import block_of, work
 
 from trackbench.errors import InputError
 from trackbench.models.sensors import Lidar
-from trackbench.report.run.audit import audit_sentences
-from trackbench.runner.block import run_block
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import Draw
 from trackbench.truth.sources import ScriptedTruth
@@ -203,7 +201,7 @@ def test_blocks_of_runs_see_their_own_truth() -> None:
     truth = drawn(config({"a": {"pieces": [WHITE]}, "b": {}}), runs=6)
     kf = FilterConfig(filter="kf", motion="cv", acceleration_sigma_mps2=3)
     of = work(truth, {"lidar": Lidar(rate_hz=20, position_sigma_m=0.1)}, {"kf": kf}, 6)
-    whole, part = run_block(of, range(6)), run_block(of, range(3, 5))
+    whole, part = block_of(of, range(6)), block_of(of, range(3, 5))
     assert part.digests == whole.digests[3:5]
     np.testing.assert_allclose(part.scores["kf"].per_run, whole.scores["kf"].per_run[:, 3:5], rtol=1e-9)
 
@@ -213,5 +211,24 @@ def test_there_is_nothing_to_audit() -> None:
     assert truth.audit["verdict"] == "exact"
     assert truth.audit["velocity_error_after"]["max_mps"] == 0
     assert not any(truth.audit["repaired"].values())
-    (sentence,) = audit_sentences(truth.audit)
-    assert sentence == "The truth is exact: its velocities come from the same formulas as its positions."
+    assert truth.audit["velocity_jumps"]["count"] == 0
+
+
+@pytest.mark.parametrize(
+    ("pieces", "sigma"),
+    [
+        ([WHITE], 3),
+        ([{**WHITE, "for_s": 4}, WHITE], 3),
+        ([{"white_acceleration": {"x_sigma_mps2": 2, "y_sigma_mps2": 2}}], 2),
+        ([{"white_acceleration": {"x_sigma_mps2": 2}}], None),
+        ([{**WHITE, "for_s": 4}, {}], None),
+        ([{"white": {"motion": "ca", "jerk_sigma_mps3": 3}}], None),
+        ([{"turn_rate_degps": 5}], None),
+        ([{"acceleration_mps2": 1}], None),
+        ([{"waypoints": [[50, 0]], "speed_mps": 5}], None),
+        ([{"for_s": 4}, {}], 0),
+    ],
+)
+def test_white_acceleration_is_all_that_drives_every_object_or_none(pieces: Any, sigma: float | None) -> None:
+    assert config({"a": {"pieces": pieces}}).white_acceleration == sigma
+    assert config({"a": {"pieces": pieces}, "b": {"pieces": [WHITE]}}).white_acceleration == (3 if sigma == 3 else None)

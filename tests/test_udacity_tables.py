@@ -12,7 +12,6 @@ from tests.udacity import RECORDING, data_folder
 from trackbench.results import Result
 
 ROOT = Path(__file__).resolve().parents[1]
-WITHIN = 0.01
 #: The 95 % points of single innovations, by degrees of freedom.
 LINE95 = {"lidar": 5.991, "radar": 7.815}
 
@@ -39,23 +38,43 @@ def results(project: ModuleType) -> dict[str, Result]:
         return {name: project.result(name) for name in ("udacity_ukf_tuning", "udacity_fusion")}
 
 
-def rmse(result: Result, tracker: str) -> np.ndarray:
-    entry = next(item for item in result.json()["trackers"] if item["name"] == tracker)
-    return np.array([entry["metrics"]["rmse"][name]["value"] for name in ("px", "py", "vx", "vy")])
+def test_every_digit_of_the_published_ukf_comes_back(project: ModuleType, results: dict[str, Result]) -> None:
+    rows = (*project.UKF, *project.TUNED)
+    assert len(rows) == 11
+    for row in rows:
+        ours = project.rmse(results[project.TUNING], row.copy, project.UKF_SCORED)
+        np.testing.assert_array_equal(np.round(ours, 4), row.published, err_msg=row.what)
 
 
-def test_every_published_row_comes_back(project: ModuleType, results: dict[str, Result]) -> None:
-    assert len(project.PUBLISHED) == 13
-    for row in project.PUBLISHED:
-        ours = rmse(results[row.scenario], row.tracker)
-        np.testing.assert_allclose(ours, row.rmse, rtol=WITHIN, err_msg=f"{row.what} by {row.tracker}")
+def test_without_the_published_faults_only_the_radar_alone_differs(
+    project: ModuleType, results: dict[str, Result]
+) -> None:
+    for row in (*project.UKF, *project.TUNED):
+        ours = project.rmse(results[project.TUNING], row.sound, project.UKF_SCORED)
+        assert (abs(project.largest(ours, row.published)) < 0.01) == (row.sound != "ukf_radar"), row.what
 
 
-def test_every_estimate_is_scored(project: ModuleType, results: dict[str, Result]) -> None:
-    for row in project.PUBLISHED:
-        entry = next(item for item in results[row.scenario].json()["trackers"] if item["name"] == row.tracker)
-        assert entry["metrics"]["coverage"]["value"] == 1.0
-    assert results["udacity_fusion"].json()["truth"]["lines"] == 500
+def test_the_published_ekf_comes_back(project: ModuleType, results: dict[str, Result]) -> None:
+    first, fitted = project.EKF
+    np.testing.assert_array_equal(np.round(project.rmse(results[project.FUSION], first.copy), 4), first.published)
+    assert abs(project.largest(project.rmse(results[project.FUSION], fitted.copy), fitted.published)) < 0.01
+
+
+def test_every_estimate_is_given_and_those_of_the_ukf_are_scored(
+    project: ModuleType, results: dict[str, Result]
+) -> None:
+    trackers = {project.TUNING: [row.copy for row in (*project.UKF, *project.TUNED)]}
+    trackers[project.FUSION] = [row.copy for row in project.EKF]
+    for name, expected in trackers.items():
+        entries = {item["name"]: item["metrics"] for item in results[name].json()["trackers"]}
+        for tracker in expected:
+            assert entries[tracker]["coverage"]["value"] == 1.0
+            own = project.rmse(results[name], tracker)
+            assert np.isfinite(own).all()
+            if name == project.TUNING:
+                metrics = [entries[tracker]["rmse"][key]["value"] for key in project.COMPONENTS]
+                assert metrics == pytest.approx(own)
+    assert results[project.FUSION].json()["truth"]["lines"] == 500
 
 
 def test_the_courses_limits_hold(results: dict[str, Result]) -> None:
@@ -66,7 +85,7 @@ def test_the_courses_limits_hold(results: dict[str, Result]) -> None:
 def test_only_the_faulty_copy_needs_a_repair(results: dict[str, Result]) -> None:
     for tracker in results["udacity_ukf_tuning"].json()["trackers"]:
         assert tracker["failed"] is None
-        assert tracker["health"]["repaired_covariances"] == (1 if tracker["name"] == "ukf_radar_faulty" else 0)
+        assert tracker["health"]["repaired_covariances"] == (1 if tracker["name"] == "published_radar" else 0)
 
 
 def test_share_of_innovations_under_the_line(results: dict[str, Result]) -> None:

@@ -16,7 +16,7 @@ from tables import fill, markdown
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 from trackbench.types import Array
 
 HERE = Path(__file__).resolve().parent
@@ -92,7 +92,7 @@ def result(case: str, *overrides: str) -> Result:
     """The result of one case."""
     path = SCENARIOS / f"range_3km_{case}.yaml"
     loaded = load_scenario(path, overrides)
-    return run(loaded, truth_of(loaded))
+    return run(loaded, truths_of(loaded))
 
 
 def places(case: str, found: Result, tracker: str) -> list[Place]:

@@ -12,9 +12,28 @@ from rerun.chunk import RrdReader
 from scipy import stats
 
 from trackbench import recording
-from trackbench.results import ExpectationResult, Health, MetricValue, Result, Summary, Tables, TrackerResult
-from trackbench.results.summary import BoundSummary, ScenarioSummary, ScoreSummary, SensorSummary, TruthSummary
+from trackbench.results import (
+    ConditionVerdict,
+    ExpectationResult,
+    Health,
+    MetricValue,
+    Result,
+    Summary,
+    Tables,
+    TrackerResult,
+)
+from trackbench.results.summary import (
+    ComponentNoise,
+    MarginSummary,
+    MountSummary,
+    ReferenceSummary,
+    ScenarioSummary,
+    ScoreSummary,
+    SensorSummary,
+    TruthSummary,
+)
 
+MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
 STEPS, DT, RUNS = 401, 0.05, 100
 TARGETS = ("v1", "v2", "v3", "v4", "v5")
 TRACKERS = {"raw": 0.9, "kf_cv": 0.5, "ekf_cv": 0.42, "ukf_ctrv": 0.38, "tuned_badly": 0.55}
@@ -47,8 +66,8 @@ def synthetic_result() -> Result:
                 "nees_mean": mean,
                 "nees_low": low,
                 "nees_high": high,
-                "position_bound_m": 0.3 * growth,
-                "velocity_bound_mps": 0.5 * growth,
+                "position_reference_m": 0.3 * growth,
+                "velocity_reference_mps": 0.5 * growth,
             }
         )
         for sensor, (every, dof) in SENSORS.items():
@@ -134,6 +153,7 @@ def _estimates(rng: np.random.Generator, tracker: str, sigma: float, truth: dict
         "p_01": np.full(number, p_01),
         "p_11": np.full(number, p_11),
         "position_error_m": np.hypot(*error)[alive],
+        "velocity_error_mps": 2 * np.hypot(*error)[alive],
         "nees": np.einsum("it,ij,jt->t", error, inverse, error)[alive] + rng.chisquare(2, number),
     }
 
@@ -178,11 +198,28 @@ def _summary() -> Summary:
             cached=False,
         ),
         sensors={
-            "front_radar": SensorSummary(kind="radar", dof=3, rate_hz=20, detection_rate=0.9, preset=None),
-            "roof_lidar": SensorSummary(kind="lidar", dof=2, rate_hz=10, detection_rate=0.9, preset=None),
+            "front_radar": _sensor(
+                "radar", 20, {"range": (0.3, "m"), "azimuth": (0.5, "deg"), "range_rate": (0.1, "m/s")}
+            ),
+            "roof_lidar": _sensor("lidar", 10, {"x": (0.15, "m"), "y": (0.15, "m")}),
         },
-        bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
-        score=ScoreSummary(settle_s=0.0, divergence_m=10.0),
+        reference=ReferenceSummary(
+            kind="reference",
+            motion="cv",
+            acceleration_sigma_mps2=1.0,
+            acceleration_from="truth",
+            acceleration_changes="each measurement",
+            velocity_sigma_mps=10.0,
+        ),
+        score=ScoreSummary(
+            settle_s=0.0,
+            divergence_m=10.0,
+            min_coverage=0.5,
+            common_share=1.0,
+            from_s=0.0,
+            to_s=TIME[-1],
+            margin=MARGIN,
+        ),
         recorded_run=0,
         trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
         ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),
@@ -196,17 +233,34 @@ def _summary() -> Summary:
     )
 
 
+def _sensor(kind: str, rate_hz: float, sigmas: dict[str, tuple[float, str]]) -> SensorSummary:
+    return SensorSummary(
+        kind=kind,
+        dof=len(sigmas),
+        noise={name: ComponentNoise(sigma=sigma, unit=unit) for name, (sigma, unit) in sigmas.items()},
+        fov_deg=120,
+        max_range_m=150,
+        mount=MountSummary(x_m=2.5, y_m=0, yaw_deg=0),
+        rate_hz=rate_hz,
+        detection_rate=0.9,
+        preset=None,
+    )
+
+
 def _tracker(name: str, sigma: float) -> TrackerResult:
     if name == "raw":
         nees = MetricValue(value=None, unit="1", dof=4, reason="no covariance")
     elif name == "tuned_badly":
         nees = MetricValue(value=12.1, unit="1", dof=4, verdict="optimistic")
+    elif name == "kf_cv":
+        off = ConditionVerdict(name="turning", mean=39.7, ci95=(39.0, 40.4), verdict="optimistic")
+        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="mixed", conditions=(off,))
     else:
         nees = MetricValue(value=4.02, unit="1", dof=4, verdict="consistent")
     metrics = {
         "position_rmse": MetricValue(value=sigma, unit="m", ci95=(sigma - 0.01, sigma + 0.01)),
         "nees": nees,
-        "position_efficiency": MetricValue(value=sigma / 0.3, unit="1"),
+        "position_over_reference": MetricValue(value=sigma / 0.3, unit="1"),
     }
     return TrackerResult(name=name, describe=f"{name}, both sensors", failed=None, metrics=metrics, health=Health())
 

@@ -17,7 +17,7 @@ import rerun as rr
 from trackbench.palette import tracker_colours
 from trackbench.recording import live, painter
 from trackbench.recording.contents import colours_of
-from trackbench.recording.live import Live, Scene
+from trackbench.recording.live import Live, LiveRun
 from trackbench.recording.painter import Painter
 from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
@@ -65,7 +65,7 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
             viewer.observe(instant)
             longest = max(longest, time.perf_counter() - start)
         assert longest < 0.5
-        result = run(loaded, truth, on_recorded_run=viewer.observe)
+        result = run(loaded, [truth], on_recorded_run=viewer.observe)
         viewer.end(result)
         start = time.perf_counter()
         viewer.close()
@@ -85,7 +85,7 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
         for instant in range(10):
             viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
         about, *kept = viewer._batch()
-        assert isinstance(about, Scene)
+        assert isinstance(about, LiveRun)
         assert [item.number for item in kept] == [7, 8, 9]
     finally:
         stop(viewer)
@@ -98,7 +98,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, Load
     viewer = Live(ABSENT)
     stop(viewer)
     viewer.begin(loaded, truth.truth)
-    result = run(loaded, truth, on_recorded_run=viewer.observe)
+    result = run(loaded, [truth], on_recorded_run=viewer.observe)
     viewer.end(result)
     viewer.close()
     assert viewer.lost
@@ -119,7 +119,7 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
     monkeypatch.undo()
     try:
         viewer.begin(scene[0], scene[1].truth)
-        viewer.end(run(*scene))
+        viewer.end(run(scene[0], [scene[1]]))
         viewer.close()
         assert viewer._process.wait(timeout=30) != 0
     finally:
@@ -132,7 +132,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
     loaded, truth = scene
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    result = run(loaded, truth, on_recorded_run=seen.append)
+    result = run(loaded, [truth], on_recorded_run=seen.append)
 
     def draw(name: str, batches: list[list[Any]]) -> Any:
         drawing = Painter(name)
@@ -142,7 +142,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         return read_file(tmp_path / f"{name}.rrd")
 
     colours = tracker_colours(["other", "raw", "ekf"])
-    about = Scene("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
+    about = LiveRun("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
     going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
     half = draw("half", [[about, *seen[:6]]])
     whole = draw("whole", [[about, result]])
@@ -171,11 +171,11 @@ def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
 ) -> None:
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
     seen: list[Any] = []
-    run(*scene, on_recorded_run=seen.append)
+    run(scene[0], [scene[1]], on_recorded_run=seen.append)
     for item in seen[4:]:
         del item.estimates["ekf"]
     drawing = Painter("failing")
-    drawing.take([Scene("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing.take([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
     drawing.finish()
     read = read_file(tmp_path / "failing.rrd")
     raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))

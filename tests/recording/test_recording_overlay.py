@@ -10,6 +10,7 @@ import pytest
 
 from trackbench import recording
 from trackbench.errors import InputError
+from trackbench.recording.focus import Focus, Opening
 from trackbench.recording.overlay import labels, laid_over, same_traffic
 from trackbench.recording.play import playable
 from trackbench.recording.reader import read
@@ -30,7 +31,7 @@ def test_runs_are_called_by_what_tells_their_paths_apart() -> None:
 
 
 def test_the_trackers_of_both_are_in_one_scene(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
-    write_overlay(laid_over(pair), tmp_path / "both.rrd")
+    write_overlay(laid_over(pair), tmp_path / "both.rrd", Focus())
     read_back = read_file(tmp_path / "both.rrd")
     drawn = {entity for entity in read_back.entities() if entity.startswith("/series/all_runs/nees/")}
     names = {f"{name}\\ \\({label}\\)" for name in ("raw", "ekf") for label in pair}
@@ -60,7 +61,7 @@ def test_a_tracker_that_failed_is_ranked_last_and_named(run_tiny: Callable[..., 
     failing = run_tiny("trackers.broken.use=broken:Broken", folder=tmp_path)
     both = laid_over({"old": failing, "new": run_tiny()})
     rows = [line for line in both.ranking.splitlines() if line.startswith("| ")]
-    assert rows[-1] == "| 5 | broken (old) | failed | | | | |"
+    assert rows[-1] == "| broken (old) | failed | | | |"
     assert "**broken (old)** at" in both.ranking
 
 
@@ -82,9 +83,9 @@ def test_what_the_viewer_gets(
         writers = {} if name == "new" else {"recording.rrd": lambda path, result=result: recording.write(result, path)}
         result.save(tmp_path / name, writers)
     old, new, other = (tmp_path / name for name in everything)
-    with playable([old]) as ready:
+    with playable([old], Opening()) as ready:
         assert (ready.files, ready.notes) == ([old / "recording.rrd"], [])
-    with playable([old, new]) as ready:
+    with playable([old, new], Opening()) as ready:
         (file,) = ready.files
         assert "tables" in ready.notes[0]
         drawn = read_file(file).entities()
@@ -92,10 +93,10 @@ def test_what_the_viewer_gets(
         with pytest.raises(InputError, match="several that are laid over each other"):
             read(file)
     assert not file.exists()
-    with playable([old, other]) as ready:
+    with playable([old, other], Opening()) as ready:
         assert ready.files == [old / "recording.rrd", other / "recording.rrd"]
         assert "not show the same traffic" in ready.notes[0]
-    with pytest.raises(InputError, match="goes from"), playable([old], at=3.0):
+    with pytest.raises(InputError, match="goes from"), playable([old], Opening(at_s=3.0)):
         pass
 
 
@@ -103,5 +104,5 @@ def test_an_examination_is_opened_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "examination.json").write_text("{}", encoding="utf-8")
     (tmp_path / "recording.rrd").write_bytes(b"RRF2")
     for path in (tmp_path, tmp_path / "recording.rrd"):
-        with playable([path]) as ready:
+        with playable([path], Opening()) as ready:
             assert ready.files == [tmp_path / "recording.rrd"]

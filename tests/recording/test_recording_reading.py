@@ -15,11 +15,11 @@ import rerun as rr
 
 from trackbench import recording
 from trackbench.errors import InputError
+from trackbench.metrics.moments import worst
+from trackbench.metrics.recorded_run import recorded_run
 from trackbench.recording.data import KEYS
 from trackbench.recording.inspection import inspect
-from trackbench.recording.moments import worst
 from trackbench.recording.reader import read
-from trackbench.recording.recorded_run import recorded_run
 from trackbench.results import Result, Tables, to_json
 
 #: Parts of a tracker's metrics that are computed afresh.
@@ -84,7 +84,9 @@ def test_of_a_single_run_they_are_those_of_the_result(save: Callable[..., Path])
         for path, metric in tracker.metrics.items():
             for name, value in metric.model_dump().items():
                 expected = getattr(stated[path], name)
-                assert value == (pytest.approx(expected, rel=1e-12) if isinstance(value, float) else expected), path
+                assert value == (
+                    pytest.approx(expected, rel=1e-12) if isinstance(value, float | tuple) else expected
+                ), path
 
 
 def test_a_changed_recording_has_other_scores_and_says_so(folder: Path, tmp_path: Path) -> None:
@@ -124,7 +126,8 @@ def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None
 
 def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
     recorded = recorded_run(read(folder).result)
-    for tracker, moments in worst(recorded, 3).items():
+    for tracker in recorded.tracks:
+        moments = worst(recorded, [tracker], 3)
         error = np.where(recorded.scored, recorded.tracks[tracker].position_error, np.nan)
         assert moments[0].position_error_m == np.nanmax(error)
         assert all(moment.time_s >= 0.5 for moment in moments), "before that, nothing is scored"
@@ -226,4 +229,4 @@ def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[...,
 def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
     recorded = recorded_run(read(folder).result)
     recorded.tracks["ekf"].nees[:] = np.nan
-    assert {moment.nees for moment in worst(recorded, 3)["ekf"]} == {None}
+    assert {moment.nees for moment in worst(recorded, ["ekf"], 3)} == {None}

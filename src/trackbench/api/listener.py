@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A checked scenario with its truth, ready to run."""
+    """A checked scenario with the truths of its scenes, ready to run."""
 
     scenario: Scenario
-    truth: LoadedTruth
+    truths: list[LoadedTruth]
 
 
 class Listener:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.errors import InputError
-from trackbench.runner.run import work_of
+from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
@@ -50,8 +50,8 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
         message = "with hidden identities each run has its own number of detections; ask for one run at a time"
         raise InputError(message, key="runs", file=loaded.path)
     found = truth_of(loaded)
-    work = work_of(loaded, found)
-    seen = scans.sense(work.sensors, work.seed, work.scenario, runs).scans
+    work = work_of(loaded, [found])
+    seen = scans.sense(work.scenes[0].sensors, work.seed, work.scenario, runs).scans
     if hidden:
         return hide_identities(seen, loaded.config.sensors, work.seed, work.scenario, runs[0])
     shape = (len(found.truth.ids), len(runs))

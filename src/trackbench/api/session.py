@@ -14,9 +14,9 @@ from trackbench.errors import InputError
 from trackbench.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.scenario import Scenario
-from trackbench.scenario.check import check_plugins
+from trackbench.scenario.check import check_plugins, notes
 from trackbench.scenario.shipped import shown_name
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 
 #: Where a run that goes on until its precision is reached stops even so.
 MAX_RUNS = 10_000
@@ -84,27 +84,25 @@ def _prepare(scenario: Scenario, plan: Plan, listener: Listener, place: str) -> 
         if len(scenario.config.trackers) < 2:
             problem = "needs two trackers, whose difference it is about"
             raise InputError(problem, file=scenario.path, key="--runs-until")
-    if len(scenario.config.truth.scenes()) > 1:
-        raise scenario.locate(InputError("several scenes are not run yet; write one seed", key="truth.seeds"))
     check_plugins(scenario)
     with listener.progress(f"{place}truth of {scenario.config.name}", "steps") as advance:
-        truth = truth_of(scenario, advance)
-    for note in truth.notes:
+        truths = truths_of(scenario, advance, plan.workers)
+    for note in (*notes(scenario), *dict.fromkeys(note for truth in truths for note in truth.notes)):
         listener.note(note)
-    return Prepared(scenario, truth)
+    return Prepared(scenario, truths)
 
 
 def _run(item: Prepared, plan: Plan, listener: Listener, colours: Mapping[str, str], place: str) -> Result:
     from trackbench.runner.run import run as run_scenario
     from trackbench.runner.until import run_until
 
-    scenario, truth, name = item.scenario, item.truth, item.scenario.config.name
+    scenario, truths, name = item.scenario, item.truths, item.scenario.config.name
     observe = listener.begin(item)
     with listener.progress(f"{place}{name}", "runs") as advance:
         if plan.precision is None:
             result = run_scenario(
                 scenario,
-                truth,
+                truths,
                 workers=plan.workers,
                 command=command_of(scenario),
                 progress=advance,
@@ -113,7 +111,7 @@ def _run(item: Prepared, plan: Plan, listener: Listener, colours: Mapping[str, s
         else:
             result = run_until(
                 scenario,
-                truth,
+                truths,
                 *plan.precision,
                 workers=plan.workers,
                 command=command_of,

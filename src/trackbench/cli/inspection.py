@@ -15,8 +15,8 @@ from trackbench.results import Summary
 from trackbench.words import counted
 
 if TYPE_CHECKING:
+    from trackbench.metrics.moments import EstimateMoment, SceneMoment
     from trackbench.recording.inspection import Inspection
-    from trackbench.recording.moments import EstimateMoment, SceneMoment
 
 #: Scores that differ by less than this share are the same but for rounding.
 ROUNDING = 1e-9

@@ -46,7 +46,7 @@ class RunOutput(Listener):
         """The viewer follows."""
         if self.viewer is None:
             return None
-        self.viewer.begin(item.scenario, item.truth.truth)
+        self.viewer.begin(item.scenario, item.truths[item.scenario.config.recording.scene].truth)
         return self.viewer.observe
 
     def end(self, result: Result, folder: Path | None) -> None:

@@ -10,7 +10,7 @@ import click
 from trackbench.cli.completion import scenario_paths
 from trackbench.cli.verbosity import quiet_option
 from trackbench.scenario import load_scenario
-from trackbench.scenario.check import check
+from trackbench.scenario.check import check, notes
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import scenario_files, shown_name
 
@@ -39,6 +39,8 @@ def check_command(scenarios: tuple[Path, ...], quiet: bool) -> None:
             continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
         click.echo(f"{shown_name(file)}: ok{f' ({sweeps})' if sweeps else ''}")
+        for note in notes(loaded):
+            click.echo(note, err=True)
 
 
 @click.command("schema")

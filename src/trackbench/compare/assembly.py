@@ -71,7 +71,9 @@ def compare(
     elif not any(match.pairs for match in matches):
         what = "only one tracker" if single else "no tracker of the same name in the first result and a later one"
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
-    found, missing = differences(matches, [known[path] for path in wanted], over_scenarios=not single)
+    allowed = {limit.metric: limit.percent for limit in limits}
+    compared = [known[path] for path in wanted]
+    found, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
     pairings = Pairings(
         found if RANKED_BY in wanted else differences(matches, [known[RANKED_BY]], over_scenarios=False)[0]
     )

@@ -33,8 +33,6 @@ class Comparability:
     samples."""
     reason: str
     """Why."""
-    whole: bool = True
-    """Whether the shared runs are all that either has."""
 
 
 def comparability(baseline: Entry, later: Entry) -> Comparability:
@@ -55,7 +53,7 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
     if len(shared) < FEWEST:
         return Comparability(None, _noise(baseline, later))
     which = f"{counted(len(shared), 'run')} of {len(theirs)} here and {len(ours)} there"
-    return Comparability(shared, f"over the {which} with equal fingerprints", whole=False)
+    return Comparability(shared, f"over the {which} with equal fingerprints")
 
 
 def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:

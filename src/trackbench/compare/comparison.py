@@ -10,7 +10,6 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from trackbench.errors import InputError
-from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import Part
@@ -21,8 +20,6 @@ TIMES = ("step_time",)
 #: Significant digits that are kept: what differs from machine to machine is far behind them.
 DIGITS = 4
 
-#: Of an entrant; ``larger`` and ``smaller`` where neither is better.
-VERDICTS = ("better", "worse", "larger", "smaller", NO_DIFFERENCE)
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
 
 
@@ -70,7 +67,7 @@ class EntrantScore(Part):
     rank: int | None
     """By position RMSE among those of its set; None without a score."""
     leading: bool
-    """Whether it is the best of the scenario, or no difference from the best was shown."""
+    """Whether it is the best of the scenario, or was not shown to be worse than the best by more than the margin."""
     failure: str = ""
     """Why there is no score."""
 
@@ -95,12 +92,14 @@ class PairDifference(Part):
     difference: float
     ci95: tuple[float, float] | None
     """Of the difference; None with fewer than two runs."""
+    margin: float
+    """Up to this a difference does not matter: that of the baseline, and not more than a limit."""
     p_value: float
-    """Corrected for the number of differences."""
+    """Of the hypothesis that the difference is within the margin, corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
     verdict: str
-    """One of ``VERDICTS``."""
+    """One of :data:`trackbench.metrics.differences.VERDICTS`."""
 
     @property
     def percent(self) -> float | None:
@@ -157,7 +156,7 @@ class RankedTracker(Part):
     first_share: float | None
     """Share of the draws in which it has the best mean rank."""
     won: int
-    """Pairings with another tracker in a scenario in which its error is really smaller."""
+    """Pairings with another tracker in a scenario in which its error is shown to be smaller by more than the margin."""
     lost: int
     undecided: int
     consistent_scenarios: int

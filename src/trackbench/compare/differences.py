@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -13,8 +13,8 @@ from trackbench.compare.comparability import Comparability
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.compare.metrics import ComparedMetric
-from trackbench.metrics.differences import NO_DIFFERENCE, better_of
-from trackbench.metrics.intervals import Interval, holm, paired, unpaired
+from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
+from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
 
 #: Shares of steps with an estimate that differ by more than this belong to errors of different moments.
 COVERAGE = 0.01
@@ -51,28 +51,46 @@ def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str,
 
 
 def differences(
-    matches: Sequence[Match], metrics: Sequence[ComparedMetric], *, over_scenarios: bool
+    matches: Sequence[Match],
+    metrics: Sequence[ComparedMetric],
+    *,
+    over_scenarios: bool,
+    limits: Mapping[str, float] | None = None,
 ) -> tuple[list[PairDifference], list[NotCompared]]:
     """Every pair of every match by every metric, and what has no value to compare.
 
     The p-values of a metric are corrected for their number: in all scenarios, or within each one.
+
+    Args:
+        matches: what is compared.
+        metrics: by which.
+        over_scenarios: whether all scenarios are corrected together.
+        limits: by metric, the percentage of the reference that the margin is not more than.
     """
     found: list[PairDifference] = []
     missing: list[NotCompared] = []
     for metric in metrics:
-        outcomes = [[*_compare(match, metric)] for match in matches]
+        limit = (limits or {}).get(metric.path)
+        outcomes = [[*_compare(match, metric, limit)] for match in matches]
         missing += [item for part in outcomes for item in part if isinstance(item, NotCompared)]
-        families = [[item for item in part if isinstance(item, PairDifference)] for part in outcomes]
+        families = [[item for item in part if isinstance(item, _Found)] for part in outcomes]
         if over_scenarios:
             families = [[item for family in families for item in family]]
         found += [item for family in families for item in _corrected(family, metric)]
     return found, missing
 
 
-def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | NotCompared]:
-    """The pairs of one match, their p-values still as they are alone."""
-    # A metric over a bound has the bound of all runs, which those of a part of them may not be divided by.
-    runs = None if metric.over and not match.how.whole else match.how.shared
+@dataclass(frozen=True)
+class _Found:
+    """A difference whose p-value is still as it is alone."""
+
+    item: PairDifference
+    contrast: Contrast
+
+
+def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Iterator[_Found | NotCompared]:
+    """The pairs of one match."""
+    runs = match.how.shared
     known: dict[tuple[int, str], Interval | None] = {}
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])
@@ -92,7 +110,10 @@ def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | 
                 of_entrant=other is not None,
             )
             continue
-        result = (unpaired if runs is None else paired)(own, other)
+        margin = margin_between(own, other, metric.unit, metric.better, match.against.result.summary.score.margin)
+        if limit is not None:
+            margin = min(margin, limit / 100 * abs(other.value))
+        result = (unpaired if runs is None else paired)(own, other, margin)
         item = PairDifference(
             scenario=match.scenario,
             metric=metric.path,
@@ -103,29 +124,22 @@ def _compare(match: Match, metric: ComparedMetric) -> Iterator[PairDifference | 
             reference=other.value,
             difference=result.value,
             ci95=result.ci95,
+            margin=result.margin,
             p_value=result.p_value,
             paired_runs=None if runs is None else len(runs),
-            verdict=NO_DIFFERENCE,
+            verdict=UNDECIDED,
         )
         # The rest of rounding is another on each machine.
-        yield item.model_copy(update={"difference": 0.0, "ci95": (0.0, 0.0)}) if item.identical else item
+        update = {"difference": 0.0, "ci95": (0.0, 0.0)} if item.identical else {}
+        yield _Found(item.model_copy(update=update), result)
 
 
-def _corrected(family: Sequence[PairDifference], metric: ComparedMetric) -> list[PairDifference]:
-    corrected = holm([item.p_value for item in family])
+def _corrected(family: Sequence[_Found], metric: ComparedMetric) -> list[PairDifference]:
+    corrected = holm([found.item.p_value for found in family])
     return [
-        item.model_copy(update={"p_value": p, "verdict": _verdict(item.difference, p, metric)})
-        for item, p in zip(family, corrected, strict=True)
+        found.item.model_copy(update={"p_value": p, "verdict": verdict(found.contrast, p, metric.better)})
+        for found, p in zip(family, corrected, strict=True)
     ]
-
-
-def _verdict(difference: float, p_value: float, metric: ComparedMetric) -> str:
-    place = better_of(difference, p_value, metric.better or "larger")
-    if place < 0:
-        return NO_DIFFERENCE
-    if metric.better is None:
-        return "larger" if place == 0 else "smaller"
-    return "better" if place == 0 else "worse"
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:

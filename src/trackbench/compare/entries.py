@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackbench import results
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
-from trackbench.metrics import Interval
+from trackbench.metrics import Interval, clustered
 from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
@@ -70,12 +70,13 @@ class Entry:
         return found
 
     def failure(self, tracker: str) -> str | None:
-        """Why a tracker could not go on, if it could not."""
-        failed = self.result[tracker].failed
-        return None if failed is None else failed.cause
+        """Why a tracker is not held against others, if it is not."""
+        return self.result.why_unscored(self.result[tracker]) or None
 
     def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
+
+        With runs of several scenes it is what each scene adds.
 
         Args:
             tracker: its name.
@@ -85,8 +86,8 @@ class Entry:
         Raises:
             InputError: the table does not hold the metric, or is not that of this run.
         """
-        entry, table = self.result[tracker], self.table("runs")
-        if entry.failed is not None or len(table) == 0:
+        table = self.table("runs")
+        if self.failure(tracker) or len(table) == 0:
             return None
         rows = table.filter(pc.equal(table["tracker"], tracker))
         expected = self.result.summary.runs
@@ -99,12 +100,16 @@ class Entry:
             raise InputError(
                 f"runs.parquet: {metric.column} or its number of terms holds what no run leaves", file=self.label
             )
-        bound = self._stated(tracker, metric.over) if metric.over else 1.0
-        found = metric.of_runs(value, count, bound) if bound else None
-        if found is None or not bound:
+        reference = self._column(rows, metric.over) if metric.over else None
+        found = metric.of_runs(value, count, reference)
+        if found is None:
             return None
         self._require_agreement(tracker, metric.path, found.value)
-        return found if runs is None else metric.of_runs(value[runs], count[runs], bound)
+        scene = self._column(rows, "scene").astype(np.intp)
+        if runs is not None:
+            found = metric.of_runs(value[runs], count[runs], None if reference is None else reference[runs])
+            scene = scene[runs]
+        return None if found is None else clustered(found, scene)
 
     def _stated(self, tracker: str, metric: str) -> float | None:
         """The value of a metric in the summary."""

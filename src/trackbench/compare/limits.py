@@ -57,10 +57,10 @@ def held(
 ) -> list[GateResult]:
     """Each limit held against each tracker of each later set in each scenario.
 
-    It fails where the estimate is worse by more than the limit and the difference is real, after the correction for
-    their number. So chance alone does not fail a build, and a regression that the runs show does not pass because the
-    interval still touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is
-    undecided.
+    It fails where the estimate is worse by more than the limit, and is shown to be worse by more than the margin, which
+    is not more than the limit, after the correction for their number. So chance alone does not fail a build, and a
+    regression that the runs show does not pass because the interval still touches the limit. Where it does not fail,
+    but the interval reaches beyond the limit, it is undecided.
     """
     return [result for limit in limits for result in _held(limit, metrics[limit.metric], differences, missing)]
 
@@ -85,7 +85,7 @@ def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome,
 
 def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> GateOutcome:
     if item.percent is None:
-        # Nothing is a percentage of zero: any real worsening is more.
+        # Nothing is a percentage of zero: any worsening that is shown is more.
         return "failed" if item.verdict == "worse" else "passed"
     sign = 1.0 if metric.better == "smaller" else -1.0
     if item.verdict == "worse" and sign * item.percent > limit.percent:

@@ -9,15 +9,15 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.metrics import registry, stored
-from trackbench.metrics.intervals import Interval, ratio, scaled
+from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction
 from trackbench.results.summary import OwnMetricSummary
 from trackbench.types import Array
 
-#: Metrics that are another one over a bound, of which there is one value for all runs.
+#: Metrics that are another one over that of the reference, and the column of the reference.
 _OVER = {
-    "position_efficiency": ("position_rmse", "position_bound"),
-    "velocity_efficiency": ("velocity_rmse", "velocity_bound"),
+    "position_over_reference": ("position_rmse", "position_reference_m"),
+    "velocity_over_reference": ("velocity_rmse", "velocity_reference_mps"),
 }
 _NEES = "nees.mean"
 BUILT_IN = {*stored.ROOT_MEAN_SQUARES, *_OVER, _NEES}
@@ -34,7 +34,7 @@ class ComparedMetric:
 
     @property
     def over(self) -> str:
-        """The bound that it is divided by, empty where it is by none."""
+        """Column of the reference that it is divided by, empty where it is by none."""
         return _OVER.get(self.path, ("", ""))[1]
 
     @property
@@ -51,18 +51,20 @@ class ComparedMetric:
     def _numerator(self) -> str:
         return _OVER.get(self.path, (self.path, ""))[0]
 
-    def of_runs(self, values: Array, count: Array | None, bound: float) -> Interval | None:
+    def of_runs(self, values: Array, count: Array, reference: Array | None) -> Interval | None:
         """The metric of some runs; None where there is nothing to compare.
 
         Args:
             values: ``(runs,)`` the column.
-            count: ``(runs,)`` the number of terms of each, if it has one.
-            bound: what it is divided by; 1 where it is by none.
+            count: ``(runs,)`` the number of terms of each.
+            reference: ``(runs,)`` what it is divided by; None where it is by none.
         """
-        if self.path == _NEES and count is not None:
-            return ratio(np.nan_to_num(values) * count, count) if count.sum() > 0 else None
-        found = stored.from_runs(self._numerator, values, count)
-        return None if found is None else scaled(found, 1.0 / bound)
+        if self.path == _NEES:
+            return ratio(np.nan_to_num(values) * count, count, positive=True) if count.sum() > 0 else None
+        if reference is not None:
+            squares, over = (np.nan_to_num(each) ** 2 * count for each in (values, reference))
+            return root(ratio(squares, over)) if over.sum() > 0 else None
+        return stored.from_runs(self._numerator, values, count)
 
 
 def compared_metric(path: str, key: str, own: Sequence[OwnMetricSummary] = ()) -> ComparedMetric:

@@ -8,14 +8,13 @@ import numpy as np
 
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference, RankedTracker
 from trackbench.compare.entries import Entry
-from trackbench.metrics.differences import NO_DIFFERENCE
 from trackbench.types import Array
 
 RESAMPLES = 10_000
 #: The metric that trackers are ranked by.
 RANKED_BY = "position_rmse"
 #: The metrics that a score keeps.
-SHOWN = ("position_rmse", "velocity_rmse", "position_efficiency", "nees", "step_time")
+SHOWN = ("position_rmse", "velocity_rmse", "position_over_reference", "nees", "step_time")
 
 
 class Pairings:
@@ -25,11 +24,11 @@ class Pairings:
         self._better: dict[tuple[str, frozenset[str]], str] = {}
         for item in differences:
             a, b = item.entrant.tracker, item.against.tracker
-            if item.metric == RANKED_BY and item.verdict != NO_DIFFERENCE:
+            if item.metric == RANKED_BY and item.verdict in ("better", "worse"):
                 self._better[item.scenario, frozenset((a, b))] = a if item.verdict == "better" else b
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
-        """The better one of the two, None where no difference was shown."""
+        """The better one of the two, None where none is shown to be."""
         return self._better.get((scenario, frozenset((a, b))))
 
 
@@ -51,7 +50,7 @@ def scores(number: int, entry: Entry, scenario: str, trackers: Sequence[str], pa
                 diverged_runs=(tracker.health.diverged_runs or 0) if rank else 0,
                 rank=rank,
                 leading=rank is not None and pairings.better(scenario, scored[0], name) in (None, name),
-                failure="" if rank else str(tracker.failed or tracker.position_rmse.reason or "nothing to score"),
+                failure="" if rank else entry.result.why_unscored(tracker),
             )
         )
     return found

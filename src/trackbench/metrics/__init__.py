@@ -2,14 +2,14 @@
 
 from trackbench.metrics.builtin import BUILT_IN, BuiltInMetric
 from trackbench.metrics.evaluate import Evaluation, Sums, evaluate, health, merge_sums, no_metrics
-from trackbench.metrics.intervals import Interval, ratio, root, scaled
+from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled, variance_shares
 from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, OwnMetric, Scope, Target
-from trackbench.metrics.scorer import Scorer
-from trackbench.metrics.sums import Bound, Scores
+from trackbench.metrics.scorer import Scorer, score_together
+from trackbench.metrics.sums import BlockScores, Scores
 
 __all__ = [
     "BUILT_IN",
-    "Bound",
+    "BlockScores",
     "BuiltInMetric",
     "Chunk",
     "Evaluation",
@@ -24,6 +24,7 @@ __all__ = [
     "Scores",
     "Sums",
     "Target",
+    "clustered",
     "evaluate",
     "health",
     "merge_sums",
@@ -31,4 +32,6 @@ __all__ = [
     "ratio",
     "root",
     "scaled",
+    "score_together",
+    "variance_shares",
 ]

@@ -1,4 +1,4 @@
-"""Scores by manoeuvre and by range band."""
+"""Scores by manoeuvre, by range band and by age."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from trackbench.metrics.conditions import BAND_EDGES, BANDS, MANOEUVRES
-from trackbench.metrics.intervals import reach_of_ratio
-from trackbench.metrics.sums import ERROR_FIELDS, ClassSums
+from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, MANOEUVRES, SHAPE
+from trackbench.metrics.intervals import positive_ends, reach_of_ratio
+from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
-from trackbench.types import Array
+from trackbench.types import Array, Indices
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
 FIELDS = {
@@ -27,41 +26,51 @@ FIELDS = {
 #: Degrees of freedom of the parts of the NEES.
 DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
 
-# Columns of the sums: all estimates, each manoeuvre, each band, each manoeuvre in each band.
+# Columns of the sums: all estimates, each manoeuvre, each band, each age, each manoeuvre in each band.
 _MANOEUVRE = 1
 _BAND = _MANOEUVRE + len(MANOEUVRES)
-_CELL = _BAND + BANDS
+_AGE = _BAND + BANDS
+_CELL = _AGE + len(AGES)
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
-def class_sums(per_run: Array, classes: npt.NDArray[np.int8]) -> ClassSums:
-    """The sums of a block of runs.
+def columns(classes: Indices) -> Indices:
+    """``(columns, classes)`` those in which the estimates of each class count."""
+    manoeuvre, band, age = np.unravel_index(classes, SHAPE)
+    cell = manoeuvre * BANDS + band
+    return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _CELL + cell])
+
+
+def combined(errors: Array) -> Array:
+    """``(fields, ...)`` what is kept of each class, from sums of errors with rows ``ERROR_FIELDS``."""
+    return np.tensordot(_COMBINED, errors, 1)
+
+
+def class_sums(cells: Cells, parts: int) -> ClassSums:
+    """The sums of each condition over independent parts.
 
     Args:
-        per_run: ``(errors, classes, runs)`` rows ``ERROR_FIELDS``.
-        classes: ``(classes,)`` which they are.
+        cells: with rows ``FIELDS``.
+        parts: how many there are.
     """
-    combined = np.tensordot(_COMBINED, per_run, 1)
-    member = np.zeros((_COLUMNS, len(classes)))
-    found = np.arange(len(classes))
-    for column in (0, _MANOEUVRE + classes // BANDS, _BAND + classes % BANDS, _CELL + classes):
-        member[column, found] = 1.0
-    known = np.flatnonzero(member.any(axis=1))
-    sums = member[known] @ combined
-
-    def spread(values: Array) -> Array:
-        whole = np.zeros((len(values), _COLUMNS))
-        whole[:, known] = values.sum(axis=2)
-        return whole
-
-    return ClassSums(spread(sums), spread(sums**2), spread(sums * sums[0]), spread((sums[:1] > 0).astype(float)))
+    sums = ClassSums(*(np.zeros((rows, _COLUMNS)) for rows in (len(FIELDS), len(FIELDS), len(FIELDS), 1)))
+    found, place = np.unique(cells.code, return_inverse=True)
+    counted = columns(found)
+    for column in np.unique(counted):
+        here = (counted == column).any(axis=0)[place]
+        by_part = np.stack([np.bincount(cells.part[here], row[here], parts) for row in cells.values])
+        sums.total[:, column] = by_part.sum(axis=1)
+        sums.square[:, column] = (by_part**2).sum(axis=1)
+        sums.product[:, column] = (by_part * by_part[0]).sum(axis=1)
+        sums.parts[:, column] = (by_part[0] > 0).sum()
+    return sums
 
 
 def breakdown(sums: ClassSums) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
     if not sums.total[0, 0]:
-        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={})
+        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={}, age={})
     occurred = np.flatnonzero(sums.total[0])
     return Breakdown(
         all=_scores(sums, 0),
@@ -73,6 +82,7 @@ def breakdown(sums: ClassSums) -> Breakdown:
             for band in range(BANDS)
             if _BAND + band in occurred
         },
+        age={name: _scores(sums, column) for column, name in enumerate(AGES, _AGE) if column in occurred},
     )
 
 
@@ -117,7 +127,7 @@ def _scores(sums: ClassSums, column: int, from_m: float | None = None, to_m: flo
         for row, name in enumerate(FIELDS)
         if name != "count"
     }
-    count, runs = int(sums.total[0, column]), int(sums.runs[0, column])
+    count, runs = int(sums.total[0, column]), int(sums.parts[0, column])
     return ConditionScores(count=count, runs=runs, from_m=from_m, to_m=to_m, **values)
 
 
@@ -129,7 +139,7 @@ def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
         square=sums.square[row, column],
         product=sums.product[row, column],
         count_square=sums.square[0, column],
-        runs=int(sums.runs[0, column]),
+        runs=int(sums.parts[0, column]),
     )
     if name in DOF:
         return _with_reach(mean, reach, unit="1", dof=DOF[name])
@@ -142,4 +152,4 @@ def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
 def _with_reach(value: float, reach: float, **more: Any) -> MetricValue:
     if math.isnan(reach):
         return MetricValue(value=value, reason="fewer than two runs give no interval", **more)
-    return MetricValue(value=value, ci95=(max(value - reach, 0.0), value + reach), **more)
+    return MetricValue(value=value, ci95=positive_ends(value, reach), **more)

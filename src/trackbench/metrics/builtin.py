@@ -8,16 +8,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from trackbench.metrics.consistency import mean_bounds, verdict, whiteness_verdict
+from trackbench.metrics.breakdown import breakdown
+from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ONE_RUN, Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
-from trackbench.metrics.sums import ERROR, NIS_RUN, NIS_STEP, NisScores, Scores
+from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
+from trackbench.metrics.verdicts import (
+    CONSISTENCY,
+    WHITENESS,
+    WHITENESS_TOLERANCE,
+    judged,
+    together,
+    verdict,
+    whiteness_verdict,
+)
 from trackbench.results import MetricValue
 from trackbench.types import Array
-
-CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
-WHITENESS = ("white", "coloured", "undecided")
 
 
 class BuiltInMetric(Metric):
@@ -43,11 +50,11 @@ class RootMeanSquare(BuiltInMetric):
     """Where the table of runs holds the error of each run."""
 
     def finish(self, sums: Scores) -> Outcome:
-        count = sums.per_run[ERROR[self.count]]
+        count = sums.per_part[ERROR[self.count]]
         if count.sum() == 0:
             what = "an object that moves" if self.count == "course_count" else "any object"
             return self.no_value(f"there is no estimate of {what} to score")
-        total = sum(sums.per_run[ERROR[row]] for row in self.rows)
+        total = sum(sums.per_part[ERROR[row]] for row in self.rows)
         error = root(ratio(np.asarray(total), count))
         return scaled(error, math.degrees(1.0)) if self.unit == "deg" else error
 
@@ -98,15 +105,18 @@ class Nees(BuiltInMetric):
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
-        Field("verdict", "whether the errors are as large as stated", CONSISTENCY),
+        Field("verdict", "whether the errors are as large as stated, under each condition", (*CONSISTENCY, "mixed")),
     )
 
     def finish(self, sums: Scores) -> Outcome:
-        count, total = sums.per_run[ERROR["count"]], sums.per_run[ERROR["nees"]]
+        count, total = sums.per_part[ERROR["count"]], sums.per_part[ERROR["nees"]]
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
-        return _chi_square(ratio(total, count), 4, len(count), inside)
+        found = _chi_square(ratio(total, count, positive=True), 4, inside)
+        conditions = judged(breakdown(sums.classes))
+        word = together(found.verdict or "undecided", conditions)
+        return found.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
 
     def no_value(self, reason: str) -> MetricValue:
         return MetricValue(unit=self.unit, dof=4, reason=reason)
@@ -116,6 +126,7 @@ class Nis(BuiltInMetric):
     name, unit, value_name, per_sensor = "nis", "1", "mean", True
     meaning = "normalised innovation squared of one sensor, mean over runs"
     fields = (
+        Field("coverage", "share of the measurements of a known object of which there is an innovation"),
         Field("inside95", "share of its innovations under the 95 % point"),
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the bounds"),
         Field("verdict", "whether the innovations are as large as predicted", CONSISTENCY),
@@ -125,13 +136,14 @@ class Nis(BuiltInMetric):
         return {sensor: self._of(nis) for sensor, nis in sums.nis.items()}
 
     def _of(self, nis: NisScores) -> MetricValue:
-        count, total = nis.per_run[NIS_RUN["count"]], nis.per_run[NIS_RUN["nis"]]
+        count, total = nis.per_run[NIS["count"]], nis.per_run[NIS["nis"]]
         if count.sum() == 0:
             return self.no_value("the tracker gives no innovation of this sensor")
-        inside = _inside(nis.per_step[NIS_STEP["count"]], nis.per_step[NIS_STEP["nis"]], nis.dof)
-        share = float(nis.per_run[NIS_RUN["inside"]].sum() / count.sum())
-        found = _chi_square(ratio(total, count), nis.dof, len(count), inside)
-        return found.model_copy(update={"inside95": share})
+        inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
+        share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
+        found = _chi_square(ratio(total, count, positive=True), nis.dof, inside)
+        expected = count.sum() + nis.per_run[NIS["missing"]].sum()
+        return found.model_copy(update={"inside95": share, "coverage": _share(count.sum(), expected)})
 
 
 class Whiteness(BuiltInMetric):
@@ -139,14 +151,14 @@ class Whiteness(BuiltInMetric):
 
     name, unit, per_sensor = "whiteness", "1", True
     meaning = "correlation of successive normalised innovations of one sensor"
-    fields = (Field("verdict", "whether they are uncorrelated", WHITENESS),)
+    fields = (Field("verdict", f"whether it is within {WHITENESS_TOLERANCE} of zero", WHITENESS),)
 
     def finish(self, sums: Scores) -> Mapping[str, Outcome]:
         return {sensor: self._of(nis) for sensor, nis in sums.nis.items()}
 
     def _of(self, nis: NisScores) -> MetricValue:
-        product, square = nis.per_run[NIS_RUN["product"]], nis.per_run[NIS_RUN["square"]]
-        pairs = nis.per_run[NIS_RUN["pairs"]].sum()
+        product, square = nis.per_run[NIS["product"]], nis.per_run[NIS["square"]]
+        pairs = nis.per_run[NIS["pairs"]].sum()
         if pairs == 0:
             return self.no_value("there are no two innovations in a row")
         if square.sum() == 0:
@@ -158,43 +170,69 @@ class Whiteness(BuiltInMetric):
         )
 
 
-class PositionBound(BuiltInMetric):
-    name, unit, meaning = "position_bound", "m", "posterior Cramer-Rao bound of the position error"
+class RootReference(BuiltInMetric):
+    """The root of the reference of a mean square error, over the estimates that are scored."""
+
+    row: ClassVar[str]
+    """Of the sums."""
 
     def finish(self, sums: Scores) -> Outcome:
-        return _number(self, sums.bound.position, "no measurement bears on it")
+        count, total = sums.per_part[ERROR["count"]].sum(), sums.per_part[ERROR[self.row]].sum()
+        return (
+            float(np.sqrt(total / count))
+            if total > 0
+            else self.no_value("there is no estimate that a measurement bears on")
+        )
 
 
-class VelocityBound(BuiltInMetric):
-    name, unit, meaning = "velocity_bound", "m/s", "posterior Cramer-Rao bound of the velocity error"
+class PositionReference(RootReference):
+    name, unit, meaning = (
+        "position_reference",
+        "m",
+        "position RMSE of the reference, over the estimates that are scored",
+    )
+    row = "position_reference"
+
+
+class VelocityReference(RootReference):
+    name, unit, meaning = (
+        "velocity_reference",
+        "m/s",
+        "velocity RMSE of the reference, over the estimates that are scored",
+    )
+    row = "velocity_reference"
+
+
+class OverReference(BuiltInMetric):
+    """A root mean square error over its reference, both over the same estimates."""
+
+    unit, better = "1", "smaller"
+    rows: ClassVar[tuple[str, ...]]
+    row: ClassVar[str]
 
     def finish(self, sums: Scores) -> Outcome:
-        return _number(self, sums.bound.velocity, "no measurement bears on it")
+        reference = sums.per_part[ERROR[self.row]]
+        if not reference.sum() > 0:
+            return self.no_value("there is no reference to compare with")
+        return root(ratio(np.asarray(sum(sums.per_part[ERROR[row]] for row in self.rows)), reference))
 
 
-class PositionEfficiency(BuiltInMetric):
-    name, unit, better = "position_efficiency", "1", "smaller"
-    meaning = "position RMSE over its bound; 1 is the best possible"
-
-    def finish(self, sums: Scores) -> Outcome:
-        return _efficiency(self, PositionRmse().finish(sums), sums.bound.position)
+class PositionOverReference(OverReference):
+    name, meaning = "position_over_reference", "position RMSE over that of the reference"
+    rows, row = ("px", "py"), "position_reference"
 
 
-class VelocityEfficiency(BuiltInMetric):
-    name, unit, better = "velocity_efficiency", "1", "smaller"
-    meaning = "velocity RMSE over its bound; 1 is the best possible"
-
-    def finish(self, sums: Scores) -> Outcome:
-        return _efficiency(self, VelocityRmse().finish(sums), sums.bound.velocity)
+class VelocityOverReference(OverReference):
+    name, meaning = "velocity_over_reference", "velocity RMSE over that of the reference"
+    rows, row = ("vx", "vy"), "velocity_reference"
 
 
 class Coverage(BuiltInMetric):
     name, unit, better = "coverage", "1", "larger"
-    meaning = "share of the steps with a vehicle present at which there is an estimate"
+    meaning = "share of the steps at which the tracker should have an estimate at which it has one"
 
     def finish(self, sums: Scores) -> Outcome:
-        share = _share(sums.per_run[ERROR["count"]].sum(), sums.present.sum())
-        return _number(self, share, "no object was ever seen")
+        return _number(self, _share(sums.given, sums.due), "no object was ever seen")
 
 
 class StepTime(BuiltInMetric):
@@ -216,10 +254,10 @@ BUILT_IN: tuple[Metric, ...] = (
     Nees(),
     Nis(),
     Whiteness(),
-    PositionBound(),
-    VelocityBound(),
-    PositionEfficiency(),
-    VelocityEfficiency(),
+    PositionReference(),
+    VelocityReference(),
+    PositionOverReference(),
+    VelocityOverReference(),
     Coverage(),
     StepTime(),
 )
@@ -229,19 +267,11 @@ def _number(metric: Metric, value: float, reason: str) -> Outcome:
     return float(value) if np.isfinite(value) else metric.no_value(reason)
 
 
-def _efficiency(metric: Metric, error: Outcome, bound: float) -> Outcome:
-    if not isinstance(error, Interval) or not bound > 0:
-        return metric.no_value("there is no bound to compare with")
-    return scaled(error, 1.0 / bound)
-
-
-def _chi_square(mean: Interval, dof: int, runs: int, steps_inside: float) -> MetricValue:
-    low, high = (float(bound) for bound in mean_bounds(dof, runs))
+def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
     return MetricValue(
         value=mean.value,
         unit="1",
         dof=dof,
-        bounds95=(low, high),
         ci95=mean.ci95,
         reason=None if mean.ci95 else ONE_RUN,
         steps_inside_bounds=steps_inside,

@@ -1,4 +1,5 @@
-"""What an object was doing and how far away it was at each instant: the classes by which scores are broken down."""
+"""What an object was doing, how far away it was and how long it was known at each instant: the classes by which
+scores are broken down, and under each of which a covariance is judged."""
 
 from __future__ import annotations
 
@@ -17,19 +18,28 @@ MANOEUVRES = ("straight", "accelerating", "braking", "turning", "sensor gap")
 TURNING = float(np.deg2rad(3.0))
 #: Braking and accelerating: the speed changes faster than this, m/s^2.
 CHANGING_SPEED = 1.0
+#: Accelerations and yaw rates are means over so much time, s. Single steps of a random motion are no manoeuvre: where
+#: the noise of the motion is large, so is the error of a sound filter.
+WINDOW = 0.5
 #: Sensor gap: no sensor could see the object for longer than this many periods of the slowest one.
 GAP_PERIODS = 3.0
 #: Range bands from the observer are bounded by these, m.
 BAND_EDGES = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 BANDS = len(BAND_EDGES) + 1
+#: Time since a sensor could first see the object.
+AGES = ("first second", "later")
+FIRST = 1.0
+#: A class is a manoeuvre, a range band and an age: its place in an array of this shape.
+SHAPE = (len(MANOEUVRES), BANDS, len(AGES))
+#: Of times, relative.
+ROUNDING = 1e-9
 
 T = TypeVar("T", bound=np.generic)
-Classes = npt.NDArray[np.int8]
+Classes = npt.NDArray[np.int16]
 
 
 def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], runs: range) -> Classes:
-    """``(instants, objects, runs or 1)`` the class of each object: its place in ``MANOEUVRES`` times ``BANDS``, plus
-    that of its range band.
+    """``(instants, objects, runs or 1)`` the class of each object, as a flat index into ``SHAPE``.
 
     Args:
         truth: the motion.
@@ -41,19 +51,44 @@ def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], 
     def of_runs(values: npt.NDArray[T]) -> npt.NDArray[T]:
         return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
-    acceleration, yaw_rate = of_runs(truth.acceleration)[instants], of_runs(truth.yaw_rate)[instants]
-    manoeuvre = np.zeros(acceleration.shape, dtype=np.int8)
+    acceleration, yaw_rate = (
+        _smoothed(of_runs(values), truth)[instants] for values in (truth.acceleration, truth.yaw_rate)
+    )
+    seen = [(sensor, of_runs(sensor.visible)) for sensor in sensors]
+    manoeuvre = np.zeros(acceleration.shape, dtype=np.int16)
     manoeuvre[acceleration > CHANGING_SPEED] = MANOEUVRES.index("accelerating")
     manoeuvre[acceleration < -CHANGING_SPEED] = MANOEUVRES.index("braking")
     manoeuvre[np.abs(yaw_rate) > TURNING] = MANOEUVRES.index("turning")
-    gap = _in_gap(truth.time, instants, [(sensor, of_runs(sensor.visible)) for sensor in sensors])
-    manoeuvre = np.where(gap, np.int8(MANOEUVRES.index("sensor gap")), manoeuvre)
+    manoeuvre = np.where(_in_gap(truth.time, instants, seen), MANOEUVRES.index("sensor gap"), manoeuvre)
     observer = truth.observer
     distance = np.hypot(
         of_runs(truth.px)[instants] - observer.px[instants, None, None],
         of_runs(truth.py)[instants] - observer.py[instants, None, None],
     )
-    return np.asarray(manoeuvre * BANDS + np.digitize(distance, BAND_EDGES), dtype=np.int8)
+    later = truth.time[instants][:, None, None] - _first_seen(seen) >= FIRST * (1 - ROUNDING)
+    parts = np.broadcast_arrays(manoeuvre, np.digitize(distance, BAND_EDGES), later.astype(int))
+    return np.ravel_multi_index(parts, SHAPE).astype(np.int16)
+
+
+def _smoothed(values: Array, truth: Truth) -> Array:
+    """The mean of values ``(steps, objects, runs or 1)`` over the steps within half a ``WINDOW`` of each."""
+    time, reach = truth.time, WINDOW / 2 * (1 + ROUNDING)
+    ends = np.searchsorted(time, time - reach), np.searchsorted(time, time + reach)
+
+    def total(terms: Array) -> Array:
+        sums = np.concatenate([np.zeros_like(terms[:1]), np.cumsum(terms, axis=0)])
+        return np.asarray(sums[ends[1]] - sums[ends[0]])
+
+    alive = truth.alive[:, :, None].astype(float)
+    return total(values * alive) / np.maximum(total(alive), 1.0)
+
+
+def _first_seen(sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
+    """``(objects, runs or 1)`` when the first sensor could see each object, s; infinite where none ever could."""
+    first: Array = np.array(np.inf)
+    for sensor, visible in sensors:
+        first = np.minimum(first, np.where(visible.any(axis=0), sensor.time[np.argmax(visible, axis=0)], np.inf))
+    return first
 
 
 def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Mask:
@@ -64,6 +99,5 @@ def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor,
         measurement = np.searchsorted(sensor.steps, instants, side="right") - 1
         latest = np.maximum(latest, np.where(measurement[:, None, None] < 0, -np.inf, seen[measurement]))
     periods = [float(np.median(np.diff(sensor.time))) if len(sensor.time) > 1 else np.inf for sensor, _ in sensors]
-    # The times of measurements are rounded.
-    limit = GAP_PERIODS * max(periods) * (1 + 1e-9)
+    limit = GAP_PERIODS * max(periods) * (1 + ROUNDING)
     return np.asarray(time[instants][:, None, None] - latest > limit)

@@ -1,4 +1,4 @@
-"""Whether a covariance can be believed: chi-square statistics, their bounds and verdicts."""
+"""Whether a covariance can be believed: chi-square statistics and their bounds."""
 
 from __future__ import annotations
 
@@ -8,13 +8,6 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.types import Array, Estimate, Mask
-
-#: How far the mean of a NEES or NIS may be from its degrees of freedom without consequence, as a share of them. A
-#: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
-TOLERANCE = 0.1
-#: How far an autocorrelation may be from zero. Predicting each innovation from the one before then saves 0.05^2, a
-#: quarter of a percent, of its variance.
-WHITENESS_TOLERANCE = 0.05
 
 
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:
@@ -62,35 +55,3 @@ def point95(dof: int) -> float:
     from scipy import stats
 
     return float(stats.chi2.ppf(0.95, dof))
-
-
-def verdict(ci95: tuple[float, float] | None, dof: int) -> str:
-    """What the interval of a mean NEES or NIS says of the covariance; ``TOLERANCE`` is what does not matter.
-
-    ``consistent``: shown to be within the tolerance. ``optimistic``: shown to be above ``dof``, errors are larger than
-    stated, and not shown to be within the tolerance. ``pessimistic``: the same below. ``undecided``: none of these is
-    shown. So a lack of runs never looks like consistency, and a difference without consequence is not held against a
-    tracker because there were many: the logic of an equivalence test (Schuirmann 1987, "A comparison of the two
-    one-sided tests procedure and the power approach").
-
-    Args:
-        ci95: None with a single run.
-        dof: what the mean of a consistent tracker is.
-    """
-    names = {None: "undecided", 0: "consistent", 1: "optimistic", -1: "pessimistic"}
-    return names[_shown(ci95, dof, TOLERANCE * dof)]
-
-
-def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
-    """What the interval of an autocorrelation says: ``white``, ``coloured`` or ``undecided``, as in ``verdict``."""
-    return {None: "undecided", 0: "white"}.get(_shown(ci95, 0.0, WHITENESS_TOLERANCE), "coloured")
-
-
-def _shown(ci95: tuple[float, float] | None, expected: float, tolerance: float) -> int | None:
-    """0 where the value is as expected, 1 and -1 where it is above and below, None where none of these is shown."""
-    if ci95 is None:
-        return None
-    low, high = ci95
-    if expected - tolerance <= low and high <= expected + tolerance:
-        return 0
-    return 1 if low > expected else -1 if high < expected else None

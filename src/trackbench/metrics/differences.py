@@ -5,42 +5,58 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
-from trackbench.metrics.intervals import Interval, holm, paired
+from trackbench.metrics.intervals import Contrast, Interval, holm, paired
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference
+from trackbench.results.summary import MarginSummary
 
-#: Level at which a difference is real, after the correction.
+#: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05
-NO_DIFFERENCE = "no difference shown"
+EQUIVALENT, UNDECIDED = "equivalent", "undecided"
+#: Of the first of two; ``larger`` and ``smaller`` where neither is better.
+VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 
-def differences(trackers: Mapping[str, Mapping[str, Interval]], metrics: Sequence[Metric]) -> list[Difference]:
+def differences(
+    trackers: Mapping[str, Mapping[str, Interval]], metrics: Sequence[Metric], margin: MarginSummary
+) -> list[Difference]:
     """Every pair of trackers by every metric that is compared, the p-values of each metric corrected for their number.
 
     Args:
         trackers: by name, the metrics that are means over runs, by path.
         metrics: all that there are.
+        margin: what does not matter.
     """
     return [
         difference
         for metric in metrics
         if metric.compared and metric.better is not None
         for path in _paths(metric, trackers)
-        for difference in _of(path, metric.unit, metric.better, trackers)
+        for difference in _of(path, metric.unit, metric.better, trackers, margin)
     ]
 
 
-def better_of(value: float, p_value: float, better: Direction) -> int:
-    """Which of two trackers is better by a difference ``first - second``: 0 the first, 1 the second, -1 none is shown.
+def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:
+    """Up to which difference it does not matter which of two trackers is used."""
+    best = max if better == "larger" else min
+    return margin.at(best(a.value, b.value, key=abs), unit)
+
+
+def verdict(found: Contrast, p_value: float, better: Direction | None) -> str:
+    """What is shown of the first of two, one of ``VERDICTS``.
+
+    More runs lead from ``undecided`` to one of the others: the interval lies outside the margin, or inside.
 
     Args:
-        value: the difference.
-        p_value: corrected.
+        found: the difference ``first - second``.
+        p_value: its own, corrected.
         better: which values of the metric are better.
     """
     if p_value >= LEVEL:
-        return -1
-    return int((value < 0) != (better == "smaller"))
+        return EQUIVALENT if found.equivalent else UNDECIDED
+    if better is None:
+        return "larger" if found.value > 0 else "smaller"
+    return "better" if (found.value > 0) == (better == "larger") else "worse"
 
 
 def _paths(metric: Metric, trackers: Mapping[str, Mapping[str, Interval]]) -> list[str]:
@@ -50,15 +66,16 @@ def _paths(metric: Metric, trackers: Mapping[str, Mapping[str, Interval]]) -> li
 
 
 def _of(
-    path: str, unit: str, better: Direction, trackers: Mapping[str, Mapping[str, Interval]]
+    path: str, unit: str, better: Direction, trackers: Mapping[str, Mapping[str, Interval]], margin: MarginSummary
 ) -> Sequence[Difference]:
     pairs = [pair for pair in combinations(trackers, 2) if all(path in trackers[name] for name in pair)]
-    found = [paired(trackers[a][path], trackers[b][path]) for a, b in pairs]
+    both = [(trackers[a][path], trackers[b][path]) for a, b in pairs]
+    found = [paired(a, b, margin_between(a, b, unit, better, margin)) for a, b in both]
     corrected = holm([item.p_value for item in found])
     differences = []
     for pair, item, p_value in zip(pairs, found, corrected, strict=True):
-        place = better_of(item.value, p_value, better)
-        winner = None if place < 0 else pair[place]
+        outcome = verdict(item, p_value, better)
+        winner = {"better": pair[0], "worse": pair[1]}.get(outcome)
         differences.append(
             Difference(
                 a=pair[0],
@@ -67,9 +84,10 @@ def _of(
                 unit=unit,
                 value=item.value,
                 ci95=item.ci95,
+                margin=item.margin,
                 p_value=p_value,
                 better=winner,
-                verdict=NO_DIFFERENCE if winner is None else f"{winner} better",
+                verdict=outcome if winner is None else f"{winner} better",
             )
         )
     return differences

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from trackbench.metrics.breakdown import class_sums
+from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
+from trackbench.metrics.parts import stretches
 from trackbench.metrics.protocol import Chunk, Scope, reject
-from trackbench.metrics.sums import ERROR_FIELDS, OVERFLOW, Scores, merge
+from trackbench.metrics.sums import ERROR_FIELDS, OVERFLOW, BlockScores, Cells, ErrorSums, Givers, merge
 from trackbench.trackers.answers import TOO_LARGE
-from trackbench.types import Array, Mask
+from trackbench.types import Array, Indices, Mask
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0
@@ -32,10 +32,10 @@ class EstimateSums:
         sums.add(chunk)
         return sums
 
-    def close(self, sums: _Summing) -> Scores:
+    def close(self, sums: _Summing) -> BlockScores:
         return sums.scores()
 
-    def merge(self, blocks: Sequence[Scores]) -> Scores:
+    def merge(self, blocks: Sequence[BlockScores]) -> BlockScores:
         return merge(blocks)
 
 
@@ -48,11 +48,14 @@ class _Summing:
     def __init__(self, scope: Scope) -> None:
         self._scope = scope
         instants = len(scope.target.time)
-        self._per_step = np.zeros((len(ERROR_FIELDS), instants))
-        self._found, found = np.unique(scope.classes, return_inverse=True)
+        # Of a single run, each stretch of time has classes of its own.
+        stretch = stretches(instants) if scope.single else np.zeros(instants, dtype=np.intp)
+        self._stretches = int(stretch[-1]) + 1
+        classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
+        self._found, found = np.unique(classes, return_inverse=True)
         self._class = found.reshape(scope.classes.shape)
-        self._per_class = np.zeros((len(ERROR_FIELDS), len(self._found), scope.runs))
-        self._weight = np.zeros((instants, scope.objects))
+        self._per_step: dict[Givers, Array] = {}
+        self._per_class: dict[Givers, Array] = {}
         self._diverged = np.zeros(scope.runs, dtype=bool)
         self._repaired = np.zeros(scope.runs)
         self._spread = np.full((2, instants), np.nan)
@@ -70,7 +73,7 @@ class _Summing:
         """
         for sensor, innovations in chunk.innovations.items():
             for innovation in innovations:
-                self._innovations[sensor].add(innovation.whitened, innovation.used)
+                self._innovations[sensor].add(innovation.whitened, innovation.used, innovation.due)
         self._repaired += chunk.repaired
         self._seconds += chunk.seconds
         self._steps += chunk.steps
@@ -87,34 +90,55 @@ class _Summing:
         values[5] = chunk.nees
         values[6] = moving
         np.multiply(chunk.course_error, chunk.course_error, out=values[7])
+        values[10:] = np.broadcast_to(self._scope.target.reference[:, here], (2, *shape)).reshape(2, *scored.shape)
         if not scored.all():
             np.copyto(values, 0.0, where=~scored)
         np.copyto(values[7], 0.0, where=~moving)
         if not values.max() < OVERFLOW:
             reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW), here.start)
-        self._per_step[:, here] = values @ np.ones(scored.shape[1])
-        self._add_by_class(values, self._class[here])
-        self._weight[here] = values[0].reshape(shape).sum(axis=2)
         square = values[1] + values[2]
         self._diverged |= self._by_run((square > self._scope.target.divergence**2).any(axis=0)) > 0
         if self._scope.first:
             self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
+        for givers, (instants, members) in chunk.agreement.partly.items():
+            if self._scope.tracker in givers:
+                self._add_few(givers, here.start + instants, members, values[:, instants, members])
+        if chunk.agreement.partly:
+            np.copyto(values, 0.0, where=~chunk.agreement.everywhere)
+        per_step, per_class = self._of(chunk.agreement.all)
+        per_step[:, here] = values @ np.ones(scored.shape[1])
+        self._add_by_class(per_class, values, self._class[here])
 
-    def scores(self) -> Scores:
+    def scores(self) -> BlockScores:
         """The sums of everything added."""
-        return Scores(
-            per_step=self._per_step,
-            per_run=self._per_class.sum(axis=1),
-            weight=self._weight,
-            present=self._by_run(self._scope.expected.sum(axis=0)),
+        return BlockScores(
+            errors={
+                givers: ErrorSums(self._per_step[givers], per_class.sum(axis=1), self._cells(per_class))
+                for givers, per_class in self._per_class.items()
+                if per_class[0].any()
+            },
+            due=self._by_run(self._scope.expected.sum(axis=0)),
             diverged=self._diverged.astype(float),
             repaired=self._repaired,
             nis={name: item.scores() for name, item in self._innovations.items()},
-            classes=class_sums(self._per_class, self._found),
             spread=self._spread,
             seconds=self._seconds,
             steps=self._steps,
         )
+
+    def _of(self, givers: Givers) -> tuple[Array, Array]:
+        """Sums ``(12, instants)`` and ``(12, classes, runs)`` of the estimates that only these trackers gave."""
+        if givers not in self._per_step:
+            rows, instants = len(ERROR_FIELDS), len(self._scope.target.time)
+            self._per_step[givers] = np.zeros((rows, instants))
+            self._per_class[givers] = np.zeros((rows, len(self._found), self._scope.runs))
+        return self._per_step[givers], self._per_class[givers]
+
+    def _cells(self, per_class: Array) -> Cells:
+        """What occurred."""
+        found, run = np.nonzero(per_class[0])
+        code, stretch = divmod(self._found[found], self._stretches)
+        return Cells(code, run + stretch, combined(per_class[:, found, run]))
 
     def _shape(self, chunk: Chunk) -> tuple[int, int, int]:
         return len(chunk.time), self._scope.objects, self._scope.runs
@@ -123,17 +147,27 @@ class _Summing:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
         return np.asarray(batch.reshape(*batch.shape[:-1], self._scope.objects, self._scope.runs).sum(axis=-2))
 
-    def _add_by_class(self, values: Array, classes: npt.NDArray[np.intp]) -> None:
+    def _add_by_class(self, per_class: Array, values: Array, classes: Indices) -> None:
         """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
         runs = self._scope.runs
         present = np.flatnonzero(np.bincount(classes.reshape(-1)))
         if classes.shape[-1] == 1:
             member = (present[:, None] == classes.reshape(-1)).astype(float)
-            self._per_class[:, present] += member @ values.reshape(len(values), -1, runs)
+            per_class[:, present] += member @ values.reshape(len(values), -1, runs)
             return
         places = (classes * runs + np.arange(runs)).reshape(-1)
-        for total, value in zip(self._per_class, values, strict=True):
+        for total, value in zip(per_class, values, strict=True):
             total += np.bincount(places, value.reshape(-1), total.size).reshape(total.shape)
+
+    def _add_few(self, givers: Givers, instants: Indices, members: Indices, values: Array) -> None:
+        """Add values ``(fields, estimates)`` at some instants and members."""
+        per_step, per_class = self._of(givers)
+        objects, runs = np.divmod(members, self._scope.runs)
+        of_run = runs if self._class.shape[-1] > 1 else 0
+        places = self._class[instants, objects, of_run] * self._scope.runs + runs
+        for step, total, value in zip(per_step, per_class, values, strict=True):
+            step += np.bincount(instants, value, len(step))
+            total += np.bincount(places, value, total.size).reshape(total.shape)
 
 
 def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:

@@ -13,12 +13,13 @@ from pydantic import ValidationError
 
 from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import Interval
+from trackbench.metrics.intervals import Interval, clustered
+from trackbench.metrics.parts import scores_of
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
-from trackbench.metrics.sums import Scores
+from trackbench.metrics.sums import BlockScores, Givers, Scores
 from trackbench.plugins import one_line
 from trackbench.results import Health, MetricValue
-from trackbench.types import Array
+from trackbench.types import Array, Indices
 
 #: By accumulator, what is kept of a tracker's estimates.
 Sums = dict[str, Any]
@@ -28,36 +29,56 @@ Sums = dict[str, Any]
 class Evaluation:
     """The metrics of one tracker."""
 
+    scores: Scores
+    """What the built-in ones are made of."""
     values: dict[str, MetricValue] = field(default_factory=dict)
     """By dotted path."""
     intervals: dict[str, Interval] = field(default_factory=dict)
-    """Of those that are means over runs, with what each run adds."""
-    own: list[str] = field(default_factory=list)
-    """Paths of those that are not built in."""
+    """Of those that are means, with what each independent part adds."""
+    own: dict[str, Interval | None] = field(default_factory=dict)
+    """By path, of those that are not built in, what each run adds; None where it is no mean over runs."""
     broken: dict[str, str] = field(default_factory=dict)
     """By name, why a metric raised."""
 
     def per_run(self, path: str, runs: int) -> Array:
-        """``(runs,)`` values whose mean is the metric; NaN where it is no mean over runs."""
-        found = self.intervals.get(path)
+        """``(runs,)`` values whose mean is an own metric; NaN where it is no mean over runs."""
+        found = self.own.get(path)
         return np.full(runs, np.nan) if found is None else found.value + found.influence
 
 
-def evaluate(sums: Sums, metrics: Sequence[Metric] = BUILT_IN) -> Evaluation:
-    """The metrics from the sums of all runs."""
-    found = Evaluation()
+def evaluate(
+    sums: Sums, scene: Indices, metrics: Sequence[Metric] = BUILT_IN, givers: Givers = frozenset()
+) -> Evaluation:
+    """The metrics from the sums of all runs.
+
+    Args:
+        sums: what :func:`merge_sums` gives.
+        scene: ``(runs,)`` number of the scene of each run.
+        metrics: those to compute.
+        givers: the trackers that must all have given an estimate where errors count.
+    """
+    scores: BlockScores = sums[ESTIMATES.name]
+    found = Evaluation(scores_of(scores, givers, scene))
     for metric in metrics:
-        own = sums[metric.accumulator.name]
-        values = _values(metric, own) if metric in BUILT_IN else _guarded(_checked, metric, own, sums[ESTIMATES.name])
+        shared = metric.accumulator is ESTIMATES
+        own = found.scores if shared else sums[metric.accumulator.name]
+        parts = found.scores.per_part.shape[1] if shared else len(scene)
+        if metric in BUILT_IN:
+            values = _values(metric, own, parts)
+        else:
+            values = _guarded(_checked, metric, own, list(scores.nis), parts)
         if isinstance(values, Broken):
             found.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         for path, (value, interval) in values.items():
+            if metric not in BUILT_IN:
+                found.own[path] = None if shared else interval
+            if interval is not None and not shared:
+                interval = clustered(interval, scene)
+                value = interval.as_value(metric.unit)
             found.values[path] = value
             if interval is not None:
                 found.intervals[path] = interval
-            if metric not in BUILT_IN:
-                found.own.append(path)
     return found
 
 
@@ -66,7 +87,7 @@ def no_metrics(reason: str, metrics: Sequence[Metric] = BUILT_IN) -> dict[str, M
     return {metric.name: metric.no_value(reason) for metric in metrics if not metric.per_sensor}
 
 
-def health(scores: Scores) -> Health:
+def health(scores: BlockScores) -> Health:
     """What went wrong without ending the run."""
     return Health(
         diverged_runs=int(scores.diverged.sum()),
@@ -130,22 +151,24 @@ def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
         return Broken(one_line(error))
 
 
-def _values(metric: Metric, sums: Any) -> dict[str, tuple[MetricValue, Interval | None]]:
-    """By path."""
+def _values(metric: Metric, sums: Any, parts: int) -> dict[str, tuple[MetricValue, Interval | None]]:
+    """By path; ``parts``: how many independent ones an interval rests on."""
     outcome = metric.finish(sums)
     each = outcome if isinstance(outcome, Mapping) else {"": outcome}
-    return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric) for name, one in each.items()}
+    return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric, parts) for name, one in each.items()}
 
 
-def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[MetricValue, Interval | None]]:
+def _checked(
+    metric: Metric, sums: Any, sensors: Sequence[str], parts: int
+) -> dict[str, tuple[MetricValue, Interval | None]]:
     """By path, of a plug-in.
 
     Raises:
         ValueError: it cannot stand in a result; says why.
     """
-    values = _values(metric, sums)
-    paths = {f"{metric.name}.{sensor}" for sensor in scores.nis} if metric.per_sensor else {metric.name}
-    for path, (value, interval) in values.items():
+    values = _values(metric, sums, parts)
+    paths = {f"{metric.name}.{sensor}" for sensor in sensors} if metric.per_sensor else {metric.name}
+    for path, (value, _) in values.items():
         if path not in paths:
             raise ValueError(f"finish gave {path}, where it may give {' and '.join(sorted(paths)) or 'nothing'}")
         try:
@@ -155,20 +178,18 @@ def _checked(metric: Metric, sums: Any, scores: Scores) -> dict[str, tuple[Metri
             raise ValueError(
                 f"finish gave a {'.'.join(map(str, first['loc']))} that is wrong: {first['msg']}"
             ) from None
-        if interval is not None:
-            _check_influence(interval.influence, len(scores.present))
     return values
 
 
-def _check_influence(influence: Any, runs: int) -> None:
-    if not isinstance(influence, np.ndarray) or influence.shape != (runs,):
+def _check_influence(influence: Any, parts: int) -> None:
+    if not isinstance(influence, np.ndarray) or influence.shape != (parts,):
         given = f"of shape {influence.shape}" if isinstance(influence, np.ndarray) else type(influence).__name__
-        raise ValueError(f"the influence of an interval must be an array of shape ({runs},), not {given}")
+        raise ValueError(f"the influence of an interval must be an array of shape ({parts},), not {given}")
     if not np.isfinite(influence).all():
         raise ValueError("the influence of an interval must be finite")
 
 
-def _value(outcome: Outcome, metric: Metric) -> tuple[MetricValue, Interval | None]:
+def _value(outcome: Outcome, metric: Metric, parts: int) -> tuple[MetricValue, Interval | None]:
     """An outcome as it stands in a result, null with a reason where it is no number; and what each run adds to it."""
     if isinstance(outcome, MetricValue):
         return outcome, None
@@ -176,4 +197,7 @@ def _value(outcome: Outcome, metric: Metric) -> tuple[MetricValue, Interval | No
     number = outcome.value if isinstance(outcome, Interval) else outcome
     if number is None or not math.isfinite(number):
         return metric.no_value("it is not a number"), None
-    return interval.as_value(metric.unit) if interval else MetricValue(value=float(number), unit=metric.unit), interval
+    if interval is None:
+        return MetricValue(value=float(number), unit=metric.unit), None
+    _check_influence(interval.influence, parts)
+    return interval.as_value(metric.unit), interval

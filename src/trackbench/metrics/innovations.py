@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.metrics.consistency import point95
-from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS_RUN_FIELDS, NIS_STEP_FIELDS, OVERFLOW, NisScores
+from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS, NIS_FIELDS, OVERFLOW, NisScores
 from trackbench.types import Array, Mask
 
 
@@ -22,25 +22,29 @@ class Innovations:
         # The products of a chunk with the ring grow with its square.
         self._chunk = min(chunk, LAGS)
         self._rows = self._chunk * (1 + -(-LAGS // self._chunk))
-        self._per_step = np.zeros((len(NIS_STEP_FIELDS), measurements))
-        self._per_run = np.zeros((len(NIS_RUN_FIELDS), runs))
+        self._per_step = np.zeros((len(NIS_FIELDS), measurements))
+        self._per_run = np.zeros((len(NIS_FIELDS), runs))
         self._pairs = np.zeros((len(LAG_FIELDS), self._rows, self._rows))
         self._white: Array | None = None
         self._used = np.zeros((self._rows, objects * runs), dtype=bool)
+        self._due = np.zeros((self._chunk, objects * runs), dtype=bool)
         self._measurement = self._row = self._filled = self._dof = 0
 
-    def add(self, white: Array | None, used: Mask) -> None:
+    def add(self, white: Array | None, used: Mask, due: Mask) -> None:
         """Take in the whitened innovations ``(m, batch)`` of the next measurement, None where the tracker gives none.
 
-        ``used`` ``(batch,)``: which of them count.
+        ``used`` ``(batch,)``: which of them count. ``due`` ``(batch,)``: which of them there should be.
         """
         if self._white is None:
             if white is None:
+                self._per_step[NIS["missing"], self._measurement] = due.sum()
+                self._per_run[NIS["missing"]] += due.reshape(self._shape).sum(axis=0)
                 self._measurement += 1
                 return
             self._white = np.zeros((self._rows, *white.shape))
         self._white[self._row + self._filled] = 0.0 if white is None else white
         self._used[self._row + self._filled] = used & (white is not None)
+        self._due[self._filled] = due
         self._filled += 1
         if self._filled == self._chunk:
             self.flush()
@@ -60,7 +64,7 @@ class Innovations:
         self._dof = white.shape[1]
         # Row 0 follows the last row of the ring.
         before = np.concatenate([self._used[row - 1][None], used[:-1]])
-        values = np.empty((len(NIS_RUN_FIELDS), *nis.shape))
+        values = np.empty((len(NIS_FIELDS), *nis.shape))
         values[0] = used
         values[1] = nis
         values[2] = used & (nis < point95(self._dof))
@@ -68,8 +72,9 @@ class Innovations:
         values[4, 0] = np.einsum("ml,ml->l", white[0], self._white[row - 1])
         np.einsum("tml,tml->tl", white[1:], white[:-1], out=values[4, 1:])
         np.multiply(nis, values[3], out=values[5])
+        values[6] = self._due[:count] & ~used
         measurements = slice(self._measurement, self._measurement + count)
-        self._per_step[:, measurements] = values[: len(NIS_STEP_FIELDS)] @ np.ones(nis.shape[1])
+        self._per_step[:, measurements] = values @ np.ones(nis.shape[1])
         self._per_run += (np.ones(count) @ values).reshape(len(values), *self._shape).sum(axis=1)
         self._add_pairs(here, white, nis)
         self._measurement, self._row, self._filled = measurements.stop, (row + count) % self._rows, 0

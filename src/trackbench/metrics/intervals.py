@@ -1,11 +1,12 @@
-"""Confidence intervals from the runs, which are independent; steps within a run are not."""
+"""Confidence intervals from what is independent: the scenes, or the runs of one scene; steps within a run are not."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackbench.results import MetricValue
 from trackbench.types import Array
@@ -16,44 +17,69 @@ ONE_RUN = "one run gives no interval"
 
 
 class Interval(NamedTuple):
-    """A value and its 95 % interval (None with fewer than two runs)."""
+    """A value with what each independent run, or scene, adds to it."""
 
     value: float
     influence: Array
-    """``(runs,)`` what each run adds to the value, to first order; its mean is zero."""
-    ci95: tuple[float, float] | None
+    """``(runs,)`` what each run adds to the value, to first order; its mean is zero. ``(scenes,)`` once clustered."""
+    positive: bool = False
+    """Whether each run adds something that cannot be negative, such as squared errors."""
+
+    @property
+    def ci95(self) -> tuple[float, float] | None:
+        """The 95 % interval, by Student's t; None with fewer than two runs.
+
+        Of what cannot be negative it is the interval of the logarithm, by the delta method: such sums are skewed to the
+        right, and Student's interval of the value itself lies too low. The interval of a root mean square is so the
+        root of that of the mean square, whatever unit it is in.
+
+        Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
+        """
+        error = _standard_error(self.influence)
+        if error is None:
+            return None
+        reach = _t95(len(self.influence) - 1) * error
+        return positive_ends(self.value, reach) if self.positive else (self.value - reach, self.value + reach)
 
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
-        if self.ci95 is None:
-            return MetricValue(value=self.value, unit=unit, reason=ONE_RUN)
-        return MetricValue(value=self.value, unit=unit, ci95=self.ci95)
+        ci95 = self.ci95
+        return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=ONE_RUN if ci95 is None else None)
 
 
-def ratio(total: Array, count: Array) -> Interval:
+def ratio(total: Array, count: Array, *, positive: bool = False) -> Interval:
     """Mean of a quantity summed within each run: ``sum(total) / sum(count)``, by the delta method.
 
     Args:
         total: ``(runs,)`` sums.
         count: ``(runs,)`` number of terms in each.
+        positive: whether no term can be negative.
     """
     mean = float(total.sum() / count.sum())
-    return _interval(mean, (total - mean * count) / count.mean())
+    return Interval(mean, (total - mean * count) / count.mean(), positive)
 
 
 def root(mean_square: Interval) -> Interval:
-    """The root of a mean square, with the interval carried through by the delta method."""
+    """The root of a mean square, by the delta method."""
     value = float(np.sqrt(mean_square.value))
     slope = 0.5 / value if value > 0 else 0.0
-    interval = _interval(value, mean_square.influence * slope)
-    if interval.ci95 is None:
-        return interval
-    return interval._replace(ci95=(max(interval.ci95[0], 0.0), interval.ci95[1]))
+    return Interval(value, mean_square.influence * slope, positive=True)
+
+
+def scaled(interval: Interval, factor: float) -> Interval:
+    """A positive ``factor`` times the value."""
+    return interval._replace(value=interval.value * factor, influence=interval.influence * factor)
+
+
+def positive_ends(value: float, reach: float) -> tuple[float, float]:
+    """The interval of what cannot be negative, symmetric in the logarithm, from half of the symmetric one."""
+    factor = float(np.exp(reach / value)) if value > 0 else 1.0
+    return value / factor, value * factor
 
 
 def reach_of_ratio(total: float, count: float, square: float, product: float, count_square: float, runs: int) -> float:
-    """Half of the 95 % interval of :func:`ratio` from sums over runs: of the totals, of the numbers of terms, and of
-    their squares and product. For many ratios of which the runs are not kept; NaN with fewer than two runs.
+    """Half of the symmetric 95 % interval of :func:`ratio` from sums over runs: of the totals, of the numbers of terms,
+    and of their squares and product. For many ratios of which the runs are not kept; NaN with fewer than two runs.
     """
     if runs < 2:
         return float("nan")
@@ -62,10 +88,54 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
     return float(_t95(runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
 
 
-def scaled(interval: Interval, factor: float) -> Interval:
-    """The interval of ``factor`` times the value."""
-    ci = None if interval.ci95 is None else (interval.ci95[0] * factor, interval.ci95[1] * factor)
-    return Interval(interval.value * factor, interval.influence * factor, ci)
+def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
+    """The interval from what each scene adds: runs of one scene share its traffic, and are not independent.
+
+    The standard error is the cluster-robust one (Liang and Zeger 1986, "Longitudinal data analysis using generalized
+    linear models"). Nothing changes where all runs are of one scene, which can then be spoken of alone.
+
+    Args:
+        interval: from runs.
+        scene: ``(runs,)`` the number of the scene of each.
+    """
+    scenes, index = np.unique(scene, return_inverse=True)
+    if len(scenes) == 1:
+        return interval
+    return interval._replace(influence=np.bincount(index, interval.influence) * len(scenes) / len(index))
+
+
+class VarianceShares(NamedTuple):
+    """Where the variance of one run's value comes from; the two sum to one."""
+
+    scene: float
+    """Between scenes: the traffic."""
+    noise: float
+    """Between runs of one scene: the measurement noise."""
+
+
+def variance_shares(interval: Interval, scene: NDArray[np.integer[Any]]) -> VarianceShares | None:
+    """The variance components of a one-way random-effects model, by the ANOVA estimator, negative ones set to zero.
+
+    Source: Searle, Casella and McCulloch (1992), "Variance components", section 3.6 (unequal numbers of runs).
+
+    Args:
+        interval: from runs, not clustered.
+        scene: ``(runs,)`` the number of the scene of each.
+
+    Returns:
+        None where they cannot be told apart: one scene, one run in each, or the same value in every run.
+    """
+    scenes, index, counts = np.unique(scene, return_inverse=True, return_counts=True)
+    runs = len(index)
+    if not 1 < len(scenes) < runs:
+        return None
+    means = np.bincount(index, interval.influence) / counts
+    within = float(((interval.influence - means[index]) ** 2).sum() / (runs - len(scenes)))
+    between = float((counts * (means - interval.influence.mean()) ** 2).sum() / (len(scenes) - 1))
+    size = (runs - (counts**2).sum() / runs) / (len(scenes) - 1)
+    of_scene = max(0.0, (between - within) / size)
+    total = of_scene + within
+    return VarianceShares(of_scene / total, within / total) if total > 0 else None
 
 
 class Contrast(NamedTuple):
@@ -74,16 +144,29 @@ class Contrast(NamedTuple):
     value: float
     ci95: tuple[float, float] | None
     p_value: float
-    """Two-sided, of the hypothesis that there is no difference; 1 with fewer than two runs."""
+    """Of the hypothesis that the difference is within the margin: twice that of the nearer end, so it is below 5 %
+    exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis that treatments
+    have negligible effects"). Without a margin that of the two-sided t test; 1 with fewer than two runs."""
+    margin: float
+    """Up to this a difference does not matter; at least what rounding makes."""
+
+    @property
+    def equivalent(self) -> bool:
+        """Whether the interval lies within the margin.
+
+        So the two one-sided tests show, each at 2.5 % (Schuirmann 1987, "A comparison of the two one-sided tests
+        procedure and the power approach").
+        """
+        return self.ci95 is not None and max(map(abs, self.ci95)) <= self.margin
 
 
-def paired(a: Interval, b: Interval) -> Contrast:
+def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
     influence = a.influence - b.influence
-    return _tested(a, b, _standard_error(influence), len(influence) - 1)
+    return _tested(a, b, _standard_error(influence), len(influence) - 1, margin)
 
 
-def unpaired(a: Interval, b: Interval) -> Contrast:
+def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where the runs of one have nothing to do with those of the other, by Welch's t test on the influences.
 
     Source: Welch (1947), "The generalization of Student's problem when several different population variances are
@@ -91,26 +174,25 @@ def unpaired(a: Interval, b: Interval) -> Contrast:
     """
     errors = [_standard_error(item.influence) for item in (a, b)]
     if errors[0] is None or errors[1] is None:
-        return _tested(a, b, None, 0)
+        return _tested(a, b, None, 0, margin)
     squares = [error**2 for error in errors if error is not None]
     total = sum(squares)
     parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
     freedom = total**2 / sum(parts) if total > 0 else 1.0
-    return _tested(a, b, float(np.sqrt(total)), freedom)
+    return _tested(a, b, float(np.sqrt(total)), freedom, margin)
 
 
-def _tested(a: Interval, b: Interval, error: float | None, freedom: float) -> Contrast:
+def _tested(a: Interval, b: Interval, error: float | None, freedom: float, margin: float) -> Contrast:
     """The difference with its interval and p-value, from its standard error."""
-    from scipy import stats
+    from scipy import special
 
     value = a.value - b.value
+    margin = max(margin, ROUNDING * max(abs(a.value), abs(b.value)))
     if error is None:
-        return Contrast(value, None, 1.0)
-    reach = _t95(freedom) * error
-    ci95 = (value - reach, value + reach)
-    if abs(value) <= ROUNDING * max(abs(a.value), abs(b.value)):
-        return Contrast(value, ci95, 1.0)
-    return Contrast(value, ci95, float(2 * stats.t.sf(abs(value) / error, freedom)) if error > 0 else 0.0)
+        return Contrast(value, None, 1.0, margin)
+    reach, excess = _t95(freedom) * error, abs(value) - margin
+    p_value = min(1.0, 2 * float(special.stdtr(freedom, -excess / error))) if error > 0 else float(excess <= 0)
+    return Contrast(value, (value - reach, value + reach), p_value, margin)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -129,17 +211,9 @@ def _standard_error(influence: Array) -> float | None:
     return float(np.std(influence, ddof=1) / np.sqrt(runs)) if runs > 1 else None
 
 
-def _interval(value: float, influence: Array) -> Interval:
-    error = _standard_error(influence)
-    if error is None:
-        return Interval(value, influence, None)
-    reach = _t95(len(influence) - 1) * error
-    return Interval(value, influence, (value - reach, value + reach))
-
-
 def _t95(freedom: float) -> float:
     """The 97.5 % point of Student's t."""
-    # Takes half a second to import, which a scenario that is only checked need not wait for.
-    from scipy import stats
+    # Takes a while to import, which a scenario that is only checked need not wait for.
+    from scipy import special
 
-    return float(stats.t.ppf(0.975, freedom))
+    return float(special.stdtrit(freedom, 0.975))

@@ -12,12 +12,24 @@ import numpy as np
 from trackbench.config import Config
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.intervals import Interval
+from trackbench.metrics.sums import Givers
 from trackbench.results import MetricValue
-from trackbench.types import Array, Mask
+from trackbench.types import Array, Indices, Mask
 
 Direction = Literal["smaller", "larger"]
 #: What ``finish`` may give for one path; None where there is no value.
 Outcome = Interval | MetricValue | float | None
+
+
+class Agreement(NamedTuple):
+    """Which trackers gave an estimate that counts, at the instants of a chunk."""
+
+    all: Givers
+    """Those that take part."""
+    everywhere: Mask
+    """``(instants, batch)`` where each of them gave one."""
+    partly: Mapping[Givers, tuple[Indices, Indices]]
+    """Instants and members where these alone gave one."""
 
 
 class Target(NamedTuple):
@@ -30,9 +42,11 @@ class Target(NamedTuple):
     alive: Mask
     """``(instants, objects)``"""
     start: Array
-    """``(objects, runs)`` from when each track is scored, s; infinity where the object was never detected."""
+    """``(objects, runs)`` from when the tracker is scored, s; infinity where its sensors never detected the object."""
     divergence: float
     """m"""
+    reference: Array
+    """``(2, instants, objects, runs or 1)`` of the squared error of position, m^2, and velocity, (m/s)^2."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +58,12 @@ class Scope:
     """``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`."""
     measurements: Mapping[str, int]
     """How many instants each sensor has."""
+    tracker: str
+    """Whose estimates they are."""
     first: bool
     """Whether it is the first block."""
+    single: bool
+    """Whether there is no other run."""
     chunk: int
     """Largest number of instants in a chunk."""
 
@@ -73,6 +91,8 @@ class Innovation(NamedTuple):
     """``(m, batch)`` innovation in units of its own standard deviations; None where the tracker gives none."""
     used: Mask
     """``(batch,)`` where the measurement is valid and the estimate is scored."""
+    due: Mask
+    """``(batch,)`` where also the tracker had an estimate before, so that there should be an innovation."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +120,8 @@ class Chunk:
     """``(4, instants, batch)`` ``L^-1`` times the error, where the covariance is ``L L^T``."""
     scored: Mask
     """``(instants, batch)`` where the estimate counts; elsewhere the other arrays may hold anything."""
+    agreement: Agreement
+    """Where the other trackers gave one too. The built-in metrics compare trackers where all of them did."""
     innovations: Mapping[str, Sequence[Innovation]]
     """By sensor, in order of time."""
     repaired: Array

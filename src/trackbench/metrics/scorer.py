@@ -13,7 +13,7 @@ from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square, whitened_innovation
 from trackbench.metrics.evaluate import accumulators
-from trackbench.metrics.protocol import Chunk, Innovation, Metric, Scope, Target, reject
+from trackbench.metrics.protocol import Agreement, Chunk, Fault, Innovation, Metric, Scope, Target, reject
 from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
 from trackbench.types import Estimate, Mask, Scan
 from trackbench.units import wrap_angle
@@ -23,14 +23,20 @@ BATCH = 8000
 
 
 class Scorer:
-    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end."""
+    """Takes in the estimates of one tracker on one block of runs; ``close`` gives the sums at the end.
+
+    Several trackers are scored together: ``full`` tells when :func:`score_together` is due.
+    """
 
     def __init__(
         self,
         target: Target,
         classes: Classes,
         measurements: dict[str, int],
+        *,
+        tracker: str = "tracker",
         first: bool = True,
+        single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
     ) -> None:
         """A scorer of one block.
@@ -39,29 +45,35 @@ class Scorer:
             target: what the estimates are held against.
             classes: ``(instants, objects, runs or 1)`` of :func:`trackbench.metrics.conditions.conditions`.
             measurements: how many instants each sensor has.
+            tracker: whose estimates they are.
             first: whether it is the first block, whose percentiles are kept.
+            single: whether there is no other run.
             metrics: what is to be computed.
         """
         self._target = target
         _, _, self._objects, _ = target.state.shape
         self._runs = target.start.shape[1]
         batch = self._objects * self._runs
-        self._chunk = max(1, BATCH // batch)
-        scope = Scope(_read_only(target), _read_only(classes), _read_only(measurements), first, self._chunk)
+        self.chunk: int = max(1, BATCH // batch)
+        self.tracker = tracker
+        scope = Scope(
+            _read_only(target), _read_only(classes), _read_only(measurements), tracker, first, single, self.chunk
+        )
         self._expected = scope.expected
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
-        self._mean = np.empty((4, self._chunk, batch))
-        self._covariance = np.empty((4, 4, self._chunk, batch))
-        self._first = self._filled = 0
-        self._seen = np.zeros(batch, dtype=bool)
+        self._mean = np.empty((4, self.chunk, batch))
+        self._covariance = np.empty((4, 4, self.chunk, batch))
+        self._first, self._filled = 0, 0
+        self._seen, self._had = np.zeros(batch, dtype=bool), np.zeros(batch, dtype=bool)
         self._sensors = tuple(measurements)
         self._begin_chunk()
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
         used = scan.valid & self._expected[instant]
-        self._innovations[scan.sensor].append(Innovation(instant, whitened_innovation(estimate), used))
+        innovation = Innovation(instant, whitened_innovation(estimate), used, used & self._had)
+        self._innovations[scan.sensor].append(innovation)
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._expected[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)
@@ -69,53 +81,64 @@ class Scorer:
         self._steps += scan.valid.size
 
     def estimate(self, estimate: Estimate) -> None:
-        """Take in the estimate after the last scan of an instant.
-
-        Raises:
-            Fault: an estimate is not finite or its covariance not positive definite.
-        """
+        """Take in the estimate after the last scan of an instant."""
         self._mean[:, self._filled] = estimate.mean
         self._covariance[:, :, self._filled] = estimate.covariance
+        self._had = np.isfinite(estimate.mean[0])
         self._filled += 1
-        if self._filled == self._chunk:
-            self._flush()
+
+    @property
+    def full(self) -> bool:
+        """Whether what was taken in must be scored before the next instant."""
+        return self._filled == self.chunk
 
     def close(self) -> dict[str, Any]:
-        """By accumulator, the sums of everything taken in."""
-        self._flush()
+        """By accumulator, the sums of everything that was scored."""
         return {name: accumulator.close(self._sums[name]) for name, accumulator in self._accumulators.items()}
+
+    def given(self) -> Mask:
+        """``(instants, batch)`` where what waits holds an estimate that counts.
+
+        Raises:
+            Fault: an estimate is not finite.
+        """
+        here = slice(self._first, self._first + self._filled)
+        mean, covariance = self._mean[:, : self._filled], self._covariance[:, :, : self._filled]
+        # A sum is finite only if all of its terms are; a covariance with finite variances and other entries that are
+        # not is not positive definite.
+        total = mean.sum(axis=0) + np.einsum("ii...->...", covariance)
+        self._finite = np.isfinite(total)
+        if self._finite.all():
+            self._seen[:] = True
+        else:
+            # NaN from the start means that there is no estimate yet.
+            seen = self._seen | np.logical_or.accumulate(~np.isnan(total), axis=0)
+            self._seen = seen[-1]
+            reject(NOT_FINITE, self._alive(here) & seen & ~self._finite, here.start)
+        return np.asarray(self._expected[here] & self._finite)
+
+    def score(self, given: Mask, agreement: Agreement) -> None:
+        """Score what waits, of which ``given`` told where it counts.
+
+        Raises:
+            Fault: a covariance is not positive definite, or an error too large.
+        """
+        chunk = self._taken(given, agreement)
+        for name, accumulator in self._accumulators.items():
+            self._sums[name] = accumulator.update(self._sums[name], chunk)
+        self._begin_chunk()
 
     def _begin_chunk(self) -> None:
         self._innovations: dict[str, list[Innovation]] = {name: [] for name in self._sensors}
         self._repaired = np.zeros(self._runs)
         self._seconds, self._steps = 0.0, 0
 
-    def _flush(self) -> None:
-        if self._filled == 0:
-            return
-        chunk = self._taken()
-        for name, accumulator in self._accumulators.items():
-            self._sums[name] = accumulator.update(self._sums[name], chunk)
-        self._begin_chunk()
-
-    def _taken(self) -> Chunk:
+    def _taken(self, given: Mask, agreement: Agreement) -> Chunk:
         """What waits, as a chunk."""
         filled, first = self._filled, self._first
         self._filled, self._first = 0, first + filled
         here = slice(first, first + filled)
         mean, covariance = self._mean[:, :filled], self._covariance[:, :, :filled]
-        # A sum is finite only if all of its terms are; a covariance with finite variances and other entries that are
-        # not is not positive definite.
-        total = mean.sum(axis=0) + np.einsum("ii...->...", covariance)
-        finite = np.isfinite(total)
-        if finite.all():
-            self._seen[:] = True
-        else:
-            # NaN from the start means that there is no estimate yet.
-            seen = self._seen | np.logical_or.accumulate(~np.isnan(total), axis=0)
-            self._seen = seen[-1]
-            reject(NOT_FINITE, self._alive(here) & seen & ~finite, first)
-
         shape = (filled, self._objects, self._runs)
         truth = self._target.state[:, here]
         course = np.arctan2(mean[3], mean[2]).reshape(shape) - np.arctan2(truth[3], truth[2])
@@ -124,7 +147,7 @@ class Scorer:
         error = mean
         nees, whitened, positive = normalised_square(error, covariance)
         if not positive.all():
-            reject(NOT_DEFINITE, self._alive(here) & finite & ~positive, first)
+            reject(NOT_DEFINITE, self._alive(here) & self._finite & ~positive, first)
         return Chunk(
             instants=here,
             time=_read_only(self._target.time[here]),
@@ -134,7 +157,8 @@ class Scorer:
             covariance=_read_only(covariance),
             nees=_read_only(nees),
             whitened=_read_only(whitened),
-            scored=_read_only(self._expected[here] & finite),
+            scored=_read_only(given),
+            agreement=_read_only(agreement),
             innovations=_read_only(self._innovations),
             repaired=_read_only(self._repaired),
             seconds=self._seconds,
@@ -146,14 +170,48 @@ class Scorer:
         return np.repeat(self._target.alive[instants], self._runs, axis=1)
 
 
+def score_together(scorers: Sequence[Scorer]) -> dict[str, Fault]:
+    """Score what waits of trackers that took in the same instants; what is wrong with one, by its name."""
+    given, faults = {}, {}
+    for scorer in scorers:
+        try:
+            given[scorer.tracker] = scorer.given()
+        except Fault as fault:
+            faults[scorer.tracker] = fault
+    if not given:
+        return faults
+    agreement = _agreement(given)
+    for scorer in scorers:
+        if scorer.tracker in given:
+            try:
+                scorer.score(given[scorer.tracker], agreement)
+            except Fault as fault:
+                faults[scorer.tracker] = fault
+    return faults
+
+
+def _agreement(given: Mapping[str, Mask]) -> Agreement:
+    names, masks = list(given), np.stack(list(given.values()))
+    everywhere = np.asarray(masks.all(axis=0))
+    instants, members = np.nonzero(masks.any(axis=0) & ~everywhere)
+    if len(instants) == 0:
+        return Agreement(frozenset(names), everywhere, {})
+    patterns, which = np.unique(masks[:, instants, members], axis=1, return_inverse=True)
+    partly = {}
+    for number, pattern in enumerate(patterns.T):
+        here = which.reshape(-1) == number
+        partly[frozenset(np.array(names)[pattern].tolist())] = instants[here], members[here]
+    return Agreement(frozenset(names), everywhere, partly)
+
+
 def _read_only(value: Any) -> Any:
     """What a metric may look at and not change, whose owner still may: an array, or a collection of them."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.flags.writeable = False
         return view
-    if isinstance(value, Target | Innovation):
+    if isinstance(value, Target | Innovation | Agreement):
         return type(value)(*map(_read_only, value))
     if isinstance(value, Mapping):
         return MappingProxyType({key: _read_only(item) for key, item in value.items()})
-    return tuple(map(_read_only, value)) if isinstance(value, list) else value
+    return tuple(map(_read_only, value)) if isinstance(value, list | tuple) else value

@@ -3,29 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.types import Array
+from trackbench.types import Array, Indices
 
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
 #: Rows of the sums of errors: number of estimates, squared errors, and the same for the course where it is defined;
-#: the last two are the NEES of the position and of the velocity by themselves.
-ERROR_FIELDS = ("count", "px", "py", "vx", "vy", "nees", "course_count", "course", "nees_position", "nees_velocity")
-#: Rows of the sums of innovations per step.
-NIS_STEP_FIELDS = ("count", "nis", "inside")
-#: Rows of the sums of innovations per run; pairs are successive measurements of one object.
-NIS_RUN_FIELDS = ("count", "nis", "inside", "pairs", "product", "square")
+#: the NEES of the position and of the velocity by themselves; and the reference of the squared errors.
+ERROR_FIELDS = (
+    "count",
+    "px",
+    "py",
+    "vx",
+    "vy",
+    "nees",
+    "course_count",
+    "course",
+    "nees_position",
+    "nees_velocity",
+    "position_reference",
+    "velocity_reference",
+)
+#: Rows of the sums of innovations; pairs are successive measurements of one object, and an innovation is missing where
+#: the tracker had an estimate before the measurement.
+NIS_FIELDS = ("count", "nis", "inside", "pairs", "product", "square", "missing")
 #: Rows of the sums of innovations per lag: pairs of measurements so far apart of which both count, their products, and
 #: the squares of the later ones.
 LAG_FIELDS = ("pairs", "product", "square")
-ERROR, NIS_STEP, NIS_RUN = (
-    {name: row for row, name in enumerate(names)} for names in (ERROR_FIELDS, NIS_STEP_FIELDS, NIS_RUN_FIELDS)
-)
+ERROR, NIS = ({name: row for row, name in enumerate(names)} for names in (ERROR_FIELDS, NIS_FIELDS))
 #: Lags of the autocorrelation, in measurements.
 LAGS = 20
+#: A single run is cut into so many stretches of time, whose sums are taken for independent.
+STRETCHES = 20
+
+Givers = frozenset[str]
 
 
 @dataclass
@@ -35,51 +49,43 @@ class NisScores:
     dof: int
     """Dimension of the innovation; 0 while the tracker gave none."""
     per_step: Array
-    """``(3, measurements)`` sums over objects and runs, rows ``NIS_STEP_FIELDS``."""
+    """``(7, measurements)`` sums over objects and runs, rows ``NIS_FIELDS``."""
     per_run: Array
-    """``(6, runs)`` sums over steps and objects, rows ``NIS_RUN_FIELDS``."""
+    """``(7, runs)`` sums over steps and objects, rows ``NIS_FIELDS``."""
     lags: Array
     """``(3, LAGS + 1)`` sums over steps, objects and runs, rows ``LAG_FIELDS``."""
 
 
 @dataclass
-class ClassSums:
-    """Sums over the estimates of each class, and their moments over the runs, each ``(fields, classes)``."""
+class Cells:
+    """Sums over the estimates of each class in each run, or in each stretch of a single one; those that occurred."""
 
-    total: Array
-    """Sums; the first field is their number."""
-    square: Array
-    """Squares of the sum of each run."""
-    product: Array
-    """The sum of each run times its number."""
-    runs: Array
-    """``(1, classes)`` number of runs with an estimate of the class."""
-
-
-@dataclass(frozen=True)
-class Bound:
-    """Root mean square of the Cramer-Rao bound over the scored instants and objects; NaN where there is none."""
-
-    position: float
-    """m"""
-    velocity: float
-    """m/s"""
-
-
-NO_BOUND = Bound(float("nan"), float("nan"))
+    code: Indices
+    """``(cells,)`` the class, as :func:`trackbench.metrics.conditions.conditions` counts them."""
+    part: Indices
+    """``(cells,)`` number of the run or stretch."""
+    values: Array
+    """``(12, cells)`` sums, rows ``ERROR_FIELDS``."""
 
 
 @dataclass
-class Scores:
-    """Sums over the estimates of one tracker in a block of runs."""
+class ErrorSums:
+    """Sums over the estimates of one tracker."""
 
     per_step: Array
-    """``(10, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
+    """``(12, instants)`` sums over objects and runs, rows ``ERROR_FIELDS``."""
     per_run: Array
-    """``(10, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
-    weight: Array
-    """``(instants, objects)`` number of runs with a scored estimate."""
-    present: Array
+    """``(12, runs)`` sums over instants and objects, rows ``ERROR_FIELDS``."""
+    cells: Cells
+
+
+@dataclass
+class BlockScores:
+    """Sums over the estimates of one tracker in a block of runs; they merge exactly."""
+
+    errors: dict[Givers, ErrorSums]
+    """By the trackers that gave an estimate of the same object at the same instant of the same run."""
+    due: Array
     """``(runs,)`` number of instants and objects at which there should be an estimate."""
     diverged: Array
     """``(runs,)`` 1 where an error exceeded the limit."""
@@ -87,26 +93,89 @@ class Scores:
     """``(runs,)`` number of repaired covariances."""
     nis: dict[str, NisScores]
     """By sensor."""
-    classes: ClassSums
-    """By manoeuvre and range band."""
     spread: Array
     """``(2, instants)`` 10th and 90th percentile of the position error over the runs of the first block."""
     seconds: float
     """Time spent in the tracker."""
     steps: int
     """Number of steps of single objects that it took."""
-    bound: Bound = NO_BOUND
-    """What errors are held against; known once all runs are."""
+
+    @property
+    def given(self) -> float:
+        """Number of estimates."""
+        return float(sum(sums.per_run[ERROR["count"]].sum() for sums in self.errors.values()))
+
+    @property
+    def coverage(self) -> float:
+        """Share of the instants and objects at which there should be an estimate that have one; NaN of none."""
+        due = float(self.due.sum())
+        return self.given / due if due else float("nan")
+
+    def where(self, givers: Givers) -> ErrorSums:
+        """The sums where all of these trackers gave an estimate."""
+        found = [sums for others, sums in self.errors.items() if givers <= others]
+        if not found:
+            rows, instants = len(ERROR_FIELDS), self.spread.shape[1]
+            nothing = Cells(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((rows, 0)))
+            return ErrorSums(np.zeros((rows, instants)), np.zeros((rows, len(self.due))), nothing)
+        return ErrorSums(
+            _total([sums.per_step for sums in found]),
+            _total([sums.per_run for sums in found]),
+            _joined([sums.cells for sums in found], [0] * len(found)),
+        )
 
 
-def merge(blocks: Sequence[Scores]) -> Scores:
-    """The scores of consecutive blocks of runs, added in their order."""
+@dataclass
+class ClassSums:
+    """Sums over the estimates of each class, and their moments over independent parts, each ``(fields, classes)``."""
+
+    total: Array
+    """Sums; the first field is their number."""
+    square: Array
+    """Squares of the sum of each part."""
+    product: Array
+    """The sum of each part times its number."""
+    parts: Array
+    """``(1, classes)`` number of parts with an estimate of the class."""
+
+
+@dataclass
+class Scores:
+    """What the built-in metrics are made of: the sums of one tracker over all runs, where it is held against others.
+
+    The parts are independent of each other: scenes; where there is one, runs; of a single run, stretches of time.
+    """
+
+    per_step: Array
+    """``(12, instants)`` rows ``ERROR_FIELDS``."""
+    per_part: Array
+    """``(12, parts)`` rows ``ERROR_FIELDS``."""
+    given: float
+    """Number of estimates, also those where another tracker gave none."""
+    due: float
+    """Number of instants and objects at which there should be one."""
+    diverged: Array
+    """``(runs,)``"""
+    repaired: Array
+    """``(runs,)``"""
+    nis: dict[str, NisScores]
+    """By sensor; in place of the runs the parts."""
+    classes: ClassSums
+    """By condition."""
+    spread: Array
+    """``(2, instants)`` 10th and 90th percentile of the position error over the runs of the first block."""
+    seconds: float
+    steps: int
+
+
+def merge(blocks: Sequence[BlockScores]) -> BlockScores:
+    """The scores of consecutive blocks of runs, added in their order; later scenes may be shorter."""
     first = blocks[0]
-    return Scores(
-        per_step=_total([block.per_step for block in blocks]),
-        per_run=np.concatenate([block.per_run for block in blocks], axis=1),
-        weight=_total([block.weight for block in blocks]),
-        present=np.concatenate([block.present for block in blocks]),
+    runs = np.cumsum([0, *(len(block.due) for block in blocks)])
+    every = dict.fromkeys(givers for block in blocks for givers in block.errors)
+    return BlockScores(
+        errors={givers: _merged(blocks, givers, runs) for givers in every},
+        due=np.concatenate([block.due for block in blocks]),
         diverged=np.concatenate([block.diverged for block in blocks]),
         repaired=np.concatenate([block.repaired for block in blocks]),
         nis={
@@ -118,17 +187,35 @@ def merge(blocks: Sequence[Scores]) -> Scores:
             )
             for name in first.nis
         },
-        classes=ClassSums(
-            *(_total([getattr(block.classes, field.name) for block in blocks]) for field in fields(ClassSums))
-        ),
         spread=first.spread,
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),
     )
 
 
+def _merged(blocks: Sequence[BlockScores], givers: Givers, runs: Indices) -> ErrorSums:
+    """The sums of one set of givers; ``runs``: where those of each block begin, and the end."""
+    known = [(block.errors[givers], at) for block, at in zip(blocks, runs, strict=False) if givers in block.errors]
+    per_run = np.zeros((len(ERROR_FIELDS), runs[-1]))
+    for sums, at in known:
+        per_run[:, at : at + sums.per_run.shape[1]] = sums.per_run
+    cells = _joined([sums.cells for sums, _ in known], [at for _, at in known])
+    return ErrorSums(_total([sums.per_step for sums, _ in known]), per_run, cells)
+
+
+def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:
+    """All of them; ``first``: the number of the first run of each."""
+    return Cells(
+        np.concatenate([item.code for item in cells]),
+        np.concatenate([item.part + at for item, at in zip(cells, first, strict=True)]),
+        np.concatenate([item.values for item in cells], axis=1),
+    )
+
+
 def _total(parts: Sequence[Array]) -> Array:
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
+    """The sum of arrays whose last axes begin alike and may end earlier."""
+    longest = max(part.shape[-1] for part in parts)
+    total = np.zeros((*parts[0].shape[:-1], longest))
+    for part in parts:
+        total[..., : part.shape[-1]] += part
     return total

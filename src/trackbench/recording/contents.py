@@ -20,12 +20,14 @@ class Contents:
     """How many runs the scores are over: "100", or "4 and 6" where those of several results differ."""
     recorded_run: str
     """The number of the recorded run, or the numbers."""
-    duration_s: float
-    targets: int
+    vehicles: list[str]
+    """Those that are tracked."""
     colours: Mapping[str, str]
     """By tracker."""
     sensors: Mapping[str, SensorSummary]
     tables: Tables
+    reference: str
+    """What the reference is called."""
     ranking: str
     """Markdown."""
     about: str
@@ -49,11 +51,11 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         name=result.name,
         runs=str(summary.runs),
         recorded_run=str(summary.recorded_run),
-        duration_s=summary.truth.duration_s,
-        targets=len(summary.truth.objects),
+        vehicles=list(summary.truth.objects),
         colours=colours_of((tracker.name for tracker in summary.trackers), colours),
         sensors=summary.sensors,
         tables=result.tables,
+        reference=summary.reference.label,
         ranking=text.ranking(result),
         about=text.about(result),
     )

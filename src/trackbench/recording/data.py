@@ -18,8 +18,8 @@ from rerun.chunk import Chunk
 
 from trackbench.recording.scene import ROADS
 from trackbench.recording.stream import TIMELINE, Stream, path
-from trackbench.recording.tables import split
 from trackbench.results import Result, to_json
+from trackbench.results.columns import split
 
 DATA = "data"
 SUMMARY = (DATA, "result")

@@ -16,7 +16,7 @@ from trackbench.recording.views import from_above
 from trackbench.types import Array
 
 #: How long a measurement is shown, s.
-TRAIL = 0.5
+RECENT_S = 0.5
 MARGIN_M = 6.0
 
 
@@ -49,8 +49,7 @@ def _scene(run: EvidenceRun) -> rrb.Spatial2DView:
         "From above",
         [f"+ {path(run.drive, 'world')}/**"],
         (_extent(run.target[0], poses[0]), _extent(-run.target[1], -poses[1])),
-        [path(*measurements(run.drive, sensor)) for sensor in sensors],
-        TRAIL,
+        {path(*measurements(run.drive, sensor)): RECENT_S for sensor in sensors},
     )
 
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from trackbench.errors import InputError
+from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, scene_at, worst
+from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.stored import ROOT_MEAN_SQUARES
-from trackbench.recording.moments import EstimateMoment, SceneMoment, scene_at, worst
 from trackbench.recording.reader import Recorded, read
-from trackbench.recording.recorded_run import recorded_run
 from trackbench.recording.rescore import rescored
-from trackbench.recording.tables import Columns, columns, split
 from trackbench.results import Result, Summary, TrackerResult
+from trackbench.results.columns import Columns, columns, split
 
 
 @dataclass(frozen=True)
@@ -87,20 +87,31 @@ class Inspection:
         return found
 
 
-def inspect(path: Path, at: float | None = None, count: int | None = None) -> Inspection:
+def inspect(
+    path: Path,
+    at: float | None = None,
+    count: int | None = None,
+    tracker: str | None = None,
+    vehicle: str | None = None,
+) -> Inspection:
     """Read a recording or the folder of a run.
 
     Args:
         path: the recording or folder.
         at: also the scene at this time, s.
         count: also so many worst moments of each tracker.
+        tracker: of this one alone.
+        vehicle: those of this one alone.
 
     Raises:
-        InputError: it cannot be read, or has no such time.
+        InputError: it cannot be read, or has no such time, tracker or vehicle.
     """
     found = read(path)
     run, tables = recorded_run(found.result), found.result.tables
     scored = rescored(found.result, run)
+    trackers = list(run.tracks) if tracker is None else [require_name(tracker, run.tracks, "tracker")]
+    if vehicle is not None:
+        require_name(vehicle, run.objects, "vehicle")
     return Inspection(
         recorded=found,
         rows={name: table.num_rows for name, table in sorted(tables.items())},
@@ -108,7 +119,7 @@ def inspect(path: Path, at: float | None = None, count: int | None = None) -> In
         scored=scored,
         checked=_checked(found, scored),
         at=None if at is None else scene_at(found.result, run, at),
-        worst=None if count is None else worst(run, count),
+        worst=None if count is None else {name: worst(run, [name], count, vehicle) for name in trackers},
     )
 
 

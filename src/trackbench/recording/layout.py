@@ -1,26 +1,38 @@
-"""How a recording opens: the scene above, the scores below it, the ranked table beside them."""
+"""How a recording opens: the scene above, the scores below it, legend and ranked table beside them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import rerun.blueprint as rrb
 
+from trackbench.recording import legend
 from trackbench.recording.contents import Contents
+from trackbench.recording.focus import Focus
 from trackbench.recording.plots import live_plots, plots
+from trackbench.recording.series import AllCharts
 from trackbench.recording.stream import TIMELINE
 from trackbench.recording.views import Window, scene_views
 
+#: How many vehicles have plots and a close-up of their own.
+MOST_VEHICLES = 6
+#: Pixels of a window for what is beside the scene.
+BESIDE = 850.0
+WHOLE = Focus()
 
-def blueprint(contents: Contents, windows: list[Window]) -> rrb.Blueprint:
+
+def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus = WHOLE) -> rrb.Blueprint:
     """The layout of a recording."""
-    text = rrb.Vertical(
+    vehicles = _shown(contents.vehicles, focus)
+    text = rrb.Tabs(
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
-    scene = scene_views(windows, list(contents.sensors))
-    main = rrb.Vertical(scene, plots(contents), row_shares=[4, 5])
-    return played(rrb.Horizontal(main, text, column_shares=[5, 2]))
+    scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus)
+    main = rrb.Vertical(scene, plots(contents, charts, vehicles, focus), row_shares=[4, 5])
+    container = _beside(main, legend.entries(contents.colours, list(contents.sensors)), text)
+    return played(container) if focus.time_s is None else _blueprint(container, play_state="paused")
 
 
 def played(container: rrb.Container) -> rrb.Blueprint:
@@ -28,10 +40,23 @@ def played(container: rrb.Container) -> rrb.Blueprint:
     return _blueprint(container, play_state="playing", loop_mode="all")
 
 
-def live_blueprint(windows: list[Window], sensors: list[str]) -> rrb.Blueprint:
+def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], colours: dict[str, str]) -> rrb.Blueprint:
     """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
-    container = rrb.Vertical(scene_views(windows, sensors), live_plots(), row_shares=[3, 2])
-    return _blueprint(container, play_state="following")
+    scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
+    main = rrb.Vertical(scene, live_plots(), row_shares=[3, 2])
+    return _blueprint(_beside(main, legend.entries(colours, list(sensors))), play_state="following")
+
+
+def _shown(vehicles: list[str], focus: Focus) -> list[str]:
+    first = vehicles[:MOST_VEHICLES]
+    return first if focus.vehicle is None or focus.vehicle in first else [*first[:-1], focus.vehicle]
+
+
+def _beside(main: rrb.Container, entries: list[legend.NamedColour], text: rrb.Container | None = None) -> rrb.Container:
+    names = legend.legend_view(entries)
+    share = legend.height(entries) / BESIDE
+    side = names if text is None else rrb.Vertical(names, text, row_shares=[share, 1 - share])
+    return rrb.Horizontal(main, side, column_shares=[3, 1])
 
 
 def _blueprint(container: rrb.Container, **playing: Any) -> rrb.Blueprint:

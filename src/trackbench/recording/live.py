@@ -32,7 +32,7 @@ PARTING = 2.0
 
 
 @dataclass(frozen=True)
-class Scene:
+class LiveRun:
     """What is known of a run before the first tracker has taken a step."""
 
     name: str
@@ -47,7 +47,7 @@ class Scene:
 class _Show:
     """One run on its way to the viewer."""
 
-    scene: Scene
+    scene: LiveRun
     begun: bool = False
     observed: deque[list[Scan] | RecordedInstant] = field(default_factory=lambda: deque(maxlen=WAITING))
     result: Result | None = None
@@ -83,7 +83,7 @@ class Live:
         scenario = loaded.config
         colours = colours_of(scenario.trackers, colours)
         truth = _of_run(truth, scenario.recording.run)
-        self._latest = _Show(Scene(scenario.name, colours, list(scenario.sensors), truth))
+        self._latest = _Show(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
         self._shows.append(self._latest)
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:

@@ -12,8 +12,8 @@ import pyarrow as pa
 from trackbench.palette import tracker_colours
 from trackbench.recording import text
 from trackbench.recording.contents import Contents
-from trackbench.recording.tables import split
 from trackbench.results import Result, Tables, TrackerResult
+from trackbench.results.columns import split
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
@@ -56,16 +56,17 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         table: _joined({label: result.tables[table] for label, result in named.items()}, column)
         for table, column in parts.items()
     }
+    called = {result.summary.reference.label for result in named.values()}
     name, runs = " over ".join(named), _each(result.summary.runs for result in named.values())
     return Contents(
         name=name,
         runs=runs,
         recorded_run=_each(result.summary.recorded_run for result in named.values()),
-        duration_s=first.summary.truth.duration_s,
-        targets=len(first.summary.truth.objects),
+        vehicles=list(first.summary.truth.objects),
         colours=tracker_colours(tracker.name for tracker in trackers),
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),
+        reference=called.pop() if len(called) == 1 else "reference",
         ranking="\n".join(text.ranked(name, runs, sorted(trackers, key=_error))),
         about="\n".join([*_about(named), *text.legend(trackers, sensors)]),
     )

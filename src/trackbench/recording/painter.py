@@ -11,8 +11,9 @@ import pyarrow.compute as pc
 import rerun as rr
 
 from trackbench.palette import sensor_colours
-from trackbench.recording import layout, scene, series, views
-from trackbench.recording.live import Scene
+from trackbench.recording import layout, legend, scene, series, views
+from trackbench.recording.charts import send_chart
+from trackbench.recording.live import LiveRun
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import application, send
 from trackbench.results import Result
@@ -28,7 +29,7 @@ class Painter:
         self._url = url
         self._run: _Run | None = None
 
-    def take(self, batch: Iterable[Scene | list[Scan] | RecordedInstant | Result]) -> None:
+    def take(self, batch: Iterable[LiveRun | list[Scan] | RecordedInstant | Result]) -> None:
         """Draw parts of runs, in their order."""
         for _, items in groupby(batch, key=type):
             same_kind = list(items)
@@ -38,8 +39,8 @@ class Painter:
             for item in same_kind:
                 self._change(item)
 
-    def _change(self, item: Scene | list[Scan] | RecordedInstant | Result) -> None:
-        if isinstance(item, Scene):
+    def _change(self, item: LiveRun | list[Scan] | RecordedInstant | Result) -> None:
+        if isinstance(item, LiveRun):
             self.finish()
             self._run = _Run(self._url, item)
         elif isinstance(item, Result) and self._run is not None:
@@ -57,7 +58,7 @@ class Painter:
 class _Run:
     """One run on the viewer."""
 
-    def __init__(self, url: str, about: Scene) -> None:
+    def __init__(self, url: str, about: LiveRun) -> None:
         self._about = about
         self._motion = truth_table(about.truth, 0)
         self._measurements = pa.table({})
@@ -65,13 +66,13 @@ class _Run:
         self._drawn = -np.inf
         self.recording = rr.RecordingStream(application(about.name))
         self.recording.connect_grpc(url)
-        windows = views.windows(self._motion)
-        self.recording.send_blueprint(layout.live_blueprint(windows, about.sensors))
+        self._wide, vehicles = views.wide_window(self._motion), list(about.truth.ids)
+        self.recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, about.sensors, dict(about.colours)))
         self.recording.send_recording_name(about.name)
         self._stream = Stream(self.recording)
         scene.send_roads(self._stream, roads_table(about.truth))
-        views.send_scales(self._stream, windows)
-        views.send_legends(self._stream, windows, about.colours)
+        views.send_scales(self._stream, self._wide, vehicles)
+        legend.send_legend(self._stream, legend.entries(about.colours, about.sensors))
 
     def complete(self, result: Result) -> None:
         """The whole recording."""
@@ -98,7 +99,8 @@ class _Run:
             recorded[tracker] = RecordedEstimates(mean, np.stack([estimate.covariance for estimate in found], axis=2))
         estimates = estimates_table(recorded, truth, steps, 0)
         scene.send_estimates(self._stream, estimates, self._motion, self._about.colours)
-        series.send_recorded_run(self._stream, estimates, nothing, nothing, self._about.colours)
+        for chart in series.recorded_run(estimates, nothing, nothing, self._about.colours).all:
+            send_chart(self._stream, chart)
 
     def _advance(self, time: float) -> None:
         """Vehicles and measurements up to a time."""
@@ -108,6 +110,6 @@ class _Run:
             table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
             for table in (self._motion, self._measurements)
         )
-        scene.send_vehicles(self._stream, vehicles)
+        scene.send_vehicles(self._stream, vehicles, self._wide.metres_per_pixel)
         scene.send_measurements(self._stream, measurements, sensor_colours(self._about.sensors))
         self._drawn = time

@@ -1,4 +1,4 @@
-"""Recordings made ready for the viewer: as they are, laid over each other, or written anew from tables."""
+"""Recordings made ready for the viewer: as they are, opened elsewhere, laid over each other, or anew from tables."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from trackbench.errors import InputError
 from trackbench.recording import overlay
-from trackbench.recording.moments import require_time
-from trackbench.recording.reader import RECORDING, read
-from trackbench.recording.writer import write, write_overlay
+from trackbench.recording.focus import Opening, focus_of
+from trackbench.recording.reader import RECORDING, Recorded, read
+from trackbench.recording.writer import reopened, write, write_overlay
 from trackbench.results import EXAMINATION
 
 
@@ -22,48 +23,59 @@ class Playable:
     files: list[Path]
     notes: list[str]
     """What its user should know of how they came about."""
+    time_s: float | None = None
+    """Where it stops; None if it plays."""
 
 
 @contextmanager
-def playable(paths: Sequence[Path], at: float | None = None) -> Iterator[Playable]:
+def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
     """Files for the viewer; those that had to be written are deleted at the end.
 
     Several runs of the same traffic become one file; those of different traffic stay apart.
 
     Args:
         paths: recordings or folders of runs.
-        at: a time that all of them must have, s.
+        opening: where the viewer opens.
 
     Raises:
-        InputError: one of them cannot be read or lacks that time.
+        InputError: one of them cannot be read or lacks what the viewer should open with.
     """
     examined = _examination(paths[0]) if len(paths) == 1 else None
     if examined is not None:
-        yield Playable([examined], [])
+        if opening != Opening(at_s=opening.at_s):
+            raise InputError("an examination has one target and is not scored by moments: give --at", file=paths[0])
+        yield Playable([examined], [], opening.at_s)
         return
     runs = [read(path) for path in paths]
-    for run in runs:
-        if at is not None:
-            require_time(0.0, run.result.summary.truth.duration_s, at)
     notes = [f"{run.note}: shown from its tables" for run in runs if run.note]
-    names = overlay.labels(paths)
+    results = [run.result for run in runs]
+    same = len(runs) == 1 or overlay.same_traffic(results)
+    if not same and opening != Opening(at_s=opening.at_s):
+        raise InputError("these runs do not show the same traffic: give --at alone, or one run", file=paths[1])
+    focus = focus_of(results, opening)
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
-        results = [run.result for run in runs]
-        if len(runs) > 1 and overlay.same_traffic(results):
+        names = overlay.labels(paths)
+        if len(runs) > 1 and same:
             file = Path(folder) / f"{' over '.join(names)}.rrd"
-            write_overlay(overlay.laid_over(dict(zip(names, results, strict=True))), file)
-            yield Playable([file], notes)
-            return
-        if len(runs) > 1:
+            write_overlay(overlay.laid_over(dict(zip(names, results, strict=True))), file, focus)
+            files = [file]
+        else:
+            files = [_file(run, Path(folder) / f"{number}.rrd", opening) for number, run in enumerate(runs)]
+        if not same:
             notes.append("they do not show the same traffic: the viewer has them one beside the other, not laid over")
-        files = []
-        for number, run in enumerate(runs):
-            file = run.file
-            if run.rerun is None:
-                file = Path(folder) / f"{number}.rrd"
-                write(run.result, file)
-            files.append(file)
-        yield Playable(files, notes)
+        yield Playable(files, notes, focus.time_s)
+
+
+def _file(run: Recorded, made: Path, opening: Opening) -> Path:
+    """The run's own file if it opens where it should, or else one that is made."""
+    focus = focus_of([run.result], opening)
+    if run.rerun is None:
+        write(run.result, made, focus=focus)
+    elif focus.vehicle is not None:
+        reopened(run.file, run.result, made, focus)
+    else:
+        return run.file
+    return made
 
 
 def _examination(path: Path) -> Path | None:

@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.metrics import Fault, Scorer, evaluate, health
+from trackbench.metrics import Fault, Scorer, evaluate, health, score_together
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.recording.recorded_run import RecordedRun, RecordedTrack
-from trackbench.recording.tables import Columns, split
+from trackbench.metrics.recorded_run import RecordedRun, RecordedTrack
 from trackbench.results import Health, Result, TrackerResult
+from trackbench.results.columns import Columns, split
 from trackbench.types import Array, Estimate, Mask, Scan
 
-#: Metrics that a recording cannot give: the bound needs the sensors' models, whiteness the innovations themselves, and
-#: the time that a step took is not seen in an estimate.
+#: Metrics that a recording cannot give: the reference needs the sensors' models, whiteness the innovations themselves,
+#: and the time that a step took is not seen in an estimate.
 NOT_RECORDED = (
     "whiteness",
-    "position_bound",
-    "velocity_bound",
-    "position_efficiency",
-    "velocity_efficiency",
+    "position_reference",
+    "velocity_reference",
+    "position_over_reference",
+    "velocity_over_reference",
     "step_time",
 )
 
@@ -63,7 +63,7 @@ def _scored(
 ) -> TrackerResult:
     counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
-    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int8)
+    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int16)
     scorer = Scorer(recorded.target, alike, counts)
     for instant, time in enumerate(recorded.target.time):
         estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
@@ -73,8 +73,11 @@ def _scored(
                 scan = _scan(float(time), sensor, np.isfinite(white[0]))
                 scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
         scorer.estimate(estimate)
+        if scorer.full or instant == len(recorded.target.time) - 1:
+            for fault in score_together([scorer]).values():
+                raise fault
     sums = scorer.close()
-    known = evaluate(sums).values
+    known = evaluate(sums, np.zeros(1, dtype=np.intp)).values
     return TrackerResult(
         name=tracker.name,
         describe=tracker.describe,

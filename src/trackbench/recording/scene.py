@@ -14,9 +14,10 @@ import pyarrow as pa
 import rerun as rr
 
 from trackbench.palette import OBSERVER_COLOUR, TRUTH_COLOUR
+from trackbench.recording.labels import label_points
 from trackbench.recording.shapes import in_plane, pose, send_ellipses, send_points
 from trackbench.recording.stream import Stream, path, pixels, rgba
-from trackbench.recording.tables import Columns, columns, split
+from trackbench.results.columns import columns, split
 from trackbench.types import Array
 
 WORLD = ("world",)
@@ -41,8 +42,11 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
     stream.static(path(*ROADS), lanes)
 
 
-def send_vehicles(stream: Stream, truth: pa.Table) -> None:
-    """The observer and the targets, as oriented boxes with an arrow for the heading, and their names."""
+def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
+    """The observer and the targets, as oriented boxes with an arrow for the heading, and their names.
+
+    ``metres_per_pixel`` is the scale of the view that shows the names.
+    """
     if not truth.num_rows:
         return
     for (name, role), rows in split(truth, "object", "role").items():
@@ -67,7 +71,7 @@ def send_vehicles(stream: Stream, truth: pa.Table) -> None:
         box = rr.Boxes2D.from_fields(colors=rgba(colour), radii=pixels(1.5))
         arrow = rr.Arrows2D.from_fields(colors=rgba(colour), radii=pixels(1.0))
         stream.static(entity, box, arrow)
-    _labels(stream, columns(truth))
+    _labels(stream, truth, metres_per_pixel)
 
 
 def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[str, str]) -> None:
@@ -108,16 +112,15 @@ def send_estimates(
         send_ellipses(stream, f"{entity}/covariance", time, at, covariance, colour, 25.0, count)
 
 
-def _labels(stream: Stream, rows: Columns) -> None:
+def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
     # Rerun 0.41 draws the labels of boxes and ellipses where they would be without transforms; those of points follow.
-    order = np.argsort(rows["time_s"], kind="stable")
-    alive = rows["alive"].astype(bool)[order]
-    time, index = np.unique(rows["time_s"][order], return_inverse=True)
-    count = np.bincount(index, weights=alive).astype(int)
-    shown = order[alive]
-    below = np.stack([rows["px_m"], rows["py_m"] - rows["width_m"]], axis=1)[shown]
-    labels = [str(name) for name in rows["object"][shown]]
-    stream.columns(path(*LABELS), time, rr.Points2D.columns(positions=below, labels=labels).partition(count))
+    vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
+    points = label_points(list(vehicles.values()), list(vehicles), metres_per_pixel)
+    alive = np.stack([rows["alive"].astype(bool) for rows in vehicles.values()], axis=1)
+    names = np.broadcast_to(np.array(list(vehicles)), alive.shape)
+    shown = rr.Points2D.columns(positions=np.stack(points, axis=1)[alive], labels=[str(name) for name in names[alive]])
+    time = next(iter(vehicles.values()))["time_s"]
+    stream.columns(path(*LABELS), time, shown.partition(alive.sum(axis=1)))
     style = rr.Points2D.from_fields(colors=rgba(LABEL_COLOUR), radii=0.0, show_labels=True, draw_order=40.0)
     stream.static(path(*LABELS), style)
 

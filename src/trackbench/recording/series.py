@@ -1,136 +1,215 @@
-"""The scores over time: means over all runs with their bounds, and the recorded run by itself."""
+"""The charts of a run: means over all runs with their bounds, the recorded run, and each vehicle of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from trackbench.metrics.consistency import mean_bounds, point95
 from trackbench.palette import BOUND_COLOUR
-from trackbench.recording.shapes import send_line
-from trackbench.recording.stream import Stream, path
-from trackbench.recording.tables import Columns, mean_over_objects, split
+from trackbench.recording.charts import Chart, ChartLine
+from trackbench.recording.contents import Contents
+from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.types import COMMON_STATE, Array
 
 ALL_RUNS = "all_runs"
 RECORDED_RUN = "recorded_run"
-#: Rerun 0.41 has no logarithmic axis, so the errors are also there as decimal logarithms.
-LOG = ("series", "log10")
+VEHICLES = "vehicles"
 
 #: What the line means under which the NIS of a consistent tracker is 95 % of the time.
 SINGLE = "95 % of single innovations"
+BOUNDS = "95 % bounds"
 
 #: Lines that differ by less than this share are one line.
 SAME = 1e-6
 
-
-def send_all_runs(stream: Stream, steps: pa.Table, nis: pa.Table, colours: Mapping[str, str]) -> None:
-    """RMSE with the Cramér-Rao bound, mean NEES and mean NIS with their 95 % bounds."""
-    by_tracker = {tracker: rows for (tracker,), rows in split(steps, "tracker").items()}
-    for quantity, unit in (("position", "m"), ("velocity", "mps")):
-        place = ("series", ALL_RUNS, f"{quantity}_rmse")
-        _lines(stream, place, by_tracker, f"{quantity}_rmse_{unit}", colours)
-        _bounds(stream, place, "Cramér-Rao bound", by_tracker, (f"{quantity}_bound_{unit}",), colours)
-        columns = (f"{quantity}_rmse_{unit}", f"{quantity}_bound_{unit}")
-        logs = {tracker: _log10(rows, columns) for tracker, rows in by_tracker.items()}
-        log_place = (*LOG, *place[1:])
-        _lines(stream, log_place, logs, columns[0], colours)
-        _bounds(stream, log_place, "Cramér-Rao bound", logs, columns[1:], colours)
-    place = ("series", ALL_RUNS, "nees")
-    _lines(stream, place, by_tracker, "nees_mean", colours)
-    _bounds(stream, place, "95 % bounds", by_tracker, ("nees_low", "nees_high"), colours)
-    for sensor, rows_by_tracker in _by_sensor(nis).items():
-        nis_place = ("series", ALL_RUNS, "nis", sensor)
-        _lines(stream, nis_place, rows_by_tracker, "nis_mean", colours)
-        if _single(rows_by_tracker):
-            lined = {tracker: _with_line(rows, int(rows["dof"][0])) for tracker, rows in rows_by_tracker.items()}
-            _bounds(stream, nis_place, SINGLE, lined, ("line",), colours)
-        else:
-            _bounds(stream, nis_place, "95 % bounds", rows_by_tracker, ("nis_low", "nis_high"), colours)
+NOTHING = pa.table({})
+#: Lines are broken where there is no value for longer than this, s.
+GAP_S = 1.0
+#: Rows of each tracker.
+ByTracker = dict[str, Columns]
 
 
-def send_recorded_run(
-    stream: Stream, estimates: pa.Table, recorded_nis: pa.Table, nis: pa.Table, colours: Mapping[str, str]
-) -> None:
-    """The recorded run's RMS position error over the targets, and its NEES and NIS averaged over the targets."""
-    # A tracker may take less of a measurement than its sensor gives, so the degrees of freedom are its own.
-    dof = {key: int(rows["dof"][0]) for key, rows in split(nis, "tracker", "sensor").items()}
-    by_tracker = {tracker: rows for (tracker,), rows in split(estimates, "tracker").items()}
-    error, nees = {}, {}
-    for tracker, rows in by_tracker.items():
-        time, square, _ = mean_over_objects(rows["time_s"], rows["position_error_m"] ** 2)
-        error[tracker] = {"time_s": time, "value": np.sqrt(square)}
-        nees[tracker] = _mean_with_bounds(rows["time_s"], rows["nees"], len(COMMON_STATE))
-    _lines(stream, ("series", RECORDED_RUN, "position_error"), error, "value", colours)
-    logs = {tracker: _log10(rows, ("value",)) for tracker, rows in error.items()}
-    _lines(stream, (*LOG, RECORDED_RUN, "position_error"), logs, "value", colours)
-    _with_bounds(stream, ("series", RECORDED_RUN, "nees"), nees, colours)
-    for sensor, rows_by_tracker in _by_sensor(recorded_nis).items():
-        means = {
-            tracker: _mean_with_bounds(rows["time_s"], rows["nis"], dof[tracker, sensor])
-            for tracker, rows in rows_by_tracker.items()
-            if (tracker, sensor) in dof
-        }
-        nis_place = ("series", RECORDED_RUN, "nis", sensor)
-        if _single(means):
-            lined = {tracker: _with_line(rows, dof[tracker, sensor]) for tracker, rows in means.items()}
-            _lines(stream, nis_place, lined, "value", colours)
-            _bounds(stream, nis_place, SINGLE, lined, ("line",), colours)
-        else:
-            _with_bounds(stream, nis_place, means, colours)
+class Charts(NamedTuple):
+    """The charts of the same runs and vehicles."""
+
+    errors: tuple[Chart, ...]
+    """Of position and of velocity."""
+    nees: Chart
+    nis: tuple[Chart, ...]
+    """By sensor; none where no tracker gives innovations."""
+
+    @property
+    def all(self) -> tuple[Chart, ...]:
+        return (*self.errors, self.nees, *self.nis)
 
 
-def _log10(rows: Columns, names: tuple[str, ...]) -> Columns:
-    """Logarithms of some columns, NaN where there is none."""
-    return {**rows, **{name: np.log10(np.where(rows[name] > 0, rows[name], np.nan)) for name in names}}
+class AllCharts(NamedTuple):
+    """Every chart of a recording."""
+
+    all_runs: Charts
+    recorded: Charts
+    vehicles: dict[str, Charts]
 
 
-def _by_sensor(table: pa.Table) -> dict[str, dict[str, Columns]]:
-    grouped: dict[str, dict[str, Columns]] = {}
+def charts_of(contents: Contents) -> AllCharts:
+    """Every chart of a recording."""
+    tables, colours = contents.tables, contents.colours
+    estimates, nis = (_by_object(table) for table in (tables.estimates, tables.recorded_nis))
+    return AllCharts(
+        all_runs(tables.steps, tables.nis, colours, contents.reference),
+        recorded_run(tables.estimates, tables.recorded_nis, tables.nis, colours),
+        {
+            name: recorded_run(estimates.get(name, NOTHING), nis.get(name, NOTHING), tables.nis, colours, name)
+            for name in contents.vehicles
+        },
+    )
+
+
+def all_runs(steps: pa.Table, nis: pa.Table, colours: Mapping[str, str], reference: str) -> Charts:
+    """RMSE with that of the reference, which has the given name, and mean NEES and NIS with their 95 % bounds."""
+    rows = _by_tracker(steps)
+    errors = tuple(
+        Chart(
+            (ALL_RUNS, f"{quantity.lower()}_rmse"),
+            f"{quantity} RMSE",
+            unit,
+            _lines(rows, f"{quantity.lower()}_rmse_{suffix}", colours),
+            _bounds(reference, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
+        )
+        for quantity, unit, suffix in (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
+    )
+    bounds = _bounds(BOUNDS, rows, ("nees_low", "nees_high"), colours)
+    nees = Chart((ALL_RUNS, "nees"), "NEES", "", _lines(rows, "nees_mean", colours), bounds)
+    dof = _degrees_of_freedom(nis)
+    sensors = tuple(
+        _nis((ALL_RUNS,), sensor, rows, ("nis_mean", "nis_low", "nis_high"), dof, colours)
+        for sensor, rows in _by_sensor(nis).items()
+    )
+    return Charts(errors, nees, sensors)
+
+
+def recorded_run(
+    estimates: pa.Table, recorded_nis: pa.Table, nis: pa.Table, colours: Mapping[str, str], vehicle: str | None = None
+) -> Charts:
+    """The recorded run's errors, NEES and NIS: root mean squares and means over its vehicles, or of one of them.
+
+    Args:
+        estimates: of these vehicles in the recorded run.
+        recorded_nis: of these vehicles in the recorded run.
+        nis: over all runs; a tracker may take less of a measurement than its sensor gives, so the degrees of freedom
+            are its own.
+        colours: by tracker.
+        vehicle: the only one, if it is one.
+    """
+    place = (RECORDED_RUN,) if vehicle is None else (VEHICLES, vehicle)
+    rows = _by_tracker(estimates)
+    errors = tuple(
+        Chart(
+            (*place, f"{quantity.lower()}_error"),
+            f"{quantity} error",
+            unit,
+            _lines(_rms(rows, f"{quantity.lower()}_error_{suffix}"), "value", colours),
+        )
+        for quantity, unit, suffix in (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
+    )
+    dof = _degrees_of_freedom(nis)
+    means = {name: _mean_with_bounds(of, "nees", len(COMMON_STATE)) for name, of in rows.items()}
+    bounds = _bounds(BOUNDS, means, ("low", "high"), colours)
+    nees = Chart((*place, "nees"), "NEES", "", _lines(means, "value", colours), bounds)
+    sensors = tuple(
+        _nis(
+            place,
+            sensor,
+            {
+                name: _mean_with_bounds(of, "nis", dof[name, sensor])
+                for name, of in by_tracker.items()
+                if (name, sensor) in dof
+            },
+            ("value", "low", "high"),
+            dof,
+            colours,
+        )
+        for sensor, by_tracker in _by_sensor(recorded_nis).items()
+    )
+    return Charts(errors, nees, sensors)
+
+
+def _nis(
+    place: tuple[str, ...],
+    sensor: str,
+    rows: ByTracker,
+    columns: tuple[str, str, str],
+    dof: Mapping[tuple[str, ...], int],
+    colours: Mapping[str, str],
+) -> Chart:
+    """With the bounds of its mean, or the line of a single innovation where none is a mean of several."""
+    value, *limits = columns
+    if rows and max(float(np.nanmax(of["count"], initial=0.0)) for of in rows.values()) <= 1:
+        lined = {name: _with_line(of, dof[name, sensor]) for name, of in rows.items()}
+        bounds = _bounds(SINGLE, lined, ("line",), colours)
+    else:
+        bounds = _bounds(BOUNDS, rows, tuple(limits), colours)
+    return Chart((*place, "nis", sensor), f"NIS {sensor}", "", _lines(rows, value, colours), bounds)
+
+
+def _by_object(table: pa.Table) -> dict[str, pa.Table]:
+    names = pc.unique(table["object"]).to_pylist() if table.num_rows else []
+    return {name: table.filter(pc.equal(table["object"], name)) for name in names}
+
+
+def _by_tracker(table: pa.Table) -> ByTracker:
+    return {tracker: rows for (tracker,), rows in split(table, "tracker").items()}
+
+
+def _by_sensor(table: pa.Table) -> dict[str, ByTracker]:
+    grouped: dict[str, ByTracker] = {}
     for (sensor, tracker), rows in split(table, "sensor", "tracker").items():
         grouped.setdefault(sensor, {})[tracker] = rows
     return grouped
 
 
-def _mean_with_bounds(time: Array, values: Array, dof: int) -> Columns:
-    instants, mean, count = mean_over_objects(time, values)
+def _degrees_of_freedom(nis: pa.Table) -> dict[tuple[str, ...], int]:
+    return {key: int(rows["dof"][0]) for key, rows in split(nis, "tracker", "sensor").items()}
+
+
+def _rms(rows: ByTracker, name: str) -> ByTracker:
+    means = {tracker: mean_over_objects(of["time_s"], of[name] ** 2) for tracker, of in rows.items()}
+    return {tracker: {"time_s": time, "value": np.sqrt(square)} for tracker, (time, square, _) in means.items()}
+
+
+def _mean_with_bounds(rows: Columns, name: str, dof: int) -> Columns:
+    instants, mean, count = mean_over_objects(rows["time_s"], rows[name])
     low, high = mean_bounds(dof, count)
     return {"time_s": instants, "value": mean, "low": low, "high": high, "count": count}
-
-
-def _single(rows: dict[str, Columns]) -> bool:
-    """Whether each value is a single innovation, and not a mean."""
-    return bool(rows) and max(float(np.nanmax(columns["count"])) for columns in rows.values()) <= 1
 
 
 def _with_line(rows: Columns, dof: int) -> Columns:
     return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
 
 
-def _with_bounds(stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], colours: Mapping[str, str]) -> None:
-    _lines(stream, place, rows, "value", colours)
-    _bounds(stream, place, "95 % bounds", rows, ("low", "high"), colours)
+def _lines(rows: ByTracker, value: str, colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
+    return tuple(
+        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value))
+        for tracker, colour in colours.items()
+        if tracker in rows
+    )
 
 
-def _lines(
-    stream: Stream, place: tuple[str, ...], rows: dict[str, Columns], value: str, colours: Mapping[str, str]
-) -> None:
-    for tracker, colour in colours.items():
-        if tracker in rows:
-            send_line(stream, path(*place, tracker), rows[tracker]["time_s"], rows[tracker][value], tracker, colour)
+def _broken(rows: Columns, value: str) -> tuple[Array, Array]:
+    """Times and values, with a missing value in each gap."""
+    time, values = rows["time_s"], rows[value]
+    before = np.flatnonzero(np.diff(time) > GAP_S)
+    return np.insert(time, before + 1, time[before] + GAP_S), np.insert(values, before + 1, np.nan)
 
 
-def _bounds(
-    stream: Stream,
-    place: tuple[str, ...],
-    name: str,
-    rows: dict[str, Columns],
-    fields: tuple[str, ...],
-    colours: Mapping[str, str],
-) -> None:
-    """One line for all trackers that share a bound, in its tracker's colour where only some do and it is of one."""
+def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
+    """One line for all trackers that share it, in its tracker's colour where only some do and it is of one."""
+    found = []
     for field in fields:
         shared: list[list[str]] = []
         for tracker, tracker_rows in rows.items():
@@ -145,12 +224,12 @@ def _bounds(
             alone = len(shared) > 1 and len(group) == 1
             colour = colours[group[0]] if alone else BOUND_COLOUR
             label = name if len(shared) == 1 else f"{name}: {', '.join(group)}"
-            entity = path(*place, "bounds", f"{field}_{i}")
-            send_line(stream, entity, longest["time_s"], longest[field], label, colour, width=2.0)
+            found.append(ChartLine(("bounds", f"{field}_{i}"), label, colour, *_broken(longest, field), 2.0))
+    return tuple(found)
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
-    """Whether a bound is the same at nearly all instants that both have: tracks may start a measurement apart."""
+    """Whether it is the same at nearly all instants that both have: tracks may start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)

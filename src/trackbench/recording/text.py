@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from trackbench.results import ExpectationResult, Result, Summary, TrackerResult
+from trackbench.metrics.verdict_words import MEANING, conditions_off
+from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult, sensor_words
 from trackbench.results.summary import SensorSummary
 from trackbench.words import counted
 
 NOT_AVAILABLE = "n/a"
 IN_THE_SCENE = (
     "Boxes are the true vehicles, the arrow points where the body points. Small dots are measurements of the last"
-    " 0.3 s. Larger dots are estimates, in the colours of the plots, each in its 95 % ellipse of position."
+    " 0.3 s. Larger dots are estimates, in the colours of the plots, each in its 95 % ellipse of position. Lines are"
+    " the true and the estimated paths of the last 2 s."
+)
+IN_THE_PLOTS = (
+    "Grey lines are the reference and bounds; one of one tracker alone has its colour. Plots of log10 are of the same"
+    " values, where they span a large range: 0 is 1, -1 is 0.1. All have one time axis."
 )
 
 
@@ -19,6 +25,7 @@ def ranking(result: Result) -> str:
     """The trackers by position RMSE, and whether the scenario's expectations were met."""
     summary = result.summary
     lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
+    lines += _mixed(result.scored)
     if summary.expectations:
         verdict = "all met" if summary.passed else "**not all met**"
         lines += ["", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations)]
@@ -28,13 +35,13 @@ def ranking(result: Result) -> str:
 def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[str]:
     """A table of trackers in the order given, then those that failed."""
     yield f"## {name}"
-    yield f"All {runs} runs, ranked by position RMSE"
+    yield f"All {runs} runs, ranked by position RMSE, ± 95 %"
     yield ""
-    yield "| # | tracker | RMSE m | 95 % interval | RMSE / bound | NEES | covariance |"
-    yield "|--:|:--|--:|:-:|--:|--:|:--|"
+    yield "| tracker | RMSE m | / ref | NEES | covariance |"
+    yield "|:--|--:|--:|--:|:--|"
     failures = []
-    for place, tracker in enumerate(trackers, start=1):
-        yield _row(place, tracker)
+    for tracker in trackers:
+        yield _row(tracker)
         if tracker.failed is not None:
             failed = tracker.failed
             run = "" if failed.run is None else f", run {failed.run}"
@@ -42,6 +49,14 @@ def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[
             failures.append(f"- **{tracker.name}** at {at}: {failed.cause}")
     if failures:
         yield from ("", "### Failed", "", *failures)
+
+
+def _mixed(trackers: Iterable[TrackerResult]) -> Iterator[str]:
+    """Under which conditions each mixed covariance is off."""
+    found = [tracker for tracker in trackers if tracker.nees.verdict == "mixed"]
+    if found:
+        yield from ("", f"*mixed*: {MEANING['mixed']}. NEES where {found[0].nees.dof} is right:", "")
+        yield from (f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in found)
 
 
 def about(result: Result) -> str:
@@ -69,26 +84,33 @@ def truth(summary: Summary) -> str:
 
 def legend(trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummary]) -> Iterator[str]:
     """What the picture shows."""
-    yield from ("", "### In the scene", "", IN_THE_SCENE)
+    yield from ("", "### In the scene", "", IN_THE_SCENE, "", "### In the plots", "", IN_THE_PLOTS)
     yield from ("", "### Trackers", "", *(f"- **{tracker.name}**: {tracker.describe}" for tracker in trackers))
     yield from ("", "### Sensors", "", *(_sensor(name, sensor) for name, sensor in sensors.items()))
 
 
-def _row(place: int, tracker: TrackerResult) -> str:
+def _row(tracker: TrackerResult) -> str:
     if tracker.failed is not None:
-        return f"| {place} | {tracker.name} | failed | | | | |"
-    error, nees = tracker.position_rmse, tracker.nees
-    efficiency = tracker.metrics.get("position_efficiency")
+        return f"| {tracker.name} | failed | | | |"
+    nees = tracker.nees
+    over = tracker.metrics.get("position_over_reference")
     cells = (
-        str(place),
         tracker.name,
-        _number(error.value),
-        " to ".join(map(_number, error.ci95)) if error.ci95 else NOT_AVAILABLE,
-        _number(None if efficiency is None else efficiency.value),
+        _with_interval(tracker.position_rmse),
+        _number(None if over is None else over.value),
         _number(nees.value),
         nees.verdict or NOT_AVAILABLE,
     )
     return "| " + " | ".join(cells) + " |"
+
+
+def _with_interval(metric: MetricValue) -> str:
+    """The value with half the width of its 95 % interval, to the same decimals."""
+    value = _number(metric.value)
+    if metric.ci95 is None:
+        return value
+    places = len(value.partition(".")[2])
+    return f"{value} ±{(metric.ci95[1] - metric.ci95[0]) / 2:.{places}f}"
 
 
 def _expectation(item: ExpectationResult) -> str:
@@ -102,7 +124,10 @@ def _sensor(name: str, sensor: SensorSummary) -> str:
     share = sensor.detection_rate
     found = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"
     rate = "" if sensor.rate_hz is None else f", {sensor.rate_hz:.4g} Hz"
-    return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}"
+    sees = f"field of view {sensor.fov_deg:g} deg, range {sensor_words.reach(sensor)}"
+    sigmas = f"noise (1 sigma) {sensor_words.noise(sensor)}"
+    mount = f"mount {sensor_words.mount(sensor)}"
+    return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}; {sigmas}; {sees}; {mount}"
 
 
 def _number(value: float | None) -> str:

@@ -1,8 +1,8 @@
-"""The views of the scene: the observer with its surroundings, and each target close up, all following."""
+"""The views of the scene: the observer or a vehicle with its surroundings, and vehicles close up, all following."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,18 +10,20 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
+from trackbench.recording.focus import Focus
 from trackbench.recording.scene import FRAMES, LABELS, MEASUREMENTS, WORLD
 from trackbench.recording.stream import TIMELINE, Stream, path, pixels, rgba
-from trackbench.recording.tables import split
+from trackbench.recording.trails import TRAIL_S, trails
+from trackbench.results.columns import split
 
 #: How long a measurement stays in the picture, s.
-TRAIL = 0.3
+RECENT_S = 0.3
 #: The most that the wide view shows around the observer unless even the nearest target is farther, and its margin, m.
 REACH, MARGIN = 55.0, 7.0
-#: Half the size of a close-up, m, and how many targets have one.
-CLOSE, MOST_CLOSE = 3.0, 6
-#: Names in a row of the legend, and the share of a view's height that a row takes.
-WIDE_ROW, CLOSE_ROW, LEGEND_ROW = 6, 3, 0.1
+#: Half the size of a close-up, m.
+CLOSE = 3.0
+#: About the size of the wide view on a screen, pixels.
+WIDE_PIXELS = (750.0, 360.0)
 BACKGROUND = (16, 18, 22)
 SCALE_COLOUR = "#C8CDD4"
 
@@ -30,20 +32,32 @@ class Window(NamedTuple):
     """A view around a frame; x to the right and y down from the frame's origin, m."""
 
     frame: str
+    kind: str
     across: tuple[float, float]
     down: tuple[float, float]
     scale: float
     """Length of its scale bar, m."""
 
+    @property
+    def metres_per_pixel(self) -> float:
+        """About how much a pixel of the wide view shows."""
+        sides = (self.across[1] - self.across[0], self.down[1] - self.down[0])
+        return max(side / pixels for side, pixels in zip(sides, WIDE_PIXELS, strict=True))
 
-def windows(truth: pa.Table) -> list[Window]:
-    """The wide view first, then the close-ups."""
+    def around(self, vehicle: str) -> Window:
+        """As large, with a vehicle in the middle."""
+        half = [(high - low) / 2 for low, high in (self.across, self.down)]
+        return Window(vehicle, "around", (-half[0], half[0]), (-half[1], half[1]), self.scale)
+
+
+def wide_window(truth: pa.Table) -> Window:
+    """The observer's, which has the vehicles near it most of the time."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
-    targets = {name: rows for (role, name), rows in vehicles.items() if role == "target"}
-    alive = np.array([rows["alive"] for rows in targets.values()], dtype=bool)
-    x = np.array([rows["px_m"] - at["px_m"] for rows in targets.values()])
-    y_down = np.array([at["py_m"] - rows["py_m"] for rows in targets.values()])
+    targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
+    alive = np.array([rows["alive"] for rows in targets], dtype=bool)
+    x = np.array([rows["px_m"] - at["px_m"] for rows in targets])
+    y_down = np.array([at["py_m"] - rows["py_m"] for rows in targets])
     nearest = np.where(alive, np.hypot(x, y_down), np.inf).min(axis=0)
     reach = max(REACH, float(np.percentile(nearest[np.isfinite(nearest)], 90)))
 
@@ -51,13 +65,17 @@ def windows(truth: pa.Table) -> list[Window]:
         low, high = np.clip(np.percentile(offsets[alive], [5, 95]), -reach, reach)
         return float(min(low, 0.0)) - MARGIN, float(max(high, 0.0)) + MARGIN
 
-    wide = Window(observer, extent(x), extent(y_down), 10.0)
-    return [wide, *(Window(name, (-CLOSE, CLOSE), (-CLOSE, CLOSE), 1.0) for name in list(targets)[:MOST_CLOSE])]
+    return Window(observer, "wide", extent(x), extent(y_down), 10.0)
 
 
-def send_scales(stream: Stream, all_windows: list[Window]) -> None:
-    """A scale bar at the lower left of each view."""
-    for window in all_windows:
+def close_up(vehicle: str) -> Window:
+    """A vehicle and little else."""
+    return Window(vehicle, "close", (-CLOSE, CLOSE), (-CLOSE, CLOSE), 1.0)
+
+
+def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
+    """A scale bar at the lower left of each view that may be opened."""
+    for window in (wide, *(each for name in vehicles for each in (wide.around(name), close_up(name)))):
         top, bottom = window.down
         x, y = window.across[0] + window.scale / 2, bottom - 0.08 * (bottom - top)
         bar = rr.LineStrips2D(
@@ -67,40 +85,35 @@ def send_scales(stream: Stream, all_windows: list[Window]) -> None:
             labels=f"{window.scale:g} m",
             show_labels=True,
         )
-        stream.static(path(*FRAMES, window.frame, "scale"), bar)
+        stream.static(path(*FRAMES, window.frame, window.kind), bar)
 
 
-def send_legends(stream: Stream, all_windows: list[Window], colours: Mapping[str, str]) -> None:
-    """The trackers' names in their colours, in rows at the top of each view."""
-    wide, *close = all_windows
-    for window, in_row in ((wide, WIDE_ROW), *((each, CLOSE_ROW) for each in close)):
-        (left, right), (top, bottom) = window.across, window.down
-        row, place = np.divmod(np.arange(len(colours)), in_row)
-        x, y = left + (place + 0.5) / in_row * (right - left), top + (row + 0.3) * LEGEND_ROW * (bottom - top)
-        names = rr.Points2D(
-            np.stack([x, y], axis=1),
-            labels=list(colours),
-            colors=np.array([rgba(colour) for colour in colours.values()], dtype=np.uint32),
-            radii=pixels(2.5),
-            show_labels=True,
-            draw_order=50.0,
-        )
-        stream.static(path(*FRAMES, window.frame, "legend"), names)
+def scene_views(
+    wide: Window, vehicles: list[str], sensors: Iterable[str], trackers: Iterable[str], focus: Focus
+) -> rrb.Container:
+    """The wide view beside tabs of the close-ups.
+
+    Args:
+        wide: the observer's.
+        vehicles: those that have a close-up.
+        sensors: all that measure.
+        trackers: all that estimate.
+        focus: the vehicle in the middle.
+    """
+    shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | dict.fromkeys(trails(trackers), TRAIL_S)
+    name = "Seen from above"
+    if focus.vehicle is not None:
+        wide, name = wide.around(focus.vehicle), f"{name}, around {focus.vehicle}"
+    tabs = [_view(close_up(each), each, shown, f"- {path(*LABELS)}") for each in vehicles]
+    tab = 0 if focus.vehicle is None else vehicles.index(focus.vehicle)
+    return rrb.Horizontal(_view(wide, name, shown), rrb.Tabs(*tabs, active_tab=tab), column_shares=[2, 1])
 
 
-def scene_views(all_windows: list[Window], sensors: list[str]) -> rrb.Container:
-    """The wide view beside tabs of the close-ups."""
-    wide, *close = all_windows
-    around = _view(wide, "Seen from above", sensors)
-    tabs = [_view(window, window.frame, sensors, f"- {path(*LABELS)}") for window in close]
-    return rrb.Horizontal(around, rrb.Tabs(*tabs, active_tab=0), column_shares=[2, 1])
-
-
-def _view(window: Window, name: str, sensors: list[str], *without: str) -> rrb.Spatial2DView:
+def _view(window: Window, name: str, shown: Mapping[str, float], *without: str) -> rrb.Spatial2DView:
     frame = path(*FRAMES, window.frame)
-    contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}/**", *without]
-    measurements = [path(*MEASUREMENTS, sensor) for sensor in sensors]
-    return from_above(frame, name, contents, (window.across, window.down), measurements, TRAIL)
+    scale = path(*FRAMES, window.frame, window.kind)
+    contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}", f"+ {scale}", *without]
+    return from_above(frame, name, contents, (window.across, window.down), shown)
 
 
 def from_above(
@@ -108,8 +121,7 @@ def from_above(
     name: str,
     contents: list[str],
     bounds: tuple[tuple[float, float], tuple[float, float]],
-    measurements: list[str],
-    trail: float,
+    shown: Mapping[str, float],
 ) -> rrb.Spatial2DView:
     """A view of a scene.
 
@@ -118,15 +130,16 @@ def from_above(
         name: above the view.
         contents: what is in it, as Rerun's queries.
         bounds: left and right, top and bottom in the frame, m.
-        measurements: entities of which the last ones are shown, and not only the latest.
-        trail: for how long, s.
+        shown: entities of which the last ones are shown, and not only the latest: for how long, s.
     """
-    recent = rrb.VisibleTimeRanges(
-        timeline=TIMELINE,
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-trail),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
-    overrides: Any = dict.fromkeys(measurements, recent)
+    overrides: Any = {
+        entity: rrb.VisibleTimeRanges(
+            timeline=TIMELINE,
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-duration),
+            end=rrb.TimeRangeBoundary.cursor_relative(),
+        )
+        for entity, duration in shown.items()
+    }
     return rrb.Spatial2DView(
         origin=frame,
         contents=contents,

@@ -6,17 +6,22 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import rerun as rr
+from rerun.chunk import RrdReader
 
 from trackbench.errors import InputError
 from trackbench.palette import sensor_colours
-from trackbench.recording import layout, scene, series, views
+from trackbench.recording import layout, legend, scene, views
+from trackbench.recording.charts import send_chart
 from trackbench.recording.contents import Contents, contents_of
 from trackbench.recording.data import send_data
+from trackbench.recording.focus import Focus
+from trackbench.recording.series import charts_of
 from trackbench.recording.stream import Stream
+from trackbench.recording.trails import send_trails
 from trackbench.results import Result, Summary, write_bytes
 
 
-def write(result: Result, path: Path, colours: Mapping[str, str] | None = None) -> None:
+def write(result: Result, path: Path, colours: Mapping[str, str] | None = None, focus: Focus = layout.WHOLE) -> None:
     """Write one run as a Rerun recording (.rrd) with its layout.
 
     The timeline is ``sim_time``, in seconds of simulated time; positions are in metres of the fixed frame.
@@ -25,21 +30,44 @@ def write(result: Result, path: Path, colours: Mapping[str, str] | None = None) 
         result: of the run.
         path: the file.
         colours: of its trackers, by name, where they are those of several runs; "#RRGGBB".
+        focus: where it opens.
 
     Raises:
         TrackbenchError: the file cannot be written.
         InputError: the environment switches Rerun off.
     """
-    write_recording(path, application(result.name), lambda recording: send(recording, result, colours))
+    write_recording(path, application(result.name), lambda recording: send(recording, result, colours, focus))
 
 
-def write_overlay(contents: Contents, path: Path) -> None:
+def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
+    """Write a copy of a run's recording that opens elsewhere.
+
+    Args:
+        file: the recording.
+        result: what was read from it.
+        path: the copy.
+        focus: where it opens.
+
+    Raises:
+        As :func:`write`.
+    """
+
+    def send_all(recording: rr.RecordingStream) -> None:
+        contents = contents_of(result)
+        wide = views.wide_window(contents.tables.truth)
+        recording.send_blueprint(layout.blueprint(contents, charts_of(contents), wide, focus))
+        recording.send_chunks(RrdReader(file).stream())
+
+    write_recording(path, application(result.name), send_all)
+
+
+def write_overlay(contents: Contents, path: Path, focus: Focus) -> None:
     """Write several runs that are laid over each other, to be looked at: their numbers are not in the file.
 
     Raises:
         As :func:`write`.
     """
-    write_recording(path, application(contents.name), lambda recording: draw(recording, contents))
+    write_recording(path, application(contents.name), lambda recording: draw(recording, contents, focus))
 
 
 def write_recording(path: Path, name: str, send_all: Callable[[rr.RecordingStream], None]) -> None:
@@ -70,29 +98,36 @@ def application(scenario: str) -> str:
     return f"trackbench {scenario}"
 
 
-def send(recording: rr.RecordingStream, result: Result, colours: Mapping[str, str] | None = None) -> None:
+def send(
+    recording: rr.RecordingStream,
+    result: Result,
+    colours: Mapping[str, str] | None = None,
+    focus: Focus = layout.WHOLE,
+) -> None:
     """Everything that is shown and kept of a run, and its layout."""
-    draw(recording, contents_of(result, colours))
+    draw(recording, contents_of(result, colours), focus)
     recording.send_property("trackbench", _properties(result.summary))
     send_data(Stream(recording), result)
 
 
-def draw(recording: rr.RecordingStream, contents: Contents) -> None:
+def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layout.WHOLE) -> None:
     """Everything that is shown, and its layout."""
     stream, tables, colours = Stream(recording), contents.tables, contents.colours
-    windows = views.windows(tables.truth)
-    recording.send_blueprint(layout.blueprint(contents, windows))
+    wide, charts = views.wide_window(tables.truth), charts_of(contents)
+    recording.send_blueprint(layout.blueprint(contents, charts, wide, focus))
     recording.send_recording_name(contents.name)
     stream.markdown("ranking", contents.ranking)
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
-    views.send_scales(stream, windows)
-    views.send_legends(stream, windows, colours)
-    scene.send_vehicles(stream, tables.truth)
+    views.send_scales(stream, wide, contents.vehicles)
+    legend.send_legend(stream, legend.entries(colours, list(contents.sensors)))
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     scene.send_estimates(stream, tables.estimates, tables.truth, colours, contents.hold)
-    series.send_all_runs(stream, tables.steps, tables.nis, colours)
-    series.send_recorded_run(stream, tables.estimates, tables.recorded_nis, tables.nis, colours)
+    send_trails(stream, tables.truth, tables.estimates, colours, contents.hold)
+    for each in (charts.all_runs, charts.recorded, *charts.vehicles.values()):
+        for chart in each.all:
+            send_chart(stream, chart)
 
 
 def _properties(summary: Summary) -> rr.AnyValues:

@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, condition_verdict
 from trackbench.report.numbers import fixed, joined
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 
-#: Errors this many times as large as stated, or the reciprocal, are worth a sentence.
-NOTABLE = 1.25
-#: A manoeuvre with a smaller share of the estimates is in the tables, but not in a sentence.
-_SMALLEST_SHARE = 0.01
+#: Beyond these an error is not as large as stated, in standard deviations.
+LIMITS = math.sqrt(1 - BELOW), math.sqrt(1 + ABOVE)
 
 Quantity = Literal["position", "velocity"]
 QUANTITIES: tuple[Quantity, ...] = ("position", "velocity")
@@ -34,15 +33,8 @@ class Calibration:
     quantity: Quantity
     ratio: float
     ci95: tuple[float, float] | None
-
-    @property
-    def verdict(self) -> str:
-        """ "optimistic" or "pessimistic" where the whole interval is beyond ``NOTABLE``, else nothing."""
-        if self.ci95 is None:
-            return ""
-        if self.ci95[0] > NOTABLE:
-            return "optimistic"
-        return "pessimistic" if self.ci95[1] < 1 / NOTABLE else ""
+    verdict: str
+    """ "optimistic" or "pessimistic" where the whole interval is beyond ``LIMITS``, else nothing."""
 
 
 def calibration(scores: ConditionScores, quantity: Quantity) -> Calibration | None:
@@ -50,15 +42,18 @@ def calibration(scores: ConditionScores, quantity: Quantity) -> Calibration | No
     nees = scores.nees_position if quantity == "position" else scores.nees_velocity
     if nees is None or nees.value is None:
         return None
+    assert nees.dof is not None
+    found = condition_verdict(nees.ci95, nees.dof)
     ci95 = None if nees.ci95 is None else (_ratio(nees, nees.ci95[0]), _ratio(nees, nees.ci95[1]))
-    return Calibration(quantity, _ratio(nees, nees.value), ci95)
+    off = found in ("optimistic", "pessimistic")
+    return Calibration(quantity, _ratio(nees, nees.value), ci95, found if off else "")
 
 
 def calibration_clauses(breakdown: Breakdown) -> list[str]:
     """Where the stated standard deviations are off, such as "optimistic about velocity in turns (errors 1.6 times as
-    large as stated)"; none where nothing was shown to be off by ``NOTABLE``."""
+    large as stated)"; none where nothing was shown to be off."""
     entries = breakdown.manoeuvre
-    smallest = _SMALLEST_SHARE * breakdown.all.count
+    smallest = SMALLEST_SHARE * breakdown.all.count
     found = {
         name: [known for quantity in QUANTITIES if (known := calibration(scores, quantity))]
         for name, scores in entries.items()

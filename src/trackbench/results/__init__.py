@@ -12,7 +12,7 @@ from trackbench.results.folder import (
     write_file,
     write_text,
 )
-from trackbench.results.metric_value import MetricValue
+from trackbench.results.metric_value import ConditionVerdict, MetricValue
 from trackbench.results.result import Result, summary_of
 from trackbench.results.summary import (
     SCHEMA_VERSION,
@@ -25,8 +25,10 @@ from trackbench.results.summary import (
     PrecisionReached,
     Summary,
     TrackerResult,
+    TruthSummary,
 )
 from trackbench.results.tables import Tables
+from trackbench.results.truth_audit import TruthAudit
 
 __all__ = [
     "EXAMINATION",
@@ -34,6 +36,7 @@ __all__ = [
     "SUMMARY",
     "Breakdown",
     "ConditionScores",
+    "ConditionVerdict",
     "Difference",
     "ExpectationResult",
     "Failure",
@@ -44,6 +47,8 @@ __all__ = [
     "Summary",
     "Tables",
     "TrackerResult",
+    "TruthAudit",
+    "TruthSummary",
     "require_file",
     "require_replaceable",
     "require_writable",

@@ -16,6 +16,16 @@ class Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class ConditionVerdict(Part):
+    """The mean of a chi-square statistic under one condition, and what it says."""
+
+    name: str
+    """Of a manoeuvre, of a range band, or ``first second``."""
+    mean: float
+    ci95: tuple[float, float]
+    verdict: str
+
+
 class MetricValue(Part):
     """A value with its unit and interval. A mean chi-square statistic has degrees of freedom and a verdict as well."""
 
@@ -30,13 +40,17 @@ class MetricValue(Part):
     dof: int | None = None
     """Degrees of freedom of a chi-square statistic: what its mean is where the tracker is consistent."""
     bounds95: tuple[float, float] | None = None
-    """Where 95 % of such statistics lie if the tracker is consistent, or its innovations white."""
+    """Where 95 % of autocorrelations lie if the innovations are white."""
     steps_inside_bounds: float | None = None
     """Share of the instants at which the mean over runs and objects is inside its own bounds."""
+    coverage: float | None = None
+    """Share of the measurements of which there is an innovation, among those where there should be one."""
     inside95: float | None = None
     """Share of single statistics under their 95 % point."""
     verdict: str | None = None
     """For example ``consistent`` or ``white``."""
+    conditions: tuple[ConditionVerdict, ...] | None = None
+    """Those under which the statistic was judged, which the verdict takes into account."""
 
     @property
     def mean(self) -> float | None:

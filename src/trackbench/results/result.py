@@ -51,15 +51,25 @@ class Result:
 
     @property
     def scored(self) -> list[TrackerResult]:
-        """The trackers that finished with a position RMSE, best first."""
+        """The trackers that finished with a position RMSE and enough estimates, best first."""
         ranked = [self[name] for name in self.summary.ranking]
-        return [found for found in ranked if found.failed is None and found.position_rmse.value is not None]
+        return [found for found in ranked if not self.why_unscored(found)]
 
     @property
     def unscored(self) -> list[TrackerResult]:
-        """The trackers that failed or gave nothing to score."""
-        good = {found.name for found in self.scored}
-        return [found for found in self.summary.trackers if found.name not in good]
+        """The trackers that failed, gave nothing to score or too few estimates."""
+        return [found for found in self.summary.trackers if self.why_unscored(found)]
+
+    def why_unscored(self, tracker: TrackerResult) -> str:
+        """Why a tracker is not held against the others; empty where it is."""
+        if tracker.failed is not None:
+            return str(tracker.failed)
+        if tracker.position_rmse.value is None:
+            return tracker.position_rmse.reason or "nothing to score"
+        share = tracker.metrics["coverage"].value if "coverage" in tracker.metrics else None
+        if share is not None and share < self.summary.score.min_coverage:
+            return f"{100 * (1 - share):.0f} % of its estimates are missing"
+        return ""
 
     def json(self) -> dict[str, Any]:
         """The summary as JSON values."""

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 2
 
@@ -17,6 +18,9 @@ Metrics = Annotated[
     BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
     PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
 ]
+
+#: None where a truth was not audited; such a ``Truth`` has an empty mapping.
+Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
 
 
 class ScenarioSummary(Part):
@@ -29,8 +33,26 @@ class ScenarioSummary(Part):
     overrides: list[str]
 
 
+class SceneSummary(Part):
+    """One of several scenes."""
+
+    name: str
+    """What tells it from the others, such as ``seed 13``."""
+    objects: list[str]
+    duration_s: float
+    position_rmse: dict[str, float]
+    """Of each ranked tracker with an estimate in it, m."""
+
+    @property
+    def order(self) -> list[str]:
+        """The trackers by their error in this scene, the best first."""
+        return sorted(self.position_rmse, key=self.position_rmse.__getitem__)
+
+    audit: Audit = None
+
+
 class TruthSummary(Part):
-    """Where the truth came from and what the audit found; the source's own options stand beside."""
+    """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -39,8 +61,26 @@ class TruthSummary(Part):
     steps: int
     dt: float | None
     duration_s: float
-    audit: dict[str, Any]
+    audit: Audit
     cached: bool
+    scenes: list[SceneSummary] = Field(default_factory=list)
+    """All of them, where there are several."""
+
+
+class ComponentNoise(Part):
+    """Of one component of a measurement."""
+
+    sigma: float
+    unit: str
+    """"m", "deg" or "m/s"."""
+
+
+class MountSummary(Part):
+    """The pose of a sensor on the observer."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
 
 
 class SensorSummary(Part):
@@ -49,6 +89,12 @@ class SensorSummary(Part):
     kind: str
     dof: int
     """Components of a measurement."""
+    noise: dict[str, ComponentNoise]
+    """By component, as the sensor states it."""
+    fov_deg: float
+    max_range_m: float | None
+    """None without a limit."""
+    mount: MountSummary
     rate_hz: float | None
     """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
     preset: str | None
@@ -56,12 +102,43 @@ class SensorSummary(Part):
     """Share of the scans with an object in view that gave a measurement of it."""
 
 
-class BoundSummary(Part):
-    """What the Cramer-Rao bound assumes."""
+class ReferenceSummary(Part):
+    """What errors are held against: the Cramer-Rao bound of targets that move with white acceleration.
 
+    It also takes for granted that the sensors' noise is as stated and without bias, and that each measurement is known
+    to be of its target.
+    """
+
+    kind: Literal["bound", "reference"]
+    """bound: the targets do move so, and no tracker can be expected to have smaller errors. reference: they move in
+    another way, and a tracker can have smaller errors."""
     motion: str
     acceleration_sigma_mps2: float
+    """Standard deviation per axis."""
+    acceleration_from: Literal["scenario", "truth"]
+    """scenario: as it states. truth: that by which the targets were driven, or else the RMS of their acceleration."""
+    acceleration_changes: Literal["each truth step", "each measurement"]
+    """When it is drawn anew; measurement: of the sensors that the tracker reads."""
     velocity_sigma_mps: float
+    """Standard deviation per axis before the first measurement, for trackers that do not start from the truth."""
+
+    @property
+    def label(self) -> str:
+        """As a legend names it."""
+        return "Cramér-Rao bound" if self.kind == "bound" else "reference"
+
+    @property
+    def meaning(self) -> str:
+        """What it is, in one sentence."""
+        white = f"with white acceleration of {self.acceleration_sigma_mps2:.3g} m/s² per axis"
+        if self.kind == "bound":
+            moving = white if self.acceleration_sigma_mps2 > 0 else "straight and steadily"
+            return f"The vehicles move {moving}, and no tracker can be expected to have smaller errors than this bound."
+        source = ", the RMS of the true one" if self.acceleration_from == "truth" else ""
+        return (
+            f"It is the Cramér-Rao bound that would hold if the vehicles moved {white}{source}. They do not: it serves "
+            "to compare, and a tracker can be below it."
+        )
 
 
 class OwnMetricSummary(Part):
@@ -77,15 +154,37 @@ class OwnMetricSummary(Part):
     options: dict[str, Any] = Field(default_factory=dict)
 
 
+class MarginSummary(Part):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: float
+    position_m: float
+    velocity_mps: float
+    course_deg: float
+
+    def absolute(self, unit: str) -> float:
+        """The absolute part of metrics of a unit; 0 where there is none."""
+        return {"m": self.position_m, "m/s": self.velocity_mps, "deg": self.course_deg}.get(unit, 0.0)
+
+    def at(self, value: float, unit: str) -> float:
+        """The margin where the better of the two values is this one."""
+        return max(self.percent / 100 * abs(value), self.absolute(unit))
+
+
 class ScoreSummary(Part):
     """Which errors count, and what is computed of them beside the built-in metrics."""
 
     settle_s: float
     divergence_m: float
+    min_coverage: float
+    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    common_share: float | None
+    """Share of the estimates of the ranked trackers that all of them gave, which alone are scored."""
     from_s: float
     """The first instant at which a sensor looks; trackers are asked and scored from here on."""
     to_s: float
     """The last one."""
+    margin: MarginSummary
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 
@@ -137,6 +236,8 @@ class Breakdown(Part):
     all: ConditionScores
     manoeuvre: dict[str, ConditionScores]
     range: dict[str, ConditionScores]
+    age: dict[str, ConditionScores]
+    """By time since a sensor could first see the object."""
 
 
 class TrackerResult(Part):
@@ -149,6 +250,8 @@ class TrackerResult(Part):
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
     breakdown: Breakdown | None = None
+    scene_share: float | None = None
+    """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})
@@ -171,10 +274,13 @@ class Difference(Part):
     unit: str
     value: float
     ci95: tuple[float, float] | None
+    margin: float
+    """Up to this a difference does not matter."""
     p_value: float
-    """Corrected for the number of differences of the metric."""
+    """Of the hypothesis that the difference is within the margin, corrected for the number of differences of the
+    metric."""
     better: str | None
-    """The tracker that is shown to be better."""
+    """The tracker that is shown to be better by more than the margin."""
     verdict: str
     """The same in words."""
 
@@ -209,6 +315,7 @@ class Summary(Part):
     scenario: ScenarioSummary
     seed: int
     runs: int = Field(ge=1)
+    """Of all scenes together."""
     versions: dict[str, str]
     engine: str = "numpy"
     command: str
@@ -216,7 +323,7 @@ class Summary(Part):
     """One a run, of all its measurements: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
-    bound: BoundSummary
+    reference: ReferenceSummary
     score: ScoreSummary
     recorded_run: int
     trackers: list[TrackerResult]

@@ -46,14 +46,14 @@ def adapt(
     make = create(config.use, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker):
-        return Direct(primed(tracker))
+        return Direct(primed(tracker.reading_only(config.sensors)))
     if getattr(tracker, "batched", False):
         return Batched(tracker)
     return Looped(make, batch)
 
 
 def masked(scan: Scan) -> Scan:
-    """The scan of a sensor that the tracker does not read: it only tells the time."""
+    """The scan of a sensor that the tracker does not read: it tells the time, at which an estimate is asked for."""
     return scan._replace(measurement=np.full_like(scan.measurement, np.nan), valid=np.zeros_like(scan.valid))
 
 

@@ -3,53 +3,60 @@
 from __future__ import annotations
 
 import logging
+import math
 import platform
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
 import numpy as np
 import pyarrow as pa
 
-from trackbench.metrics import Evaluation, Metric, Scores, Sums, evaluate, health, merge_sums, no_metrics
-from trackbench.metrics.bound import BoundStart, cramer_rao, rms_bound, typical_acceleration
+from trackbench.metrics import Evaluation, Metric, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
-from trackbench.metrics.estimates import ESTIMATES
-from trackbench.results import Failure, Health, Result, Summary, Tables, TrackerResult
+from trackbench.models.sensors import Sensor
+from trackbench.results import Health, Result, Summary, Tables, TrackerResult
 from trackbench.results.summary import (
-    BoundSummary,
+    ComponentNoise,
+    MarginSummary,
+    MountSummary,
     OwnMetricSummary,
+    ReferenceSummary,
     ScenarioSummary,
+    SceneSummary,
     ScoreSummary,
     SensorSummary,
     TruthSummary,
 )
 from trackbench.runner import recorded_tables, tables
-from trackbench.runner.block import Block, Work
+from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
+from trackbench.runner.evaluated import Evaluated, evaluated
 from trackbench.runner.expectations import judge
+from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.scenario.config import BoundConfig
-from trackbench.sensing.scans import scan_rate
+from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.trackers.answers import NOT_FINITE
-from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.truth import LoadedTruth
-from trackbench.types import Array
+from trackbench.truth import LoadedTruth, TruthSource
 
 log = logging.getLogger(__name__)
 
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy", "scipy", "rerun-sdk")
 
 
-def assemble(loaded: Scenario, truth: LoadedTruth, work: Work, blocks: list[Block], command: str) -> Result:
+def assemble(
+    loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[Block], command: str
+) -> Result:
     """The result of all blocks of a run."""
     scenario = loaded.config
-    assembly = _Assembly(work, blocks, scenario.score.bound)
-    evaluations = assembly.evaluations
-    found = differences({name: item.intervals for name, item in evaluations.items()}, work.metrics)
+    assembly = _Assembly(work, blocks)
+    found = assembly.found
+    compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
+    margin = MarginSummary(**scenario.score.margin.model_dump())
+    pairs = differences(compared, work.metrics, margin)
     trackers = [assembly.tracker(name) for name in work.trackers]
-    expectations = judge(scenario.expect, trackers, found)
+    instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
+    expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
     summary = Summary(
         scenario=ScenarioSummary(
             name=scenario.name,
@@ -59,72 +66,53 @@ def assemble(loaded: Scenario, truth: LoadedTruth, work: Work, blocks: list[Bloc
             overrides=list(loaded.overrides),
         ),
         seed=work.seed,
-        runs=work.runs,
+        runs=work.runs * len(work.scenes),
         versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         command=command,
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
-        truth=_truth_summary(truth),
+        truth=_truth_summary(truths, work, scenario.truth.scenes(), found),
         sensors=assembly.sensors(),
-        bound=BoundSummary(
+        reference=ReferenceSummary(
+            kind="bound" if work.acceleration_as_drawn else "reference",
             motion="cv",
-            acceleration_sigma_mps2=assembly.acceleration,
-            velocity_sigma_mps=scenario.score.bound.velocity_sigma_mps,
+            acceleration_sigma_mps2=work.acceleration,
+            acceleration_from="truth" if scenario.score.reference.acceleration_sigma_mps2 is None else "scenario",
+            acceleration_changes="each truth step" if work.acceleration_as_drawn else "each measurement",
+            velocity_sigma_mps=work.velocity_sigma,
         ),
         score=ScoreSummary(
             settle_s=work.settle,
             divergence_m=work.divergence,
-            from_s=float(truth.truth.time[work.instants()[0]]),
-            to_s=float(truth.truth.time[work.instants()[-1]]),
+            min_coverage=work.min_coverage,
+            common_share=found.common_share,
+            from_s=min(float(time[0]) for time in instants),
+            to_s=max(float(time[-1]) for time in instants),
+            margin=margin,
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
-        recorded_run=work.recorded_run,
+        recorded_run=work.recorded_scene * work.runs + work.recorded_run,
         trackers=trackers,
-        ranking=_ranking(list(work.trackers), evaluations),
-        differences=found,
+        ranking=[*found.ranked, *(name for name in work.trackers if name not in found.ranked)],
+        differences=pairs,
         expectations=expectations,
         passed=all(item.passed for item in expectations),
         artifacts={},
     )
-    _log_broken(evaluations)
+    _log_broken(found.evaluations)
     return Result(summary, Tables(assembly.tables()))
 
 
 class _Assembly:
     """What the blocks of a run amount to."""
 
-    def __init__(self, work: Work, blocks: list[Block], bound: BoundConfig) -> None:
+    def __init__(self, work: Work, blocks: Sequence[Block]) -> None:
         self._work = work
         self._blocks = blocks
-        self._bound = bound
-        self._failures: dict[str, Failure] = {}
-        self._sums: dict[str, Sums] = {}
-        for name in work.trackers:
-            outcomes = [block.sums[name] for block in blocks]
-            failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)
-            if failure is None:
-                whole = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
-                self._sums[name] = merge_sums(whole, work.metrics)
-            else:
-                self._failures[name] = failure
-        self._rates = {
-            sensor.name: np.sum([block.detections[sensor.name] for block in blocks], axis=0) / work.runs
-            for sensor in work.sensors
-        }
-        stated = bound.acceleration_sigma_mps2
-        self.acceleration = typical_acceleration(work.truth) if stated is None else stated
-        self._bounds = self._variances()
-        self._scores: dict[str, Scores] = {}
-        for name, sums in self._sums.items():
-            scores = sums[ESTIMATES.name]
-            self._scores[name] = replace(scores, bound=rms_bound(self._bounds[name], scores.weight))
-        self.evaluations = {
-            name: evaluate({**sums, ESTIMATES.name: self._scores[name]}, work.metrics)
-            for name, sums in self._sums.items()
-        }
+        self.found = evaluated(work, blocks)
 
     def tracker(self, name: str) -> TrackerResult:
         """The entry of one tracker."""
-        failure = self._failures.get(name)
+        failure = self.found.failures.get(name)
         described = describe(self._work.trackers[name])
         if failure is not None:
             return TrackerResult(
@@ -134,79 +122,103 @@ class _Assembly:
                 metrics=no_metrics("the tracker failed", self._work.metrics),
                 health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE)),
             )
-        scores = self._scores[name]
+        evaluation = self.found.evaluations[name]
         return TrackerResult(
             name=name,
             describe=described,
             failed=None,
-            metrics=self.evaluations[name].values,
-            health=health(scores),
-            breakdown=breakdown(scores.classes),
+            metrics=evaluation.values,
+            health=health(self.found.scores[name]),
+            breakdown=breakdown(evaluation.scores.classes),
+            scene_share=self.found.scene_share(name),
         )
 
     def sensors(self) -> dict[str, SensorSummary]:
         """The sensors by name, with their share of detections."""
         found = {}
-        for sensor in self._work.sensors:
-            rates = self._rates[sensor.name]
-            seen = np.broadcast_to(sensor.visible.mean(axis=-1), rates.shape).sum()
+        for number, sensor in enumerate(self._work.scenes[0].sensors):
+            detected = sum(block.detections[sensor.name].sum() for block in self._blocks)
+            seen = sum(self._in_view(scene.sensors[number]) for scene in self._work.scenes)
             found[sensor.name] = SensorSummary(
                 kind=sensor.config.type,
                 dof=len(sensor.noise_covariance),
+                noise=_noise(sensor.config),
+                fov_deg=sensor.config.fov_deg,
+                max_range_m=sensor.config.max_range_m,
+                mount=MountSummary.model_validate(sensor.config.mount.model_dump()),
                 rate_hz=scan_rate(sensor),
                 preset=sensor.config.preset,
-                detection_rate=float(rates.sum() / seen) if seen > 0 else None,
+                detection_rate=float(detected / seen) if seen > 0 else None,
             )
         return found
 
+    def _in_view(self, sensor: IdealSensor) -> float:
+        """Number of instants, objects and runs of a scene at which the sensor could see the object."""
+        return float(sensor.visible.mean(axis=-1).sum() * self._work.runs)
+
     def tables(self) -> dict[str, pa.Table]:
         """Every table by name."""
-        work, truth, instants, run = self._work, self._work.truth, self._work.instants(), self._work.recorded_run
+        work, run = self._work, self._work.recorded_run
+        scene = work.scenes[work.recorded_scene]
+        truth, instants = scene.truth, scene.instants()
         block = next(block for block in self._blocks if block.scans is not None)
         assert block.scans is not None
-        times = {sensor.name: sensor.time for sensor in work.sensors}
-        recorded = {name: estimates for name, estimates in block.recorded.items() if name in self._scores}
+        longest = max(work.scenes, key=lambda item: len(item.instants()))
+        times = {sensor.name: sensor.time for sensor in longest.sensors}
+        own = {sensor.name: sensor.time for sensor in scene.sensors}
+        evaluations = self.found.evaluations
+        recorded = {name: estimates for name, estimates in block.recorded.items() if name in evaluations}
         return {
-            "steps": tables.steps_table(self._scores, self._bounds, truth.time[instants]),
-            "nis": tables.nis_table(self._scores, times),
-            "runs": tables.runs_table(self._scores, self.evaluations),
-            "breakdown": tables.breakdown_table(self._scores),
-            "autocorrelation": tables.autocorrelation_table(self._scores),
+            "steps": tables.steps_table(evaluations, longest.truth.time[longest.instants()]),
+            "nis": tables.nis_table(self.found.scores, times),
+            "runs": tables.runs_table(self.found, work.scene_of_run),
+            "breakdown": tables.breakdown_table(evaluations),
+            "autocorrelation": tables.autocorrelation_table(self.found.scores),
             "truth": recorded_tables.truth_table(truth, run),
             "measurements": recorded_tables.measurements_table(block.scans, truth.ids),
             "estimates": recorded_tables.estimates_table(recorded, truth, instants, run),
-            "recorded_nis": recorded_tables.recorded_nis_table(recorded, work, times),
+            "recorded_nis": recorded_tables.recorded_nis_table(recorded, truth.ids, own),
             "roads": recorded_tables.roads_table(truth),
         }
 
-    def _variances(self) -> dict[str, Array]:
-        """Variances of the bound by tracker, computed once for all that read the same sensors from the same start."""
-        work = self._work
-        known: dict[tuple[tuple[str, ...], BoundStart], Array] = {}
-        found = {}
-        for name in self._sums:
-            tracker = work.trackers[name]
-            sensors = [item for item in work.sensors if tracker.sensors is None or item.name in tracker.sensors]
-            start = _start(tracker, self._bound)
-            case = tuple(sensor.name for sensor in sensors), start
-            if case not in known:
-                instants = work.instants()
-                known[case] = cramer_rao(work.truth, sensors, self._rates, self.acceleration, start, instants)
-            found[name] = known[case]
-        return found
+
+def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
+    """Of each component, angles in degrees."""
+    found = {}
+    for name, unit, sigma in zip(sensor.components, sensor.units, sensor.sigmas(), strict=True):
+        angle = unit == "rad"
+        found[name] = ComponentNoise(sigma=math.degrees(sigma) if angle else sigma, unit="deg" if angle else unit)
+    return found
 
 
-def _truth_summary(loaded: LoadedTruth) -> TruthSummary:
+def _truth_summary(
+    truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource], found: Evaluated
+) -> TruthSummary:
+    loaded = truths[work.recorded_scene]
     truth = loaded.truth
-    found = {
+    entries = {
         "objects": list(truth.ids),
         "steps": len(truth.time),
         "dt": float(truth.time[1] - truth.time[0]) if len(truth.time) > 1 else None,
         "duration_s": float(truth.time[-1]),
         "audit": truth.audit,
-        "cached": loaded.cached,
+        "cached": all(item.cached for item in truths),
+        "scenes": _scenes(truths, sources, found) if len(truths) > 1 else [],
     }
-    return TruthSummary.model_validate({**truth.source, **found})
+    return TruthSummary.model_validate({**truth.source, **entries})
+
+
+def _scenes(truths: Sequence[LoadedTruth], sources: Sequence[TruthSource], found: Evaluated) -> list[SceneSummary]:
+    errors = {name: found.error_by_scene(name) for name in found.ranked}
+    return [
+        SceneSummary(
+            name=source.scene_name or f"scene {number + 1}",
+            objects=list(item.truth.ids),
+            duration_s=float(item.truth.time[-1]),
+            position_rmse={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
+        )
+        for number, (item, source) in enumerate(zip(truths, sources, strict=True))
+    ]
 
 
 def _metric_summary(metric: Metric) -> OwnMetricSummary:
@@ -219,20 +231,6 @@ def _metric_summary(metric: Metric) -> OwnMetricSummary:
         per_sensor=metric.per_sensor,
         options=metric.model_dump(mode="json", fallback=str),
     )
-
-
-def _start(tracker: FilterConfig | PluginConfig, config: BoundConfig) -> BoundStart:
-    if isinstance(tracker, FilterConfig) and tracker.initial.source == "truth":
-        return BoundStart(tracker.initial.velocity_sigma_mps, tracker.initial.position_sigma_m)
-    return BoundStart(config.velocity_sigma_mps)
-
-
-def _ranking(trackers: list[str], evaluations: Mapping[str, Evaluation]) -> list[str]:
-    """By position error, the failed ones last."""
-    errors = {name: item.intervals.get("position_rmse") for name, item in evaluations.items()}
-    known = {name: error.value for name, error in errors.items() if error is not None}
-    ranked = sorted(known, key=known.__getitem__)
-    return ranked + [name for name in trackers if name not in ranked]
 
 
 def _log_broken(evaluations: Mapping[str, Evaluation]) -> None:

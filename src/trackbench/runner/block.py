@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, groupby, zip_longest
-from pathlib import Path
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.metrics import BUILT_IN, Fault, Metric, Scorer, Scores, Sums, Target
+from trackbench.metrics import BlockScores, Scorer, Sums, score_together
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
@@ -19,41 +18,12 @@ from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
 from trackbench.runner.adapters import TrackFault, adapt, cause_of, masked
 from trackbench.runner.allocation import keep_freed_memory
-from trackbench.sensing.scans import IdealSensor, Measurements, sense
+from trackbench.runner.targets import Targets
+from trackbench.runner.work import Piece, Work
+from trackbench.sensing.scans import Measurements, sense
 from trackbench.streams import stream
-from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Gaussian, Indices, Progress, Scan, Truth, no_progress
-
-#: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
-BATCH_SIZE = 2000
-
-
-@dataclass(frozen=True)
-class Work:
-    """Everything that is the same for every block of a run."""
-
-    scenario: str
-    seed: int
-    runs: int
-    truth: Truth
-    sensors: list[IdealSensor]
-    trackers: Mapping[str, FilterConfig | PluginConfig]
-    folder: Path | None
-    """Where a tracker's module is looked for first."""
-    settle: float
-    divergence: float
-    recorded_run: int
-    metrics: tuple[Metric, ...] = BUILT_IN
-
-    def blocks(self) -> list[range]:
-        """The runs in blocks, which depend on the numbers of runs and objects alone."""
-        size = max(1, BATCH_SIZE // max(1, len(self.truth.ids)))
-        return [range(first, min(first + size, self.runs)) for first in range(0, self.runs, size)]
-
-    def instants(self) -> Indices:
-        """Indices of the truth's steps at which any sensor takes a measurement."""
-        return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
+from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress
 
 
 @dataclass
@@ -85,7 +55,7 @@ OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 class Block:
     """What a block of runs leaves behind."""
 
-    runs: range
+    piece: Piece
     sums: dict[str, Sums | Failure]
     """By tracker."""
     recorded: dict[str, RecordedEstimates]
@@ -95,7 +65,7 @@ class Block:
     digests: list[bytes]
 
     @property
-    def scores(self) -> dict[str, Scores | Failure]:
+    def scores(self) -> dict[str, BlockScores | Failure]:
         """By tracker, the sums that the built-in metrics share."""
         return {
             name: found if isinstance(found, Failure) else found[ESTIMATES.name] for name, found in self.sums.items()
@@ -103,37 +73,57 @@ class Block:
 
 
 def run_block(
-    work: Work, runs: range, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
+    work: Work, piece: Piece, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
 ) -> Block:
     """Synthesise the measurements of some runs and take every tracker through them.
 
+    All trackers take the same stretch of instants before any goes on, so that they are scored where all of them gave an
+    estimate.
+
     Args:
         work: what all blocks share.
-        runs: those of this block.
+        piece: the runs of this block.
         progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
         on_recorded_run: called with the recorded run, if it is in this block.
     """
     keep_freed_memory()
-    measurements = sense(work.sensors, work.seed, work.scenario, runs)
-    target = _target(work, measurements, runs)
-    kept = work.recorded_run - runs.start if work.recorded_run in runs else None
-    scans = None if kept is None else [_of_run(scan, len(work.truth.ids), kept) for scan in measurements.scans]
-    tracker_runs = {name: TrackerRun(work, name, runs, measurements, target, kept) for name in work.trackers}
-    each = [tracker_run.instants() for tracker_run in tracker_runs.values()]
-    instants = len(target.time)
-    if on_recorded_run is None or scans is None:
-        # One tracker after the other: its state stays in the processor's cache.
-        for done, _ in enumerate(chain(*each), start=1):
-            progress(done / (instants * len(each)) * len(runs), len(runs))
-    else:
-        on_recorded_run(scans)
-        for number, estimates in enumerate(zip_longest(*each)):
-            known = {name: found for name, found in zip(tracker_runs, estimates, strict=True) if found is not None}
-            on_recorded_run(RecordedInstant(number, known))
-            progress((number + 1) / instants * len(runs), len(runs))
-    sums = {name: tracker_run.sums for name, tracker_run in tracker_runs.items()}
-    recorded = {name: item.recorded for name, item in tracker_runs.items() if item.recorded is not None}
-    return Block(runs, sums, recorded, scans, measurements.detections, measurements.digests)
+    scene, runs = work.scenes[piece.scene], piece.runs
+    measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
+    kept = work.recorded_run - runs.start if work.recorded_run in runs and piece.scene == work.recorded_scene else None
+    scans = None if kept is None else [_of_run(scan, len(scene.truth.ids), kept) for scan in measurements.scans]
+    targets = Targets(work, piece, measurements)
+    trackers = {name: TrackerRun(work, name, piece, measurements, targets, kept) for name in work.trackers}
+    observe = on_recorded_run if scans is not None else None
+    if observe is not None and scans is not None:
+        observe(scans)
+    instants = len(scene.instants())
+    chunk = next(iter(trackers.values())).chunk
+    for first in range(0, instants, chunk):
+        here = range(first, min(first + chunk, instants))
+        if observe is None:
+            # One tracker after the other: its state stays in the processor's cache.
+            for tracker in trackers.values():
+                for _ in here:
+                    tracker.advance()
+        else:
+            for instant in here:
+                each = {name: tracker.advance() for name, tracker in trackers.items()}
+                observe(RecordedInstant(instant, {name: found for name, found in each.items() if found is not None}))
+        _score(list(trackers.values()))
+        progress(here.stop / instants * len(runs), len(runs))
+    sums = {name: tracker.close() for name, tracker in trackers.items()}
+    recorded = {name: tracker.recorded for name, tracker in trackers.items() if tracker.recorded is not None}
+    return Block(piece, sums, recorded, scans, measurements.detections, measurements.digests)
+
+
+def _score(trackers: Sequence[TrackerRun]) -> None:
+    """Score what those that have not failed gave at the latest instants."""
+    going = [tracker for tracker in trackers if tracker.failure is None]
+    faults = score_together([tracker.scorer for tracker in going])
+    for tracker in going:
+        fault = faults.get(tracker.name)
+        if fault is not None:
+            tracker.fail(fault.cause, fault.instant, None, fault.member)
 
 
 class TrackerRun:
@@ -143,47 +133,68 @@ class TrackerRun:
         self,
         work: Work,
         name: str,
-        runs: range,
+        piece: Piece,
         measurements: Measurements,
-        target: Target,
+        targets: Targets,
         kept: int | None,
     ) -> None:
-        self._work = work
-        self._name = name
-        self._runs = runs
-        self._measurements = measurements
-        self._target = target
-        self._kept = kept
-        objects, instants = len(work.truth.ids), len(target.time)
-        self._none = Estimate(np.full((4, objects * len(runs)), np.nan), np.full((4, 4, objects * len(runs)), np.nan))
-        self.sums: Sums | Failure
-        """Once all instants have been taken."""
+        config = work.trackers[name]
+        scene = work.scenes[piece.scene]
+        read = [sensor for sensor in scene.sensors if config.sensors is None or sensor.name in config.sensors]
+        self.name = name
+        self.failure: Failure | None = None
+        self._work, self._piece, self._scene, self._runs, self._kept = work, piece, scene, piece.runs, kept
+        self._target = targets.of(config)
+        self.scorer = Scorer(
+            self._target,
+            conditions(scene.truth, scene.instants(), read, piece.runs),
+            {sensor.name: len(sensor.steps) for sensor in scene.sensors},
+            tracker=name,
+            first=piece.scene == piece.runs.start == 0,
+            single=work.runs == len(work.scenes) == 1,
+            metrics=work.metrics,
+        )
+        objects, instants = len(scene.truth.ids), len(self._target.time)
+        batch = objects * len(self._runs)
+        self._none = Estimate(np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan))
         self.recorded: RecordedEstimates | None = None
         if kept is not None:
             self.recorded = RecordedEstimates(
                 np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
             )
+        self._instants = self._through(measurements.scans)
 
-    def instants(self) -> Iterator[Gaussian | None]:
-        """Take the tracker through one instant after the other, to the last one or until it fails.
+    @property
+    def chunk(self) -> int:
+        """Number of instants that are scored at a time."""
+        return self.scorer.chunk
 
-        Yields:
-            At each instant its estimate of the recorded run, None where that is in another block.
+    def advance(self) -> Gaussian | None:
+        """Take the tracker through the next instant, unless it has failed.
+
+        Returns:
+            Its estimate of the recorded run; None where that is in another block.
         """
-        self.sums = yield from self._instants()
+        return None if self.failure is not None else next(self._instants, None)
 
-    def _instants(self) -> Generator[Gaussian | None, None, Sums | Failure]:
+    def close(self) -> Sums | Failure:
+        """What it left behind, once all instants were taken and scored."""
+        if self.failure is not None:
+            return self.failure
+        sums = self.scorer.close()
+        scores: BlockScores = sums[ESTIMATES.name]
+        if scores.due.sum() > 0 and not scores.errors:
+            self.fail("it gave no estimate at all", len(self._target.time) - 1, None, None)
+        return self.failure or sums
+
+    def _through(self, scans: Sequence[Scan]) -> Iterator[Gaussian | None]:
         work = self._work
-        config = work.trackers[self._name]
-        counts = {sensor.name: len(sensor.steps) for sensor in work.sensors}
-        read = [sensor for sensor in work.sensors if config.sensors is None or sensor.name in config.sensors]
-        classes = conditions(work.truth, work.instants(), read, self._runs)
-        scorer = Scorer(self._target, classes, counts, self._runs.start == 0, work.metrics)
+        config = work.trackers[self.name]
         named = config.sensors_used
-        instant, scan = 0, self._measurements.scans[0]
+        instant, scan = 0, scans[0]
         try:
             stepper = adapt(config, work.folder, self._none.mean.shape[1], self._primed)
-            for instant, (_, group) in enumerate(groupby(self._measurements.scans, key=lambda item: item.time)):
+            for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
                 latest = self._none
                 for scan in group:
                     given = scan if named is None or scan.sensor in named else masked(scan)
@@ -191,28 +202,23 @@ class TrackerRun:
                     answer = stepper.step(given)
                     seconds = time.perf_counter() - begin
                     latest = answer or self._none
-                    scorer.scan(instant, given, latest, seconds)
+                    self.scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
-                scorer.estimate(latest)
+                self.scorer.estimate(latest)
                 yield self._keep(instant, latest)
-            sums = scorer.close()
-        except Fault as fault:
-            return self._failure(fault.cause, fault.instant, None, fault.member)
         except TrackFault as fault:
-            return self._failure(cause_of(fault.cause), instant, scan.sensor, fault.member)
+            self.fail(cause_of(fault.cause), instant, scan.sensor, fault.member)
         except (Exception, SystemExit) as error:
-            return self._failure(cause_of(error), instant, scan.sensor, None)
-        scores = sums[ESTIMATES.name]
-        if scores.present.sum() > 0 and scores.per_step[0].sum() == 0:
-            return self._failure("it gave no estimate at all", instant, None, None)
-        return sums
+            self.fail(cause_of(error), instant, scan.sensor, None)
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""
-        if not tracker.starts_from_truth:
+        work, truth = self._work, self._scene.truth
+        # When it starts must not depend on sensors that it does not read.
+        own = [sensor.steps for sensor in self._scene.sensors if tracker.advances(sensor.name)]
+        if not tracker.starts_from_truth or not own:
             return tracker
-        work, truth = self._work, self._work.truth
-        instants = work.instants()
+        instants = np.unique(np.concatenate(own))
         objects = np.arange(len(truth.ids))
         first = instants[np.argmax(truth.alive[instants], axis=0)]
         shape = (len(objects), len(self._runs))
@@ -227,7 +233,9 @@ class TrackerRun:
         size = max(6, len(tracker.filter.motion.components))
         normal = np.stack(
             [
-                stream(work.seed, work.scenario, run, "initial state").standard_normal((size, len(objects)))
+                stream(work.seed, work.noise_of(self._piece.scene), run, "initial state").standard_normal(
+                    (size, len(objects))
+                )
                 for run in self._runs
             ],
             axis=-1,
@@ -252,35 +260,24 @@ class TrackerRun:
     def _keep_nis(self, scan: Scan, estimate: Estimate) -> None:
         if self.recorded is None or self._kept is None:
             return
-        nis = np.full(len(self._work.truth.ids), np.nan)
+        nis = np.full(len(self._scene.truth.ids), np.nan)
         members = slice(self._kept, None, len(self._runs))
         white = whitened_innovation(estimate, members)
         if white is not None:
             nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
         self.recorded.nis.setdefault(scan.sensor, []).append(nis)
 
-    def _failure(self, cause: str, instant: int, sensor: str | None, member: int | None) -> Failure:
+    def fail(self, cause: str, instant: int, sensor: str | None, member: int | None) -> None:
+        """Note that and where the tracker cannot go on."""
         at = None if member is None else divmod(member, len(self._runs))
-        return Failure(
+        self.failure = Failure(
             cause=cause,
             step=instant,
             time_s=float(self._target.time[instant]),
             sensor=sensor,
-            run=None if at is None else self._runs.start + at[1],
-            object=None if at is None else self._work.truth.ids[at[0]],
+            run=None if at is None else self._piece.scene * self._work.runs + self._runs.start + at[1],
+            object=None if at is None else self._scene.truth.ids[at[0]],
         )
-
-
-def _target(work: Work, measurements: Measurements, runs: range) -> Target:
-    truth, instants = work.truth, work.instants()
-    state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, instants]
-    if state.shape[-1] > 1:
-        state = state[..., runs.start : runs.stop]
-    shape = (len(truth.ids), len(runs))
-    start = np.full(shape, np.inf)
-    for scan in reversed(measurements.scans):
-        start = np.where(scan.valid.reshape(shape), scan.time, start)
-    return Target(truth.time[instants], state, truth.alive[instants], start + work.settle, work.divergence)
 
 
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:

@@ -10,26 +10,42 @@ from trackbench.scenario.config import Expectation
 
 
 def judge(
-    expectations: Sequence[Expectation], trackers: Sequence[TrackerResult], differences: Sequence[Difference]
+    expectations: Sequence[Expectation],
+    trackers: Sequence[TrackerResult],
+    differences: Sequence[Difference],
+    min_coverage: float,
 ) -> list[ExpectationResult]:
-    """Each expectation with its value and whether it holds."""
+    """Each expectation with its value and whether it holds; none holds of a tracker with too few estimates."""
     by_name = {tracker.name: tracker for tracker in trackers}
-    return [_judge(item, by_name[item.tracker], differences) for item in expectations]
+    return [_judge(item, by_name[item.tracker], differences, min_coverage) for item in expectations]
 
 
-def _judge(item: Expectation, tracker: TrackerResult, differences: Sequence[Difference]) -> ExpectationResult:
+def _judge(
+    item: Expectation, tracker: TrackerResult, differences: Sequence[Difference], min_coverage: float
+) -> ExpectationResult:
     value = value_at(tracker, item.metric)
     operator, limit, passed = _verdict(item, value, differences)
     shown = f"{limit:g}" if isinstance(limit, float) else limit
+    silence = _silence(tracker, item.metric, min_coverage)
     return ExpectationResult(
         tracker=item.tracker,
         metric=item.metric,
         operator=operator,
         limit=limit,
         value=value,
-        passed=passed,
-        text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}",
+        passed=passed and not silence,
+        text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}{silence}",
     )
+
+
+def _silence(tracker: TrackerResult, path: str, min_coverage: float) -> str:
+    """What is missing of the tracker's answers that the metric rests on, where it is too much."""
+    for metric, what in (("coverage", "estimates"), (path, "innovations"), (path.rpartition(".")[0], "innovations")):
+        found = tracker.metrics.get(metric)
+        share = None if found is None else found.value if metric == "coverage" else found.coverage
+        if share is not None and share < min_coverage and path != "coverage":
+            return f" ({100 * (1 - share):.0f} % of the {what} are missing)"
+    return ""
 
 
 def _verdict(

@@ -13,7 +13,8 @@ from pathlib import Path
 from trackbench.errors import TrackbenchError
 from trackbench.interruption import allow_termination, uninterrupted
 from trackbench.plugins import searched
-from trackbench.runner.block import Block, OnRecordedRun, Work, run_block
+from trackbench.runner.block import Block, OnRecordedRun, run_block
+from trackbench.runner.work import Piece, Work
 from trackbench.types import Progress, no_progress
 
 #: Least time between two words on how far a block is, s.
@@ -23,31 +24,33 @@ DIED = "a worker process died; --workers 1 may show what it died of"
 
 def run_blocks(
     work: Work,
+    pieces: Sequence[Piece],
     workers: int,
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
-    at_hand: int = 0,
 ) -> Iterator[Block]:
     """The blocks in their order, however many processes make them.
 
     Args:
         work: what is the same for all of them.
+        pieces: which blocks.
         workers: number of processes.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run as it is made, in this process, whichever makes it.
-        at_hand: how many of the first ones there are already.
 
     Raises:
         TrackbenchError: a process died.
     """
-    pieces = work.blocks()[at_hand:]
-    if workers == 1 or len(pieces) == 1:
-        for runs in pieces:
+    total = sum(len(piece.runs) for piece in pieces)
+    if workers == 1 or len(pieces) <= 1:
+        before = 0
+        for piece in pieces:
 
-            def reached(done: float, _: float, before: int = runs.start) -> None:
-                progress(before + done, work.runs)
+            def reached(done: float, _: float, before: int = before) -> None:
+                progress(before + done, total)
 
-            yield run_block(work, runs, _now_and_then(reached), on_recorded_run)
+            yield run_block(work, piece, _now_and_then(reached), on_recorded_run)
+            before += len(piece.runs)
         return
     # Not concurrent.futures: after one of its workers is killed within an answer, it waits for the rest for ever. Here
     # each worker has a pipe of its own, so that the end of either process is seen by the other.
@@ -75,7 +78,7 @@ def run_blocks(
 
 
 def _share_out(
-    pieces: Sequence[range], pipes: Sequence[Connection], progress: Progress, on_recorded_run: OnRecordedRun | None
+    pieces: Sequence[Piece], pipes: Sequence[Connection], progress: Progress, on_recorded_run: OnRecordedRun | None
 ) -> Iterator[Block]:
     """A piece for every worker that waits for one, and the blocks in the order of the pieces."""
     todo = iter(enumerate(pieces))
@@ -84,9 +87,9 @@ def _share_out(
     done = [0.0] * len(pieces)
 
     def give(pipe: Connection) -> None:
-        number, runs = next(todo, (None, None))
+        number, piece = next(todo, (None, None))
         if number is not None:
-            pipe.send(runs)
+            pipe.send(piece)
             under_way[pipe] = number
 
     for pipe in pipes:
@@ -100,7 +103,7 @@ def _share_out(
                     raise answer
                 here = under_way[ready]
                 if isinstance(answer, Block):
-                    done[here] = len(pieces[here])
+                    done[here] = len(pieces[here].runs)
                     made[here] = answer
                     del under_way[ready]
                     give(ready)
@@ -109,7 +112,7 @@ def _share_out(
                 else:
                     assert on_recorded_run is not None
                     on_recorded_run(answer)
-                progress(pieces[0].start + sum(done), pieces[-1].stop)
+                progress(sum(done), sum(len(piece.runs) for piece in pieces))
         yield made.pop(number)
 
 
@@ -137,10 +140,10 @@ def _serve(pipe: Connection, folder: Path | None) -> None:
         with searched(folder):
             work, observed = pipe.recv()
         while True:
-            runs = pipe.recv()
+            piece = pipe.recv()
             try:
                 on_recorded_run = pipe.send if observed else None
-                pipe.send(run_block(work, runs, _now_and_then(lambda done, _: pipe.send(done)), on_recorded_run))
+                pipe.send(run_block(work, piece, _now_and_then(lambda done, _: pipe.send(done)), on_recorded_run))
             except Exception as error:
                 error.add_note(traceback.format_exc())
                 pipe.send(error)

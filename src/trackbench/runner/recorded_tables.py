@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from trackbench.metrics.consistency import normalised_square
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.runner.block import RecordedEstimates, Work
+from trackbench.runner.block import RecordedEstimates
 from trackbench.runner.columns import Columns, stacked
 from trackbench.types import Array, Indices, Scan, Truth
 
@@ -123,14 +123,14 @@ def estimates_table(recorded: Mapping[str, RecordedEstimates], truth: Truth, ins
 
 
 def recorded_nis_table(
-    recorded: Mapping[str, RecordedEstimates], work: Work, sensor_times: Mapping[str, Array]
+    recorded: Mapping[str, RecordedEstimates], ids: Sequence[str], sensor_times: Mapping[str, Array]
 ) -> pa.Table:
     """Normalised innovation squared of every measurement of the recorded run."""
     parts: list[Columns] = []
     for name, of in recorded.items():
         for sensor, values in of.nis.items():
             nis = np.stack(values)
-            for i, target in enumerate(work.truth.ids):
+            for i, target in enumerate(ids):
                 rows = len(nis)
                 parts.append(
                     {

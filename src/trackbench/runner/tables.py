@@ -11,24 +11,25 @@ from trackbench.metrics import Evaluation
 from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.stored import run_column
-from trackbench.metrics.sums import ERROR, NIS_RUN, NIS_STEP, Scores
+from trackbench.metrics.sums import ERROR, NIS, BlockScores, Scores
 from trackbench.runner.columns import Columns, stacked
-from trackbench.types import Array
+from trackbench.runner.evaluated import Evaluated
+from trackbench.types import Array, Indices
 
 
-def steps_table(scores: Mapping[str, Scores], bounds: Mapping[str, Array], time: Array) -> pa.Table:
-    """Errors of each tracker at each instant over runs and objects, with the Cramer-Rao bound."""
-    return stacked([_steps(name, item, bounds[name], time) for name, item in scores.items()])
+def steps_table(evaluations: Mapping[str, Evaluation], time: Array) -> pa.Table:
+    """Errors of each tracker at each instant over runs and objects, with the reference."""
+    return stacked([_steps(name, item.scores, time) for name, item in evaluations.items()])
 
 
-def nis_table(scores: Mapping[str, Scores], sensor_times: Mapping[str, Array]) -> pa.Table:
+def nis_table(scores: Mapping[str, BlockScores], sensor_times: Mapping[str, Array]) -> pa.Table:
     """Normalised innovation squared of each tracker and sensor at each measurement."""
     parts = []
     for name, item in scores.items():
         for sensor, nis in item.nis.items():
             if nis.dof == 0:
                 continue
-            count = nis.per_step[NIS_STEP["count"]]
+            count = nis.per_step[NIS["count"]]
             low, high = mean_bounds(nis.dof, count)
             rows = len(count)
             parts.append(
@@ -37,47 +38,56 @@ def nis_table(scores: Mapping[str, Scores], sensor_times: Mapping[str, Array]) -
                     "sensor": [sensor] * rows,
                     "time_s": sensor_times[sensor],
                     "count": count,
-                    "nis_mean": _mean(nis.per_step[NIS_STEP["nis"]], count),
+                    "nis_mean": _mean(nis.per_step[NIS["nis"]], count),
                     "nis_low": np.where(count > 0, low, np.nan),
                     "nis_high": np.where(count > 0, high, np.nan),
                     "dof": np.full(rows, float(nis.dof)),
-                    "inside95": _mean(nis.per_step[NIS_STEP["inside"]], count),
+                    "inside95": _mean(nis.per_step[NIS["inside"]], count),
                 }
             )
     return stacked(parts)
 
 
-def runs_table(scores: Mapping[str, Scores], evaluations: Mapping[str, Evaluation]) -> pa.Table:
-    """Errors of each tracker in each run, for paired comparisons, and what it adds to each metric of a plug-in."""
+def runs_table(found: Evaluated, scene: Indices) -> pa.Table:
+    """Errors of each tracker in each run, for paired comparisons, and what it adds to each metric of a plug-in.
+
+    Args:
+        found: what the trackers reached.
+        scene: ``(runs,)`` number of the scene of each run.
+    """
     parts = []
-    own = list(dict.fromkeys(path for item in evaluations.values() for path in item.own))
-    for name, item in scores.items():
-        count = item.per_run[ERROR["count"]]
-        rows = len(count)
+    own = list(dict.fromkeys(path for item in found.evaluations.values() for path in item.own))
+    for name, item in found.scores.items():
+        per_run = found.errors(name).per_run
+        rows = len(scene)
         parts.append(
             {
                 "tracker": [name] * rows,
                 "run": np.arange(rows, dtype=float),
-                "count": count,
-                "course_count": item.per_run[ERROR["course_count"]],
-                **_errors(item.per_run),
-                "nees_mean": _mean(item.per_run[ERROR["nees"]], count),
+                "scene": scene.astype(float),
+                "count": per_run[ERROR["count"]],
+                "course_count": per_run[ERROR["course_count"]],
+                "due": item.due,
+                **_errors(per_run),
+                "nees_mean": _mean(per_run[ERROR["nees"]], per_run[ERROR["count"]]),
                 "nis_mean": _mean(*_all_nis(item)),
+                "position_reference_m": _mean_root(per_run, "position_reference"),
+                "velocity_reference_mps": _mean_root(per_run, "velocity_reference"),
                 "diverged": item.diverged,
                 "repaired": item.repaired,
-                **{run_column(path): evaluations[name].per_run(path, rows) for path in own},
+                **{run_column(path): found.evaluations[name].per_run(path, rows) for path in own},
             }
         )
     return stacked(parts)
 
 
-def breakdown_table(scores: Mapping[str, Scores]) -> pa.Table:
+def breakdown_table(evaluations: Mapping[str, Evaluation]) -> pa.Table:
     """Errors of each tracker in each manoeuvre and range band over all runs."""
-    rows = [{"tracker": name, **cell} for name, item in scores.items() for cell in cells(item.classes)]
+    rows = [{"tracker": name, **cell} for name, item in evaluations.items() for cell in cells(item.scores.classes)]
     return pa.Table.from_pylist(rows)
 
 
-def autocorrelation_table(scores: Mapping[str, Scores]) -> pa.Table:
+def autocorrelation_table(scores: Mapping[str, BlockScores]) -> pa.Table:
     """Autocorrelation of each tracker's whitened innovations over all runs, by lag in measurements.
 
     ``low`` and ``high`` hold 95 % of the values where the innovations are white.
@@ -103,11 +113,8 @@ def autocorrelation_table(scores: Mapping[str, Scores]) -> pa.Table:
     return stacked(parts)
 
 
-def _steps(name: str, scores: Scores, variances: Array, time: Array) -> Columns:
+def _steps(name: str, scores: Scores, time: Array) -> Columns:
     count = scores.per_step[ERROR["count"]]
-    weight = np.where(np.isfinite(variances).all(axis=2), scores.weight, 0.0)
-    total = weight.sum(axis=1)
-    mean = np.einsum("to,toc->tc", weight, np.nan_to_num(variances)) / np.where(total > 0, total, np.nan)[:, None]
     low, high = mean_bounds(4, count)
     return {
         "tracker": [name] * len(time),
@@ -119,8 +126,8 @@ def _steps(name: str, scores: Scores, variances: Array, time: Array) -> Columns:
         "nees_mean": _mean(scores.per_step[ERROR["nees"]], count),
         "nees_low": np.where(count > 0, low, np.nan),
         "nees_high": np.where(count > 0, high, np.nan),
-        "position_bound_m": np.sqrt(mean[:, :2].sum(axis=1)),
-        "velocity_bound_mps": np.sqrt(mean[:, 2:].sum(axis=1)),
+        "position_reference_m": _mean_root(scores.per_step, "position_reference"),
+        "velocity_reference_mps": _mean_root(scores.per_step, "velocity_reference"),
     }
 
 
@@ -141,10 +148,16 @@ def _errors(sums: Array) -> Columns:
     }
 
 
-def _all_nis(scores: Scores) -> tuple[Array, Array]:
-    nothing = np.zeros_like(scores.present)
-    total = sum((nis.per_run[NIS_RUN["nis"]] for nis in scores.nis.values()), nothing)
-    return total, sum((nis.per_run[NIS_RUN["count"]] for nis in scores.nis.values()), nothing)
+def _mean_root(sums: Array, row: str) -> Array:
+    """NaN where there is none."""
+    total = sums[ERROR[row]]
+    return np.sqrt(_mean(np.where(total > 0, total, np.nan), sums[ERROR["count"]]))
+
+
+def _all_nis(scores: BlockScores) -> tuple[Array, Array]:
+    nothing = np.zeros_like(scores.due)
+    total = sum((nis.per_run[NIS["nis"]] for nis in scores.nis.values()), nothing)
+    return total, sum((nis.per_run[NIS["count"]] for nis in scores.nis.values()), nothing)
 
 
 def _mean(total: Array, count: Array) -> Array:

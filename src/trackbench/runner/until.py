@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from trackbench.errors import InputError
-from trackbench.metrics import evaluate, merge_sums
 from trackbench.metrics.intervals import paired
-from trackbench.results import Failure, PrecisionReached, Result
+from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun
+from trackbench.runner.evaluated import evaluated
 from trackbench.runner.pool import run_blocks
-from trackbench.runner.run import work_of
+from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
-from trackbench.scenario.truth import truth_of
+from trackbench.scenario.truth import truths_of
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
@@ -29,7 +29,7 @@ RUNS = "monte_carlo.runs"
 
 def run_until(
     loaded: Scenario,
-    truth: LoadedTruth,
+    truths: Sequence[LoadedTruth],
     target: float,
     max_runs: int,
     *,
@@ -46,7 +46,7 @@ def run_until(
 
     Args:
         loaded: the scenario, with the number of runs of the first look.
-        truth: its truth.
+        truths: those of its scenes.
         target: half-width of the 95 % interval of the leading difference, as a share of the best tracker's RMSE.
         max_runs: where to stop whatever the precision.
         workers: number of processes.
@@ -56,18 +56,21 @@ def run_until(
     """
     blocks: list[Block] = []
     while True:
-        work = work_of(loaded, truth)
-        pieces = work.blocks()
+        work = work_of(loaded, truths)
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
-        blocks = [block for block, piece in zip(blocks, pieces, strict=False) if block.runs == piece]
-        blocks += run_blocks(work, workers, progress, on_recorded_run, at_hand=len(blocks))
+        known = {block.piece: block for block in blocks}
+        missing = [piece for piece in work.pieces() if piece not in known]
+        known |= {block.piece: block for block in run_blocks(work, missing, workers, progress, on_recorded_run)}
+        blocks = [known[piece] for piece in work.pieces()]
         on_recorded_run = None
-        found = _precision(list(work.trackers), blocks, target, max_runs)
+        found = _precision(work, blocks, target, max_runs)
         if found.reached or found.half_width is None or work.runs >= max_runs:
             break
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
-        truth = truth_of(loaded) if loaded.config.truth.random else truth
-    result = assemble(loaded, truth, work, blocks, command(loaded))
+        if loaded.config.truth.random:
+            # The reference of every run rests on the motion of all.
+            truths, blocks = truths_of(loaded), []
+    result = assemble(loaded, truths, work, blocks, command(loaded))
     return result.updated(precision=found)
 
 
@@ -97,14 +100,10 @@ def _with_runs(loaded: Scenario, runs: int) -> Scenario:
     return replace(loaded, config=config, overrides=(*kept, f"{RUNS}={runs}"))
 
 
-def _precision(trackers: Sequence[str], blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
+def _precision(work: Work, blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
     """How well the leading difference is known after these blocks."""
-    known = {}
-    for name in trackers:
-        outcomes = [block.sums[name] for block in blocks]
-        sums = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
-        if len(sums) == len(outcomes) and "position_rmse" in (intervals := evaluate(merge_sums(sums)).intervals):
-            known[name] = intervals["position_rmse"]
+    found = evaluated(work, blocks)
+    known = {name: found.evaluations[name].intervals["position_rmse"] for name in found.ranked}
     if len(known) < 2:
         return PrecisionReached(
             target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None

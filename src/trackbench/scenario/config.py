@@ -22,17 +22,28 @@ class MonteCarlo(Config):
     seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs.")
 
 
-class BoundConfig(Config):
-    """The posterior Cramer-Rao bound that trackers are held against."""
+class ReferenceConfig(Config):
+    """The Cramer-Rao bound of targets that move with white acceleration, which errors are held against."""
 
     acceleration_sigma_mps2: Positive | None = Field(
         None,
-        description="Standard deviation of the acceleration that the bound allows for, m/s^2; the RMS "
-        "acceleration of the truth unless given.",
+        description="Standard deviation of the acceleration per axis, m/s^2; the RMS acceleration of the truth unless "
+        "given.",
     )
-    velocity_sigma_mps: Positive = Field(
-        20, description="Standard deviation of the velocity before the first measurement, m/s."
+    velocity_sigma_mps: Positive | None = Field(
+        None,
+        description="Standard deviation of the velocity per axis before the first measurement, m/s; the RMS velocity "
+        "of the targets as they enter the scene, and at least 1, unless given.",
     )
+
+
+class Margin(Config):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: NonNegative = Field(1, description="Share of the better value, %.")
+    position_m: NonNegative = Field(0.005, description="Of errors in m.")
+    velocity_mps: NonNegative = Field(0.02, description="Of errors in m/s.")
+    course_deg: NonNegative = Field(0.05, description="Of errors in degrees.")
 
 
 class Score(Config):
@@ -40,7 +51,15 @@ class Score(Config):
 
     settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
-    bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
+    min_coverage: float = Field(
+        0.9,
+        ge=0,
+        le=1,
+        description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "
+        "what is expected of it fails.",
+    )
+    margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
+    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="What errors are held against.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,
         description='Metrics beside the built-in ones: published names, "module:Class", or `{use, options}`.',
@@ -92,7 +111,10 @@ class Expectation(Config):
 class RecordingConfig(Config):
     """What the Rerun recording shows."""
 
-    run: int = Field(0, ge=0, description="The Monte-Carlo run whose measurements and estimates are shown, from 0.")
+    scene: int = Field(0, ge=0, description="The scene that is shown, from 0, where there are several.")
+    run: int = Field(
+        0, ge=0, description="The Monte-Carlo run of it whose measurements and estimates are shown, from 0."
+    )
 
 
 class ScenarioConfig(Config):

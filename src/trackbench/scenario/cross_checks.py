@@ -33,6 +33,10 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
+    scenes = len(scenario.truth.scenes())
+    if scenario.recording.scene >= scenes:
+        there = f"from 0 to {scenes - 1}" if scenes > 1 else "0, since there is one scene"
+        yield Problem(("recording", "scene"), f"must be {there}")
     if scenario.recording.run >= runs:
         yield Problem(
             ("recording", "run"),

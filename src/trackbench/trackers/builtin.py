@@ -31,7 +31,13 @@ FILTERS = {
 
 def build(config: FilterConfig) -> FilterTracker:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
-    return FilterTracker(_filter(config), config.initial, sensor_models=config.sensor_models, sensors=config.sensors)
+    return FilterTracker(
+        _filter(config),
+        config.initial,
+        sensor_models=config.sensor_models,
+        sensors=config.sensors,
+        advance_at=config.advance_at,
+    )
 
 
 def kf(**options: Any) -> FilterTracker:

@@ -15,6 +15,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 InitialSource = Literal["first_reading", "two_readings", "truth"]
+AdvanceAt = Literal["own_scans", "all_scans"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
     dict[str, list[Any]] | list[dict[str, Any]] | None,
@@ -129,6 +130,12 @@ class FilterConfig(OptionsBeside):
     )
     sensors: list[str] | None = Field(
         None, min_length=1, description="Names of the sensors it reads; all unless given."
+    )
+    advance_at: AdvanceAt = Field(
+        "own_scans",
+        description="At which scans its state moves on. own_scans: those of the sensors that it reads; at others it is "
+        "asked for a prediction, which it does not keep, so that they change none of its estimates. all_scans: those "
+        "of sensors left out too, as some published programs have it; the process noise then comes in smaller pieces.",
     )
     process_noise_diag: list[NonNegative] | None = Field(
         None,

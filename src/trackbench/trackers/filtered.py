@@ -13,7 +13,7 @@ from trackbench.filters import Belief, Filter, Update
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
 from trackbench.trackers.base import Prior, require_in_sequence
-from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.config import AdvanceAt, InitialConfig
 from trackbench.trackers.initial import TentativeTrack
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
@@ -22,6 +22,7 @@ class TrackState(NamedTuple):
     """What the tracker knows after a scan."""
 
     time: float
+    """Of the last scan at which the state advanced, s."""
     belief: Belief
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
@@ -30,7 +31,11 @@ class TrackState(NamedTuple):
 
 @dataclass(frozen=True)
 class FilterTracker:
-    """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid."""
+    """Runs a filter on a batch of objects: starts each track, predicts to each scan, updates where it is valid.
+
+    At a scan of a sensor that it does not read it is only asked for its estimate: the answer is a prediction over the
+    whole time since its last own scan, and is not kept. So no estimate depends on a sensor that is not read.
+    """
 
     filter: Filter
     initial: InitialConfig
@@ -40,11 +45,12 @@ class FilterTracker:
     """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
     sensors: Collection[str] | None = None
     """Names of the sensors whose measurements it takes in; None: all that it is given."""
+    advance_at: AdvanceAt = "own_scans"
 
     batched: ClassVar = True
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
-        """Predict to the scan's time and take its measurements in.
+        """Predict to the scan's time, and take its measurements in if it is of a sensor that the tracker reads.
 
         Raises:
             TrackbenchError: the scan is older than the state.
@@ -53,6 +59,8 @@ class FilterTracker:
         if state is None:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
         require_in_sequence(scan, state.time)
+        if not self.advances(scan.sensor):
+            return state, self._asked(state, scan.time)
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
@@ -66,8 +74,7 @@ class FilterTracker:
             begun = _choose(begin.ready & ~started, begin.belief, belief)
             belief = begun._replace(repaired=belief.repaired)
             started, waiting = started | begin.ready, begin.waiting
-        repaired = None if belief.repaired is None else belief.repaired & started
-        estimate = self._estimate(belief, started, waiting)._replace(repaired=repaired)
+        estimate = self._estimate(belief, started, waiting)
         if said is not None:
             estimate = estimate._replace(
                 innovation=_where(known, said.innovation),
@@ -75,6 +82,17 @@ class FilterTracker:
                 whitened_innovation=_where(known, said.whitened_innovation),
             )
         return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
+
+    def advances(self, sensor: str) -> bool:
+        """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is told to."""
+        read = self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
+        return read or self.advance_at == "all_scans"
+
+    def reading_only(self, sensors: Collection[str] | None) -> FilterTracker:
+        """This tracker, which reads no other sensors than these; None: as it is."""
+        if sensors is None:
+            return self
+        return replace(self, sensors=[name for name in sensors if self.sensors is None or name in self.sensors])
 
     @property
     def starts_from_truth(self) -> bool:
@@ -93,6 +111,12 @@ class FilterTracker:
         truth = self.filter.motion.from_kinematics(motion)
         drawn = truth + linalg.expand(sigma, truth) * normal[: len(sigma)]
         return replace(self, prior=Prior(time, drawn, np.diag(self.initial.covariance_diag or sigma**2)))
+
+    def _asked(self, state: TrackState, time: float) -> Estimate:
+        elapsed = time - state.time
+        # A prediction over no time would draw sigma points anew, and change the last digits.
+        belief = self._predict(state, elapsed) if elapsed > 0.0 else state.belief
+        return self._estimate(belief, state.started, state.waiting)
 
     def _placeholder(self, valid: Mask) -> Belief:
         size = len(self.filter.motion.components)
@@ -132,7 +156,8 @@ class FilterTracker:
                 before = initial.at_rest(waiting, self.initial)
             mean = np.where(started, mean, before[0])
             covariance = np.where(started, covariance, before[1])
-        return Estimate(mean, covariance, belief.mean, belief.covariance)
+        repaired = None if belief.repaired is None else belief.repaired & started
+        return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
 
 
 def _where(known: Mask, values: Array) -> Array:

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from trackbench.errors import InputError
+from trackbench.results.truth_audit import EndedEarly, PositionJump, Repairs, TruthAudit, VelocityMismatch
+from trackbench.truth import jumps
+from trackbench.truth.jumps import IMPOSSIBLE_MPS2
 from trackbench.types import Array, Mask, Truth
 from trackbench.units import wrap_angle
 
 #: Largest velocity error that passes, m/s: half the range-rate sigma of a good automotive radar.
 TOLERANCE_MPS = 0.05
-#: A displacement that no vehicle on wheels could make is a jump, m/s^2 (twice the grip of a tyre).
-IMPOSSIBLE_MPS2 = 20.0
 #: Steps on each side of the median that says where a body ought to have gone.
 NEIGHBOURS = 2
 
@@ -38,12 +39,24 @@ class Reported:
     """``(steps,)``."""
 
 
-def audit(truth: Truth, mode: Literal["repair", "refuse"], reported: Reported | None = None) -> Truth:
+def audit(
+    truth: Truth,
+    mode: Literal["repair", "refuse"],
+    reported: Reported | None = None,
+    ended_early: EndedEarly | None = None,
+) -> Truth:
     """The truth with its faults repaired, and what was found and done in ``Truth.audit``.
 
     A velocity that the source misstates is replaced by course and slip (which ``truth`` already holds), or by the
     displacement where those contradict the motion too. A track is cut where its body jumps, and the whole truth
-    where the observer does: what follows a collision in a simulator is no motion of a vehicle.
+    where the observer does: what follows a collision in a simulator is no motion of a vehicle. Velocity jumps are
+    counted and stay.
+
+    Args:
+        truth: the motion.
+        mode: whether to repair or to refuse a truth with faults.
+        reported: what the source states besides; nothing but the motion unless given.
+        ended_early: why the truth is shorter than it should be.
 
     Raises:
         InputError: in mode "refuse", where anything would have to be repaired.
@@ -59,7 +72,7 @@ def audit(truth: Truth, mode: Literal["repair", "refuse"], reported: Reported | 
 
     jumped = _jumps(_displacement(truth), _velocity(truth), _together(truth.alive), truth.time)
     jumped |= _begins(reported.collided[:steps]) & _together(truth.alive)
-    jumps = [_jump(truth, step, body) for body in range(len(truth.ids)) for step in np.flatnonzero(jumped[:, body])[:1]]
+    ends = [_jump(truth, step, body) for body in range(len(truth.ids)) for step in np.flatnonzero(jumped[:, body])[:1]]
     repaired = replace(truth, alive=truth.alive & ~_from_then_on(jumped))
 
     moving = _together(repaired.alive)
@@ -71,42 +84,46 @@ def audit(truth: Truth, mode: Literal["repair", "refuse"], reported: Reported | 
     after = _errors(_displacement(truth), _velocity(repaired), moving)
 
     drift = float(np.nanmax(np.abs(clock - truth.time))) if np.isfinite(clock).any() else None
-    repairs = {
-        "velocity_from_course_and_slip": [truth.ids[i] for i in misstated if i not in wrong],
-        "velocity_from_displacement": [truth.ids[i] for i in wrong],
-        "cut_at_jump": [jump["object"] for jump in (*cut, *jumps)],
-        "own_clock": drift is not None and drift > float(truth.time[1]) / 2,
-    }
-    findings: dict[str, Any] = {
-        "mode": mode,
-        "verdict": "repaired" if any(repairs.values()) else "consistent",
-        "tolerance_mps": TOLERANCE_MPS,
-        "velocity_error_before": _summary(before, truth),
-        "velocity_error_after": _summary(after, truth),
-        "jumps": [*cut, *jumps],
-        "clock_drift_s": drift,
-        "repaired": repairs,
-    }
-    if mode == "refuse" and findings["verdict"] != "consistent":
-        raise InputError(f"{_complaint(findings)}; audit: repair corrects it", key="truth.audit")
-    return replace(repaired, audit={**truth.audit, **findings})
+    repairs = Repairs(
+        velocity_from_course_and_slip=[truth.ids[i] for i in misstated if i not in wrong],
+        velocity_from_displacement=[truth.ids[i] for i in wrong],
+        cut_at_jump=[jump.object for jump in (*cut, *ends)],
+        own_clock=drift is not None and drift > float(truth.time[1]) / 2,
+    )
+    found = TruthAudit(
+        mode=mode,
+        verdict="repaired" if repairs.any else "consistent",
+        tolerance_mps=TOLERANCE_MPS,
+        velocity_error_before=_summary(before, truth),
+        velocity_error_after=_summary(after, truth),
+        jumps=[*cut, *ends],
+        velocity_jumps=jumps.summarised(repaired),
+        clock_drift_s=drift,
+        repaired=repairs,
+        ended_early=EndedEarly(time_s=float(truth.time[-1]), reason="the observer collides or jumps")
+        if cut
+        else ended_early,
+    )
+    if mode == "refuse" and found.verdict != "consistent":
+        raise InputError(f"{_complaint(found)}; audit: repair corrects it", key="truth.audit")
+    return replace(repaired, audit=found.model_dump(mode="json"))
 
 
-def nothing_to_find() -> dict[str, Any]:
-    """What ``audit`` would find on a truth whose positions and velocities come from the same formulas."""
-    none = {"max_mps": 0.0, "mean_mps": 0.0, "object": None, "time_s": None}
-    repairs = ("velocity_from_course_and_slip", "velocity_from_displacement", "cut_at_jump")
-    return {
-        "ended_early": None,
-        "mode": "by construction",
-        "verdict": "exact",
-        "tolerance_mps": TOLERANCE_MPS,
-        "velocity_error_before": none,
-        "velocity_error_after": none,
-        "jumps": [],
-        "clock_drift_s": 0.0,
-        "repaired": {**{name: [] for name in repairs}, "own_clock": False},
-    }
+def exact(truth: Truth) -> Truth:
+    """The same truth, whose positions and velocities come from the same formulas, with what there is to say of it."""
+    none = VelocityMismatch(max_mps=0.0, mean_mps=0.0, object=None, time_s=None)
+    found = TruthAudit(
+        mode="by construction",
+        verdict="exact",
+        tolerance_mps=TOLERANCE_MPS,
+        velocity_error_before=none,
+        velocity_error_after=none,
+        jumps=[],
+        velocity_jumps=jumps.summarised(truth),
+        clock_drift_s=0.0,
+        repaired=Repairs(),
+    )
+    return replace(truth, audit=found.model_dump(mode="json"))
 
 
 def _velocity(truth: Truth) -> Array:
@@ -175,16 +192,13 @@ def _from_then_on(jumped: Mask) -> Mask:
     return np.concatenate([np.zeros_like(after[:1]), after])
 
 
-def _jump(truth: Truth, step: int, body: int) -> dict[str, Any]:
+def _jump(truth: Truth, step: int, body: int) -> PositionJump:
     across = np.hypot(*(_displacement(truth) - _velocity(truth)[:, :-1]))[step, body].max()
-    return {
-        "object": truth.ids[body],
-        "time_s": float(truth.time[step + 1]),
-        "distance_m": float(across * (truth.time[step + 1] - truth.time[step])),
-    }
+    end = float(truth.time[step + 1])
+    return PositionJump(object=truth.ids[body], time_s=end, distance_m=float(across * (end - truth.time[step])))
 
 
-def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[dict[str, Any]]]:
+def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[PositionJump]]:
     """The truth up to the observer's first jump."""
     carrier = truth.observer
     px, py, vx, vy = (a[:, None, None] for a in (carrier.px, carrier.py, carrier.vx, carrier.vy))
@@ -198,11 +212,8 @@ def _without_observer_jump(truth: Truth, collided: Mask) -> tuple[Truth, list[di
     if end < 2:
         raise InputError("the observer collides at the start; choose another truth.seed", key="truth.seed")
     distance = np.hypot(*(displacement[:, end - 1, 0, 0] - np.array([carrier.vx[end - 1], carrier.vy[end - 1]])))
-    jump = {
-        "object": "observer",
-        "time_s": float(truth.time[end]),
-        "distance_m": float(distance * (truth.time[end] - truth.time[end - 1])),
-    }
+    far = float(distance * (truth.time[end] - truth.time[end - 1]))
+    jump = PositionJump(object="observer", time_s=float(truth.time[end]), distance_m=far)
     return _until(truth, end), [jump]
 
 
@@ -214,10 +225,6 @@ def _until(truth: Truth, end: int) -> Truth:
         truth,
         **{name: getattr(truth, name)[:end] for name in per_step},
         observer=replace(truth.observer, **carrier),
-        audit={
-            **truth.audit,
-            "ended_early": {"time_s": float(truth.time[end - 1]), "reason": "the observer collides or jumps"},
-        },
     )
 
 
@@ -238,30 +245,28 @@ def _velocity_from_displacement(truth: Truth, bodies: Sequence[int]) -> Truth:
     return replace(truth, course=wrap_angle(course), speed=speed, acceleration=acceleration)
 
 
-def _summary(errors: Array, truth: Truth) -> dict[str, Any]:
-    """Largest and mean error, and where it is largest; null where nothing moves."""
+def _summary(errors: Array, truth: Truth) -> VelocityMismatch:
+    """Largest and mean error, and where it is largest; None where nothing moves."""
     if not np.isfinite(errors).any():
-        return {"max_mps": None, "mean_mps": None, "object": None, "time_s": None}
+        return VelocityMismatch(max_mps=None, mean_mps=None, object=None, time_s=None)
     step, body = np.unravel_index(np.nanargmax(errors), errors.shape)
-    return {
-        "max_mps": float(errors[step, body]),
-        "mean_mps": float(np.nanmean(errors)),
-        "object": truth.ids[int(body)],
-        "time_s": float(truth.time[step]),
-    }
+    return VelocityMismatch(
+        max_mps=float(errors[step, body]),
+        mean_mps=float(np.nanmean(errors)),
+        object=truth.ids[int(body)],
+        time_s=float(truth.time[step]),
+    )
 
 
-def _complaint(findings: dict[str, Any]) -> str:
-    worst = findings["velocity_error_before"]
+def _complaint(found: TruthAudit) -> str:
+    worst = found.velocity_error_before
     parts = []
-    if worst["max_mps"] is not None and worst["max_mps"] > TOLERANCE_MPS:
+    if worst.max_mps is not None and worst.max_mps > TOLERANCE_MPS:
         parts.append(
-            f"the simulator's velocity contradicts the motion, by up to {worst['max_mps']:.2g} m/s "
-            f"({worst['object']} at {worst['time_s']:.2f} s)"
+            f"the simulator's velocity contradicts the motion, by up to {worst.max_mps:.2g} m/s "
+            f"({worst.object} at {worst.time_s:.2f} s)"
         )
-    parts += [
-        f"{jump['object']} jumps by {jump['distance_m']:.2g} m at {jump['time_s']:.2f} s" for jump in findings["jumps"]
-    ]
-    if findings["repaired"]["own_clock"]:
-        parts.append(f"the simulator's clock is off by {findings['clock_drift_s']:.3g} s")
+    parts += [f"{jump.object} jumps by {jump.distance_m:.2g} m at {jump.time_s:.2f} s" for jump in found.jumps]
+    if found.repaired.own_clock:
+        parts.append(f"the simulator's clock is off by {found.clock_drift_s:.3g} s")
     return "; ".join(parts)

@@ -54,6 +54,11 @@ class TruthSource(Config, ABC):
         """
         return (self,)
 
+    @property
+    def scene_name(self) -> str:
+        """What tells it from the other scenes; empty where nothing does."""
+        return ""
+
     def stored(self) -> LoadedTruth | None:
         """The truth, where it is at hand without being made; None where ``load`` has to make it."""
         return None
@@ -96,6 +101,12 @@ class TruthSource(Config, ABC):
     def random(self) -> bool:
         """Whether the motion differs from run to run."""
         return False
+
+    @property
+    def white_acceleration(self) -> float | None:
+        """Standard deviation per axis, m/s^2, of an acceleration drawn anew at each step of the truth, if nothing else
+        drives any object; else None."""
+        return None
 
     def most_runs(self) -> int | None:
         """The number of runs whose motion fits the memory; None where it does not depend on them."""

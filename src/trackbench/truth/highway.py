@@ -16,6 +16,7 @@ import gymnasium
 import numpy as np
 
 from trackbench.errors import InputError, nearest
+from trackbench.results.truth_audit import EndedEarly
 from trackbench.truth.audit import Reported, audit
 from trackbench.truth.config import FixedObserver, HighwayOptions, IdTargets, NearestTargets
 from trackbench.truth.frames import Frames, held
@@ -36,6 +37,8 @@ with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     from highway_env.vehicle.behavior import IDMVehicle
     from highway_env.vehicle.controller import ControlledVehicle
     from highway_env.vehicle.kinematics import Vehicle
+
+    from trackbench.truth.steering import limit_steering
 
 #: Observing costs half of a step, and nothing here looks at what the environment observes.
 NO_OBSERVATION = {"type": "AttributesObservation", "attributes": []}
@@ -88,6 +91,8 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
     steps = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
     with _isolated():
         env = _prepare(config)
+        if config.steering_rate_degps is not None:
+            limit_steering(env, math.radians(config.steering_rate_degps))
         recorder = Recorder(env)
         action = _neutral(env.action_type)
         ended = None
@@ -107,11 +112,13 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
         finally:
             env.close()
     frames = recorder.result(steps, 1.0 / config.rate_hz)
-    early = None if len(frames.px) == steps else {"time_s": (len(frames.px) - 1) * frames.dt, "reason": ended}
+    early = None
+    if len(frames.px) < steps:
+        early = EndedEarly(time_s=(len(frames.px) - 1) * frames.dt, reason=ended or "")
     return _truth(config, frames, env.road.network.lanes_list(), early)
 
 
-def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: dict[str, Any] | None) -> Truth:
+def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: EndedEarly | None) -> Truth:
     observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
     targets = _targets(config, frames, observer)
     truth = frames.truth(targets, observer)
@@ -120,12 +127,11 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
         truth,
         roads=lane_edges(lanes, *everywhere),
         source=config.model_dump(mode="json", exclude={"seeds"}),
-        audit={"ended_early": ended_early},
     )
     velocity = [held(a[:, targets], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
     observer_collided = frames.collided[:, 0] & (config.observer == "ego")
     stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, targets], observer_collided)
-    return audit(truth, config.audit, stated)
+    return audit(truth, config.audit, stated, ended_early)
 
 
 def _fixed(at: FixedObserver, steps: int) -> Observer:

@@ -75,7 +75,13 @@ class Sensor(Config, ABC):
         1, description="Probability that a vehicle within range and field of view gives a measurement, 0 to 1."
     )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
-    latency_s: float = Field(0, ge=0, le=60, description="Delay from the measurement to its arrival at the tracker, s.")
+    latency_s: float = Field(
+        0,
+        ge=0,
+        le=60,
+        description="Delay from the measurement to its arrival at the tracker, s. It changes no score: measurements "
+        "come in the order in which they were taken.",
+    )
 
     @model_validator(mode="before")
     @classmethod

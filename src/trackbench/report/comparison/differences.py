@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.compare import Comparison, Entrant, PairDifference
-from trackbench.compare.comparison import VERDICTS, ComparedResult, ComparedScenario, GateResult, OverallChange
+from trackbench.compare.comparison import ComparedResult, ComparedScenario, GateResult, OverallChange
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
-from trackbench.metrics.differences import NO_DIFFERENCE
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
 from trackbench.words import counted
@@ -73,8 +73,12 @@ def _explanation(items: Sequence[PairDifference]) -> str:
     paired = sorted({item.paired_runs for item in items if item.paired_runs is not None})
     ways = [f"paired over {' or '.join(map(str, paired))} runs"] if paired else []
     ways += ["unpaired (Welch's test)"] if any(item.paired_runs is None for item in items) else []
-    text = f"±: 95 %, of the difference; %: of the value that it is held against. Differences are {' or '.join(ways)}"
-    return f"{text}; verdicts at a level of 5 %" + (", corrected for their number (Holm)." if len(items) > 1 else ".")
+    corrected = ", corrected for their number (Holm)" if len(items) > 1 else ""
+    return (
+        "±: 95 %, of the difference; %: of the value that it is held against; margin: up to which it does not matter. "
+        f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
+        f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
+    )
 
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
@@ -87,6 +91,7 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
         Column("value"),
         Column("difference"),
         Column("%", "of the value that it is held against"),
+        Column("margin", "up to which a difference does not matter"),
         Column("verdict", left=True),
     )
     rows = []
@@ -99,6 +104,7 @@ def _differences(comparison: Comparison, metric: str, items: Sequence[PairDiffer
                 Cell(fixed(item.value, places)),
                 Cell("0 in every run" if item.identical else _with_reach(item, places)),
                 Cell(_percent(item.percent)),
+                Cell(fixed(item.margin, places)),
                 Cell(item.verdict, tone=TONES.get(item.verdict, "")),
             )
         )
@@ -136,13 +142,13 @@ def _changes(comparison: Comparison, metric: str, items: Sequence[PairDifference
         cells = (found.get((scenario, entrant)) for entrant, _ in pairs)
         rows.append((Cell(scenario), *(Cell("") if item is None else _change(item) for item in cells)))
     columns = (Column("scenario", left=True), *(Column(name(comparison, entrant)) for entrant, _ in pairs))
-    caption = "Change in percent; coloured where the difference is real"
+    caption = "Change in percent; coloured where it is shown to be more than the margin"
     return Table(f"changes-{metric.replace('.', '-')}", columns, tuple(rows), caption, matrix=True)
 
 
 def _change(item: PairDifference) -> Cell:
     text = "0" if item.identical else _percent(item.percent)
-    return Cell(text, tone=TONES.get(item.verdict, ""), strong=item.verdict != NO_DIFFERENCE)
+    return Cell(text, tone=TONES.get(item.verdict, ""), strong=item.verdict not in (EQUIVALENT, UNDECIDED))
 
 
 def _scenarios(comparison: Comparison, reports: Mapping[str, str]) -> Table:

@@ -8,22 +8,23 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import RESAMPLES
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
-from trackbench.report.comparison.figures import efficiency_figure, rank_figure
+from trackbench.metrics.verdict_words import conditions_off
+from trackbench.report.comparison.figures import rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
 from trackbench.words import counted
 
 #: Mean ranks with a lead at least this frequent are called certain.
 _CERTAIN = 0.95
 #: A verdict's colour.
-_TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn"}
+_TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn", "mixed": "warn"}
 
 _POSITION = (
     "With half of its 95 % interval. Bold: the best of the scenario, and every tracker from which no difference to "
     "the best was shown (paired over runs, Holm)."
 )
 _NEES = (
-    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; "
-    "undecided: too few runs to say."
+    "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
+    "off under the conditions that are named and not under others; undecided: too few runs to say."
 )
 _TIME = "Of one predict and update of one run, on this machine."
 
@@ -54,7 +55,7 @@ def blocks(
         return _matrix(comparison, links, name, metric, cell)
 
     position = matrix("position", "position_rmse", _position)
-    yield Section("Position RMSE, m", (Paragraph(_POSITION), position, efficiency_figure(comparison)))
+    yield Section("Position RMSE, m", (Paragraph(_POSITION), position, reference_figure(comparison)))
     velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
     yield Section("Velocity RMSE, m/s", (Paragraph("With half of its 95 % interval."), velocity))
     yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
@@ -140,7 +141,9 @@ def _nees(score: EntrantScore, _: int) -> Cell:
     found = score.metrics.get("nees")
     if found is None or found.verdict is None:
         return Cell(NOT_AVAILABLE)
-    return Cell(fixed(found.value, 1), (found.verdict,), _TONES.get(found.verdict, ""))
+    named = conditions_off(found, 2) if found.verdict == "mixed" else ""
+    details = tuple(text for text in (found.verdict, named) if text)
+    return Cell(fixed(found.value, 1), details, _TONES.get(found.verdict, ""))
 
 
 def _scenarios(comparison: Comparison, links: Mapping[str, str]) -> Table:

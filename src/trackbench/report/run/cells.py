@@ -18,6 +18,7 @@ TONE: dict[str, Tone] = {
     "white": "good",
     "optimistic": "bad",
     "pessimistic": "warn",
+    "mixed": "warn",
     "coloured": "warn",
     "undecided": "",
     "": "",

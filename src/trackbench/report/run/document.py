@@ -19,9 +19,12 @@ from trackbench.document import (
     TrackerStyle,
 )
 from trackbench.document.styles import tracker_styles
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.palette import tracker_colours
-from trackbench.report.calibration import NOTABLE, QUANTITIES
-from trackbench.report.conditions import BY, TITLE
+from trackbench.report.calibration import LIMITS, QUANTITIES
+from trackbench.report.conditions import BY, TITLE, classes
+from trackbench.report.margin import margin_words
+from trackbench.report.numbers import percent
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import calibrations, errors, shares
@@ -30,26 +33,38 @@ from trackbench.report.run.figures.breakdown import errors_by_class
 from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
-from trackbench.report.run.figures.map import map_of_run
-from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
+from trackbench.report.run.figures.map import map_of_run, mapped
+from trackbench.report.run.moments import moments_section, worst_moments
+from trackbench.report.run.scenes import basis_of_intervals, scenes
+from trackbench.report.run.sentences import common, expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
 from trackbench.words import counted
 
 _DIFFERENCES = (
     "Differences of position RMSE, paired: every tracker saw the same truth and the same noise. Negative means smaller "
-    "errors. “No difference shown” means that these runs cannot tell the two apart (5 % level, corrected for the "
-    "number of pairs after Holm). Each interval is that of its pair alone, without the correction."
+    "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
+    "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
+    "would tell. Each interval is that of its pair alone, without the correction."
 )
 _MANOEUVRES = (
     "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "
-    "by more than 1 m/s each second, and is in a sensor gap where no sensor of the tracker could see it for more than "
-    "three periods of the slowest one; each estimate counts once, for the last of these that applies. The range is the "
-    "distance from the observer."
+    "by more than 1 m/s each second, both over half a second, and is in a sensor gap where no sensor of the tracker "
+    "could see it for more than three periods of the slowest one; each estimate counts once, for the last of these "
+    "that applies. The range is the distance from the observer. The first second begins when a sensor could first see "
+    "the object."
 )
 _CALIBRATION = (
     "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
-    f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {NOTABLE}, pessimistic one below "
-    f"1/{NOTABLE}."
+    f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {LIMITS[1]:.2f}, pessimistic one below "
+    f"{LIMITS[0]:.2f}."
+)
+
+_VERDICTS = (
+    f"Consistent: the 95 % interval of the mean is within {percent(TOLERANCE)} of what is right; optimistic above, "
+    f"pessimistic below, undecided where it is neither. The NEES must be so under each condition too, from "
+    f"{percent(BELOW)} below to {percent(ABOVE)} above, if the condition has {percent(SMALLEST_SHARE)} of the "
+    "estimates; mixed: it is under some conditions and not under others. Innovations are white where the interval of "
+    f"their autocorrelation is within {WHITENESS_TOLERANCE} of zero, coloured where it is beyond."
 )
 
 
@@ -66,6 +81,7 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
     sections = [
         Section("Verdict", tuple(_verdict(result))),
         *_scores(result, styles),
+        *([Section("Scene by scene", tuple(scenes(result)))] if summary.truth.scenes else []),
         *_accuracy(result, shown),
         *_breakdown(result, styles),
         *_consistency(result, shown),
@@ -85,58 +101,70 @@ def _verdict(result: Result) -> Iterator[Block]:
         expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
     )
     if missing:
-        yield Status(f"{counted(len(missing), 'tracker')} without a score", "bad")
+        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if result.scored:
         yield Items(
-            tuple(Item(f"{verdict(t, summary.runs)}.", t.name, t.describe, t.name) for t in result.scored),
+            tuple(
+                Item(f"{verdict(t, summary.runs, summary.reference.label)}.", t.name, t.describe, t.name)
+                for t in result.scored
+            ),
             numbered=True,
         )
     if missing:
-        failures = tuple(Item(failure(tracker), tracker.name, tone="bad") for tracker in missing)
-        yield Section("Without a score", (Items(failures),))
+        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
+        yield Section("Not ranked", (Items(failures),))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
     trackers = result.scored
     if not trackers:
         return
+    margin = margin_words(result.summary.score.margin, "m")
     legend = Paragraph(
-        "By position RMSE. No difference was shown between trackers that share a letter under “group”. The 95 % bounds "
-        f"of the NEES are those of {counted(result.summary.runs, 'run')}. Small print is the 95 % interval."
+        f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
+        f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
     )
     others = tables.other_metrics(result)
-    more = Section("Errors along each axis, and bounds", (tables.axes_and_bounds(result),), folded=True)
+    more = Section(
+        f"Errors along each axis, and the {result.summary.reference.label}",
+        (tables.axes_and_reference(result),),
+        folded=True,
+    )
     own = [] if others is None else [Section("Other metrics", (others,))]
     yield Section("Ranking", (legend, tables.ranking(result), *own, more))
     if len(trackers) > 1:
         cost = cost_against_accuracy(trackers, styles)
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
         pairs = Section("All pairs", (tables.all_differences(result),), folded=True)
-        yield Section("Differences between trackers", (Paragraph(_DIFFERENCES), beside, pairs))
+        yield Section("Differences between trackers", (Paragraph(_DIFFERENCES.format(margin=margin)), beside, pairs))
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    steps, acceleration = result.tables.steps, result.summary.bound.acceleration_sigma_mps2
+    steps, reference = result.tables.steps, result.summary.reference
+    moments, run = worst_moments(result), result.summary.recorded_run
     figures = [
-        *(error_over_time(steps, shown, quantity, acceleration) for quantity in QUANTITIES),
-        spread(steps, shown),
-        map_of_run(result.tables, result.summary.recorded_run, shown),
+        *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
+        spread(steps, shown, reference.label),
+        map_of_run(result.tables, run, shown, moments),
     ]
     yield from _figures("Accuracy", figures)
+    yield from moments_section(moments, run, [style.name for style in mapped(shown)])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
     trackers = [tracker for tracker in result.scored if tracker.breakdown is not None]
     if not trackers:
         return
-    figures = [errors_by_class(trackers, styles, by, quantity) for quantity in QUANTITIES for by in BY]
+    # Where the first second is not scored, there is nothing to break down by age.
+    known = [by for by in BY if by != "age" or len(classes(trackers, by)) > 1]
+    figures = [errors_by_class(trackers, styles, by, quantity) for quantity in QUANTITIES for by in known]
     numbers = [
         Section(
             f"Errors by {TITLE[by]} in numbers",
             (Paragraph(shares(trackers[0], by)), *(errors(trackers, by, quantity) for quantity in QUANTITIES)),
             folded=True,
         )
-        for by in BY
+        for by in known
     ]
     calibration = [
         Section(
@@ -147,7 +175,7 @@ def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[S
             ),
             folded=by != BY[0],
         )
-        for by in BY
+        for by in known
     ]
     drawn = Row(tuple(figure for figure in figures if figure))
     yield Section("By manoeuvre and range", (Paragraph(_MANOEUVRES), drawn, *calibration, *numbers))
@@ -160,17 +188,22 @@ def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Sect
         *(nis_over_time(result.tables.nis, sensor, shown, number) for number, sensor in sensors),
         *(autocorrelation(result.tables.autocorrelation, sensor, shown, number) for number, sensor in sensors),
     ]
-    yield from _figures("Consistency", figures, tables.innovations(result))
+    yield from _figures(
+        "Consistency", figures, (tables.nees_by_condition(result), *tables.innovations(result)), _VERDICTS
+    )
 
 
-def _figures(title: str, figures: Sequence[Figure | None], numbers: Sequence[Table] = ()) -> Iterator[Section]:
-    drawn = tuple(figure for figure in figures if figure)
-    if drawn or numbers:
-        yield Section(title, tuple(Row(blocks) for blocks in (drawn, tuple(numbers)) if blocks))
+def _figures(
+    title: str, figures: Sequence[Figure | None], numbers: Sequence[Table | None] = (), text: str = ""
+) -> Iterator[Section]:
+    rows = [tuple(item for item in items if item) for items in (figures, numbers)]
+    if any(rows):
+        begin = [Paragraph(text)] if text else []
+        yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
 
 
 def _truth(result: Result) -> Iterator[Block]:
-    for sentence in audit_sentences(result.summary.truth.audit):
+    for sentence in audit_sentences(result.summary.truth):
         yield Paragraph(sentence)
     yield tables.sensors(result)
 

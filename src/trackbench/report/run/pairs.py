@@ -8,7 +8,6 @@ from string import ascii_lowercase, ascii_uppercase
 
 from trackbench.results import Difference
 
-NO_DIFFERENCE = "no difference shown"
 _LETTERS = ascii_lowercase + ascii_uppercase
 
 
@@ -18,13 +17,8 @@ class Pair:
 
     value: float
     ci95: tuple[float, float] | None
-    better: bool | None
-    """Whether the first is better than the other; None where no difference was shown."""
-
-    @property
-    def verdict(self) -> str:
-        """Of the first."""
-        return {True: "better", False: "worse", None: NO_DIFFERENCE}[self.better]
+    verdict: str
+    """Of the first: ``better``, ``worse``, ``equivalent`` or ``undecided``."""
 
 
 class Pairs:
@@ -35,23 +29,27 @@ class Pairs:
         for found in differences:
             if found.metric != "position_rmse":
                 continue
-            better = None if found.better is None else found.better == found.a
-            self._pairs[found.a, found.b] = Pair(found.value, found.ci95, better)
             flipped = None if found.ci95 is None else (-found.ci95[1], -found.ci95[0])
-            self._pairs[found.b, found.a] = Pair(-found.value, flipped, None if better is None else not better)
+            self._pairs[found.a, found.b] = Pair(found.value, found.ci95, _verdict(found, found.a))
+            self._pairs[found.b, found.a] = Pair(-found.value, flipped, _verdict(found, found.b))
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
         return self._pairs.get((a, b))
 
     def differ(self, a: str, b: str) -> bool:
-        """Whether a difference between the two was shown."""
+        """Whether one was shown to be better than the other by more than the margin."""
         found = self.get(a, b)
-        return found is not None and found.better is not None
+        return found is not None and found.verdict in ("better", "worse")
+
+
+def _verdict(found: Difference, name: str) -> str:
+    """Of one of the two trackers."""
+    return found.verdict if found.better is None else "better" if found.better == name else "worse"
 
 
 def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """Letters such that two trackers share one exactly when no difference between them was shown.
+    """Letters such that two trackers share one exactly when neither was shown to be better.
 
     The insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
     comparisons", J. Comput. Graph. Stat. 13(2), 2004. ``names`` are in order of rank, so "a" is the best.

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
+from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.run.pairs import Pairs
+from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted
-
-#: An efficiency this close to one is called "at the bound".
-_AT_THE_BOUND = 0.01
-
-MEANING = {
-    "consistent": "the errors are as large as its covariance states",
-    "optimistic": "the errors are larger than its covariance states",
-    "pessimistic": "the errors are smaller than its covariance states",
-    "undecided": "too few runs to say whether the errors are as large as its covariance states",
-}
 
 
 def facts(result: Result) -> tuple[str, ...]:
@@ -28,7 +21,7 @@ def facts(result: Result) -> tuple[str, ...]:
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
     return (
         f"{source}, other motion in each run" if options.get("random") else source,
-        counted(summary.runs, "run"),
+        runs_in_words(result),
         counted(len(truth.objects), "vehicle"),
         duration(result),
         counted(len(summary.sensors), "sensor"),
@@ -47,35 +40,25 @@ def duration(result: Result) -> str:
     return f"{fixed(length, 1)} s{part}"
 
 
-def verdict(tracker: TrackerResult, runs: int) -> str:
+def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     """One sentence on a tracker's accuracy, consistency and health, without its name.
 
-    For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; optimistic: the errors are larger than its
-    covariance states (NEES 6.1, 4 expected)".
+    For example "0.412 m position RMSE, 1.38 times the reference; mixed: the errors are larger or smaller than its
+    covariance states, depending on the condition (NEES 4.2, turning 39.7, straight 2.9 where 4 is right); optimistic
+    about velocity in turns (errors 3.1 times as large as stated)". ``reference`` is what the reference is called.
     """
     rmse, nees = tracker.position_rmse.value, tracker.metrics.get("nees")
-    efficiency = tracker.metrics.get("position_efficiency")
-    excess = "" if efficiency is None else _above_bound(efficiency.value)
-    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{excess}"]
-    clauses = [] if tracker.breakdown is None else calibration_clauses(tracker.breakdown)
+    over = tracker.metrics.get("position_over_reference")
+    times = "" if over is None or over.value is None else f", {fixed(over.value, 2)} times the {reference}"
+    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{times}"]
     if nees is None or nees.mean is None or nees.verdict is None:
         parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
     else:
-        mean = fixed(nees.mean, decimals([nees.mean], 2))
-        meaning = " overall" if clauses else f": {MEANING[nees.verdict]}"
-        parts.append(f"{nees.verdict}{meaning} (NEES {mean}, {nees.dof} expected)")
-    return "; ".join(parts + clauses + _complaints(tracker.health, runs))
-
-
-def _above_bound(efficiency: float | None) -> str:
-    if efficiency is None:
-        return ""
-    excess = efficiency - 1
-    if abs(excess) < _AT_THE_BOUND:
-        return ", at the Cramér-Rao bound"
-    if excess > 1:
-        return f", {fixed(efficiency, 1)} times the Cramér-Rao bound"
-    return f", {percent(abs(excess))} {'above' if excess > 0 else 'below'} the Cramér-Rao bound"
+        found = ", ".join(text for text in (f"NEES {mean_text(nees.mean)}", conditions_off(nees)) if text)
+        parts.append(f"{nees.verdict}: {MEANING[nees.verdict]} ({found} where {nees.dof} is right)")
+        if tracker.breakdown is not None and nees.verdict != "consistent":
+            parts += calibration_clauses(tracker.breakdown)
+    return "; ".join(parts + _complaints(tracker.health, runs))
 
 
 def _complaints(health: Health, runs: int) -> list[str]:
@@ -89,11 +72,19 @@ def _complaints(health: Health, runs: int) -> list[str]:
     return found
 
 
-def failure(tracker: TrackerResult) -> str:
-    """Why a tracker has no score: the cause, and where it happened."""
+def common(result: Result) -> str:
+    """Which estimates count, where some trackers gave more than others."""
+    share = result.summary.score.common_share
+    if share is None or share > 0.9995:
+        return ""
+    return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
+
+
+def failure(result: Result, tracker: TrackerResult) -> str:
+    """Why a tracker is not ranked; where it failed, the cause and where it happened."""
     failed = tracker.failed
     if failed is None:
-        return tracker.position_rmse.reason or "nothing to score"
+        return result.why_unscored(tracker)
     places = {"sensor": failed.sensor, "run": failed.run, "object": failed.object}
     where = [f"step {failed.step}", f"{fixed(failed.time_s, 2)} s"]
     where += [f"{what} {place}" for what, place in places.items() if place is not None]
@@ -112,9 +103,15 @@ def headline(result: Result) -> str:
     if len(names) == 1:
         return text + "."
     pairs = Pairs(result.summary.differences)
-    tied = [name for name in names[1:] if not pairs.differ(names[0], name)]
-    if tied:
-        return f"{text}, but no difference was shown between it and {joined(tied)}."
+    found = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
+    equivalent, undecided = ([name for name in found if found[name] == what] for what in ("equivalent", "undecided"))
+    if equivalent:
+        margin = margin_words(result.summary.score.margin, "m")
+        text += f"; equivalent to {joined(equivalent)} (within {margin})"
+    if undecided:
+        text += f"; whether it is better than {joined(undecided)} is undecided"
+    if equivalent or undecided:
+        return text + "."
     second = pairs.get(names[1], names[0])
     if second is None:
         return text + "."

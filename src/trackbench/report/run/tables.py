@@ -6,37 +6,44 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics.verdict_words import mean_text
+from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
+from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
-from trackbench.report.run.cells import INTERVAL, TRACKER, VERDICT, count, metric_of, missing, names, values
+from trackbench.report.run.cells import INTERVAL, TONE, TRACKER, VERDICT, count, metric_of, missing, names, values
 from trackbench.report.run.pairs import Pair, Pairs, groups
-from trackbench.results import Result, TrackerResult
+from trackbench.results import ConditionVerdict, Result, TrackerResult, sensor_words
 
 #: Metrics with a column of their own in some table, and the groups of which all have one.
 _SHOWN = (
-    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_efficiency", "velocity_efficiency",
-    "position_bound", "velocity_bound", "coverage", "step_time",
+    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_over_reference", "velocity_over_reference",
+    "position_reference", "velocity_reference", "coverage", "step_time",
 )  # fmt: skip
 _SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
 
 
 def ranking(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and verdicts."""
-    trackers, runs = result.scored, result.summary.runs
+    trackers, runs, label = result.scored, result.summary.runs, result.summary.reference.label
+    margin = margin_words(result.summary.score.margin, "m")
     group = groups([tracker.name for tracker in trackers], Pairs(result.summary.differences))
     columns = [
         (Column("#", "rank by position RMSE"), [Cell(str(i + 1)) for i in range(len(trackers))]),
         (TRACKER, names(trackers)),
         (
-            Column("group", "no difference was shown between trackers that share a letter", left=True),
+            Column("group", f"no difference over {margin} was shown between trackers that share a letter", left=True),
             [Cell(group[tracker.name]) for tracker in trackers],
         ),
         (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", details=INTERVAL), values(trackers, "velocity_rmse")),
         (Column("course RMSE, deg", details=INTERVAL), values(trackers, "course_rmse")),
-        (Column("NEES, 4 expected", "mean, verdict and 95 % interval", details=VERDICT), values(trackers, "nees")),
         (
-            Column("efficiency", "position RMSE over the Cramér-Rao bound; 1 is the best possible", details=INTERVAL),
-            values(trackers, "position_efficiency"),
+            Column("NEES, 4 expected", "mean, verdict under all conditions, 95 % interval", details=VERDICT),
+            values(trackers, "nees"),
+        ),
+        (
+            Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
+            values(trackers, "position_over_reference"),
         ),
         (
             Column("coverage, %", "steps with a vehicle present at which there is an estimate"),
@@ -52,20 +59,20 @@ def ranking(result: Result) -> Table:
     return Table.of_columns("ranking", columns)
 
 
-def axes_and_bounds(result: Result) -> Table:
-    """RMSE along each axis, and the Cramér-Rao bounds."""
-    trackers = result.scored
+def axes_and_reference(result: Result) -> Table:
+    """RMSE along each axis, and of the reference."""
+    trackers, label = result.scored, result.summary.reference.label
     paths = {
         "rmse.px": "x, m",
         "rmse.py": "y, m",
         "rmse.vx": "vx, m/s",
         "rmse.vy": "vy, m/s",
-        "position_bound": "position bound, m",
-        "velocity_bound": "velocity bound, m/s",
-        "velocity_efficiency": "velocity RMSE over its bound",
+        "position_reference": f"{label}, position, m",
+        "velocity_reference": f"{label}, velocity, m/s",
+        "velocity_over_reference": f"velocity RMSE over {label}",
     }
     columns = [(Column(heading, details=INTERVAL), values(trackers, path)) for path, heading in paths.items()]
-    return Table.of_columns("axes-and-bounds", [(TRACKER, names(trackers)), *columns])
+    return Table.of_columns("axes-and-reference", [(TRACKER, names(trackers)), *columns])
 
 
 def other_metrics(result: Result) -> Table | None:
@@ -100,13 +107,35 @@ def innovations(result: Result) -> list[Table]:
                 [_inside(tracker, sensor) for tracker in trackers],
             ),
             (
-                Column("lag-1 autocorrelation", "of the normalised innovations; 0 expected", details="verdict"),
+                Column(
+                    "lag-1 autocorrelation",
+                    f"of the normalised innovations; white within {WHITENESS_TOLERANCE} of 0",
+                    details=VERDICT,
+                ),
                 values(trackers, f"whiteness.{sensor}"),
             ),
         ]
         if trackers:
             tables.append(Table.of_columns(f"innovations-{number}", columns, f"Innovations of {sensor}"))
     return tables
+
+
+def nees_by_condition(result: Result) -> Table | None:
+    """Mean NEES of each tracker under each condition that any was judged by; None where none was."""
+    trackers = result.scored
+    found = [{item.name: item for item in metric_of(tracker, "nees").conditions or ()} for tracker in trackers]
+    conditions = list(dict.fromkeys(name for items in found for name in items))
+    if not conditions:
+        return None
+    columns = [(Column(name, details=VERDICT), [_condition(items.get(name)) for items in found]) for name in conditions]
+    caption = "Mean NEES under each condition, 4 expected"
+    return Table.of_columns("nees-by-condition", [(TRACKER, names(trackers)), *columns], caption)
+
+
+def _condition(found: ConditionVerdict | None) -> Cell:
+    if found is None:
+        return Cell(NOT_AVAILABLE, reason="too few estimates of the tracker to judge it")
+    return Cell(mean_text(found.mean), (found.verdict, interval(found.ci95, 1)), TONE[found.verdict])
 
 
 def _expected(trackers: Sequence[TrackerResult], sensor: str) -> str:
@@ -163,7 +192,10 @@ def sensors(result: Result) -> Table:
         Column("sensor", left=True, details="preset"),
         Column("kind", left=True),
         Column("rate, Hz"),
-        Column("components", "of one measurement"),
+        Column("noise", "standard deviation of each component of a measurement", left=True),
+        Column("field of view, deg", "horizontal, centred on the boresight"),
+        Column("range", "beyond it nothing is detected"),
+        Column("mount", "pose on the observer: forward, to the left, counter-clockwise", left=True),
         Column("detections, %", "scans with a vehicle in the field of view that gave a measurement of it"),
     )
     rows = [
@@ -171,7 +203,10 @@ def sensors(result: Result) -> Table:
             Cell(name, (about.preset,) if about.preset else ()),
             Cell(about.kind),
             Cell(NOT_AVAILABLE, reason="a single scan") if about.rate_hz is None else Cell(f"{about.rate_hz:.4g}"),
-            Cell(str(about.dof)),
+            Cell(sensor_words.noise(about)),
+            Cell(f"{about.fov_deg:g}"),
+            Cell(sensor_words.reach(about)),
+            Cell(sensor_words.mount(about)),
             Cell(_percents(about.detection_rate)),
         )
         for name, about in result.summary.sensors.items()
@@ -213,5 +248,5 @@ def _in_matrix(pair: Pair | None, places: int) -> Cell:
     """Its colour says whether the first of the pair is better or worse."""
     if pair is None:
         return Cell(NOT_AVAILABLE, reason="the pair was not compared")
-    tone: Tone = "" if pair.better is None else "good" if pair.better else "bad"
+    tone: Tone = "good" if pair.verdict == "better" else "bad" if pair.verdict == "worse" else ""
     return Cell(signed(pair.value, places), (pair.verdict,), tone)

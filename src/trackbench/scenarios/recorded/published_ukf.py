@@ -1,23 +1,25 @@
-"""The UKF of the published Udacity projects with the two faults that their radar-only numbers rest on.
+"""The UKF of the published Udacity projects, with its faults.
 
 It averages the azimuths of the sigma points as plain numbers, also across the direction of -x, where they jump by
-2 pi; and where the covariance is not positive definite after that, its Cholesky factor is what Eigen's LLT leaves
-behind when it stops at the first pivot that is not positive, which goes unnoticed unless it is asked. Not for use:
-it shows what a published number rests on.
+2 pi. Where the covariance is not positive definite after that, its Cholesky factor is what Eigen's LLT leaves behind
+when it stops at the first pivot that is not positive, which goes unnoticed unless it is asked. And it starts from a
+radar's range and azimuth without the correction for the bias of the converted position. Not for use: it shows what
+published numbers rest on.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from trackbench import linalg
 from trackbench.filters import Belief, SigmaPointFilter, Update, classic
 from trackbench.filters.base import correct
-from trackbench.models.motion import ConstantTurnRateVelocity
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.builtin import build, ukf
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.types import Array, Estimate, Scan
 from trackbench.units import difference
@@ -49,9 +51,13 @@ class FaultyUkf(SigmaPointFilter):
 
 
 class FaultyTracker(FilterTracker):
-    """States a covariance that is positive definite, and says where it had to be made so."""
+    """Starts as the published program does, and states a covariance that is positive definite where it had not been."""
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
+        if scan.kind == "radar" and (state is None or not state.started.all()):
+            # Takes back the correction for the bias of a converted position, see Polar.position.
+            shrink = np.exp(-scan.noise_covariance[1, 1] / 2)
+            scan = scan._replace(measurement=scan.measurement * np.array([shrink, 1.0, 1.0])[:, None])
         state, estimate = super().step(state, scan)
         definite = linalg.ensure_definite(estimate.covariance)
         return state, estimate._replace(covariance=definite.covariance, repaired=definite.repaired)
@@ -71,12 +77,11 @@ def stopped_cholesky(matrix: Array) -> Array:
     return np.moveaxis(np.tril(lanes), 0, -1).reshape(matrix.shape)
 
 
-def faulty_ukf(
-    acceleration_sigma_mps2: float, yaw_acceleration_sigma_radps2: float, sensors: list[str], initial: dict[str, object]
-) -> FaultyTracker:
-    """The tracker, with the options that a built-in UKF has."""
-    motion = ConstantTurnRateVelocity(
-        acceleration_sigma_mps2=acceleration_sigma_mps2, yaw_acceleration_sigma_radps2=yaw_acceleration_sigma_radps2
-    )
-    start = InitialConfig.model_validate(initial)
-    return FaultyTracker(FaultyUkf(motion, classic(None)), start, sensors=sensors)
+def faulty_ukf(**options: Any) -> FaultyTracker:
+    """The tracker, with the options of a built-in UKF."""
+    sound = build(FilterConfig.model_validate({"filter": "ukf", **options}))
+    faulty = FaultyUkf(sound.filter.motion, classic(None))
+    return FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at)
+
+
+faulty_ukf.Options = ukf.Options  # type: ignore[attr-defined]

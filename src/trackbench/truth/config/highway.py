@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.config import MAPPING, PROBLEM, WORD, Config, Problem, shape
+from trackbench.config import MAPPING, PROBLEM, WORD, Config, Positive, Problem, shape
 from trackbench.truth.base import MAX_SCENES, SteppedTruth
 from trackbench.truth.config.observer import FixedObserver
 
@@ -97,9 +97,18 @@ class HighwayOptions(SteppedTruth):
         description="Who drives the ego vehicle: the environment's neutral action (idle), or the driver "
         "model of the other cars (idm: IDM with MOBIL lane changes).",
     )
+    steering_rate_degps: Positive | None = Field(
+        None,
+        description="Largest rate at which the front wheels of all vehicles turn, degrees per second. Unless given "
+        "they turn in no time, as highway-env's do, and velocities jump.",
+    )
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
+
+    @property
+    def scene_name(self) -> str:
+        return f"seed {self.seed}"
 
     def scenes(self) -> Sequence[Self]:
         if self.seeds is None:

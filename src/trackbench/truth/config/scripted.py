@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from trackbench.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
-from trackbench.models.motion import MOTION_MODELS, MotionModel
+from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.observer import MovingObserver
 
@@ -66,8 +66,8 @@ class Piece(Config):
     """A stretch of one kind of motion, which goes on from where the piece before it ends.
 
     Without any other key it is straight and steady. In random motion the noise is constant from one truth step to the
-    next, as in the trackers' own models: their process noise is that of the truth where there is a measurement at every
-    truth step.
+    next, as in the trackers' own models: their process noise is that of the truth where they read a sensor
+    at every truth step.
     """
 
     for_s: Positive | None = Field(
@@ -97,6 +97,19 @@ class Piece(Config):
     def random(self) -> bool:
         """Whether the motion differs from run to run."""
         return self.white is not None or self.white_acceleration is not None
+
+    @property
+    def acceleration_sigma(self) -> float | None:
+        """Standard deviation of its white acceleration, m/s^2: 0 of steady motion; None where that is not all of it, or
+        differs by axis."""
+        if self.white is not None:
+            cv = type(self.white.motion) is ConstantVelocity
+            return self.white.motion.noise_sigma[0] if cv else None
+        if self.white_acceleration is not None:
+            x, y = self.white_acceleration.x_sigma_mps2, self.white_acceleration.y_sigma_mps2
+            return x if x == y else None
+        steady = self.waypoints is None and self.turn_rate_degps == self.acceleration_mps2 == 0
+        return 0.0 if steady else None
 
     def problems(self) -> Iterator[Problem]:
         given = [kind for kind in KINDS if getattr(self, kind) is not None]
@@ -141,6 +154,11 @@ class ScriptedOptions(SteppedTruth):
     def random(self) -> bool:
         """Whether any motion differs from run to run."""
         return any(body.random for body in self.objects.values())
+
+    @property
+    def white_acceleration(self) -> float | None:
+        sigmas = {piece.acceleration_sigma for body in self.objects.values() for piece in body.pieces}
+        return sigmas.pop() if len(sigmas) == 1 else None
 
     def problems(self) -> Iterator[Problem]:
         for name, body in self.objects.items():

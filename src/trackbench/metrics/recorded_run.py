@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.metrics import Target
-from trackbench.recording.tables import Columns, columns, split
 from trackbench.results import Result
+from trackbench.results.columns import Columns, columns, split
 from trackbench.types import Array, Mask
 
 STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
@@ -60,7 +60,7 @@ def recorded_run(result: Result) -> RecordedRun:
         valid = rows["valid"].astype(bool)
         if valid.any():
             start[objects.index(name)] = rows["time_s"][valid][0] + score.settle_s
-    target = Target(time, state[..., None], alive, start, score.divergence_m)
+    target = Target(time, state[..., None], alive, start, score.divergence_m, np.zeros((2, len(time), 1, 1)))
     tracks: dict[str, dict[str, Columns]] = {}
     for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.errors import InputError
-from trackbench.recording.recorded_run import STATE, RecordedRun
-from trackbench.recording.tables import Columns, split
+from trackbench.errors import InputError, nearest
+from trackbench.metrics.recorded_run import STATE, RecordedRun
 from trackbench.results import Result
+from trackbench.results.columns import Columns, split
 from trackbench.types import Array
 
 #: Two moments of one object are told apart if they lie farther apart than this, s.
@@ -106,19 +107,53 @@ def require_time(first: float, last: float, time: float) -> None:
         raise InputError(f"{time:g} s is not in the recording, which goes from {first:g} s to {last:g} s", key="--at")
 
 
-def worst(recorded: RecordedRun, count: int) -> dict[str, list[EstimateMoment]]:
-    """By tracker, the scored moments of the largest position error; of one peak only its top."""
-    return {tracker: _worst(recorded, tracker, count) for tracker in recorded.tracks}
+def require_name(name: str, known: Iterable[str], what: str) -> str:
+    """A name if it is one of those known.
+
+    Args:
+        name: of a vehicle or tracker.
+        known: those in the recording.
+        what: "vehicle" or "tracker"; also the option that gives it.
+
+    Raises:
+        InputError: it is not.
+    """
+    names = list(known)
+    if name not in names:
+        raise InputError(f"no {what} {name!r} in this recording; {nearest(name, names)}", key=f"--{what}")
+    return name
 
 
-def _worst(recorded: RecordedRun, tracker: str, count: int) -> list[EstimateMoment]:
+def worst(
+    recorded: RecordedRun, trackers: Sequence[str], count: int, vehicle: str | None = None
+) -> list[EstimateMoment]:
+    """The scored moments of the largest position error, the largest first; of one peak only its top.
+
+    Args:
+        recorded: the run.
+        trackers: whose errors are looked at; at each moment the largest of them counts.
+        count: how many moments at most.
+        vehicle: of this one alone.
+    """
     time = recorded.target.time
-    error = np.where(recorded.scored, recorded.tracks[tracker].position_error, np.nan)
+    errors = np.array([recorded.tracks[name].position_error for name in trackers])
+    errors = errors.reshape(len(trackers), *recorded.scored.shape)
+    counted = recorded.scored & np.array([vehicle in (None, name) for name in recorded.objects])
+    errors = np.where(counted, errors, np.nan)
     found: list[EstimateMoment] = []
-    while len(found) < count and np.isfinite(error).any():
-        instant, i = (int(index) for index in np.unravel_index(np.nanargmax(error), error.shape))
-        found.append(_estimate(recorded, tracker, instant, i))
-        error[np.abs(time - time[instant]) <= APART, i] = np.nan
+    while len(found) < count and np.isfinite(errors).any():
+        tracker, instant, i = (int(index) for index in np.unravel_index(np.nanargmax(errors), errors.shape))
+        found.append(_estimate(recorded, trackers[tracker], instant, i))
+        errors[:, np.abs(time - time[instant]) <= APART, i] = np.nan
+    return found
+
+
+def distinct(moments: Iterable[EstimateMoment]) -> list[EstimateMoment]:
+    """The largest position error first; of one vehicle's moments that are not told apart only the first."""
+    found: list[EstimateMoment] = []
+    for moment in sorted(moments, key=lambda each: -(each.position_error_m or 0.0)):
+        if not any(moment.object == known.object and abs(moment.time_s - known.time_s) <= APART for known in found):
+            found.append(moment)
     return found
 
 

@@ -1,15 +1,14 @@
-"""The posterior Cramer-Rao bound: the least error that any estimator of these measurements can have."""
+"""The posterior Cramer-Rao bound of the errors, for targets that move with white acceleration."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.metrics.sums import NO_BOUND, Bound
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
@@ -19,6 +18,8 @@ from trackbench.types import Array, Indices, Mask, Truth
 UNKNOWN_POSITION = 1e6
 #: Eigenvalues of an information below this share of the largest are rounding.
 NEGLIGIBLE = 1e-12
+#: Of targets that enter at rest it is not known that they are; least standard deviation of their velocity, m/s.
+LEAST_VELOCITY = 1.0
 
 
 @dataclass(frozen=True)
@@ -31,67 +32,27 @@ class BoundStart:
     """m, per axis; None where tracks start from their first measurement, and the target is unknown before it."""
 
 
-def typical_acceleration(truth: Truth) -> float:
-    """RMS over targets and time of the true acceleration per axis, m/s^2, normal acceleration included."""
-    total = truth.acceleration**2 + (truth.speed * truth.yaw_rate) ** 2
-    alive = np.broadcast_to(truth.alive[:, :, None], total.shape)
-    return float(np.sqrt(total[alive].mean() / 2.0)) if alive.any() else 0.0
+def typical_acceleration(truths: Sequence[Truth]) -> float:
+    """RMS over scenes, targets and time of the true acceleration per axis, m/s^2: that of the velocity vector."""
+    square = time = 0.0
+    for truth in truths:
+        vx, vy = np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)
+        elapsed = np.diff(truth.time)[:, None, None]
+        there = np.broadcast_to(truth.alive[1:, :, None] & truth.alive[:-1, :, None], vx.shape)
+        square += ((vx * vx + vy * vy) / elapsed)[there].sum()
+        time += np.broadcast_to(elapsed, vx.shape)[there].sum()
+    return float(np.sqrt(square / time / 2.0)) if time > 0 else 0.0
 
 
-def cramer_rao(
-    truth: Truth,
-    sensors: list[IdealSensor],
-    rates: dict[str, Array],
-    acceleration_sigma: float,
-    start: BoundStart,
-    instants: Indices,
-) -> Array:
-    """Bound of the covariance of px, py, vx, vy for targets that move with white acceleration, along the truth.
-
-    The recursion of Tichavský, Muravchik and Nehorai (1998), "Posterior Cramér-Rao bounds for discrete-time nonlinear
-    filtering", equation 21, with the information of a measurement weighted by the share of the runs that have it
-    (Zhang, Willett and Bar-Shalom 2005, "Dynamic Cramer-Rao bound for target tracking in clutter", the information
-    reduction factor). The sum of squared error components is bounded by the sum of the diagonal.
-
-    The information of a measurement is an expectation over the motion of the targets: where the truth varies from run
-    to run it is averaged over the runs, and where it does not it is that along the one truth.
-
-    Args:
-        truth: the motion of the targets.
-        sensors: those that the tracker reads.
-        rates: per sensor ``(measurements, objects)`` share of the runs with a detection.
-        acceleration_sigma: m/s^2 per axis, constant from one instant to the next.
-        start: what is known before the first measurement.
-        instants: ``(instants,)`` indices of the truth's steps at which the bound is wanted.
-
-    Returns:
-        ``(instants, objects, 4)`` variances, NaN before the first measurement of an object.
-    """
-    motion = ConstantVelocity.model_construct(acceleration_sigma_mps2=acceleration_sigma)
-    target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
-    sigma = [start.position_sigma or UNKNOWN_POSITION] * 2 + [start.velocity_sigma] * 2
-    covariance = np.repeat(np.diag(np.square(sigma))[None], len(truth.ids), axis=0)
-    known = np.zeros(len(truth.ids), dtype=bool)
-    result = np.full((len(instants), len(truth.ids), 4), np.nan)
-    previous = instants[0]
-    for row, step in enumerate(instants):
-        dt = float(truth.time[step] - truth.time[previous])
-        previous = step
-        f = motion.jacobian(target[:, step], dt)
-        moved = f @ covariance @ f.T + process_noise(motion, target[:, step], dt)
-        covariance = np.where(known[:, None, None], moved, covariance)
-        if start.position_sigma is not None:
-            known |= truth.alive[step]
-        for sensor in sensors:
-            k = int(np.searchsorted(sensor.steps, step))
-            if k == len(sensor.steps) or sensor.steps[k] != step:
-                continue
-            rate = rates[sensor.name][k]
-            gained = rate[:, None, None] * _information(sensor, k, target[:, step])
-            covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
-            known |= rate > 0.0
-        result[row] = np.where(known[:, None], np.einsum("oii->oi", covariance), np.nan)
-    return result
+def entry_velocity(truths: Sequence[Truth]) -> float:
+    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s; at least 1."""
+    squares = []
+    for truth in truths:
+        there = truth.alive.any(axis=0)
+        first = np.argmax(truth.alive, axis=0)
+        squares.append(truth.speed[first[there], np.flatnonzero(there)] ** 2)
+    every = np.concatenate([square.mean(axis=-1) for square in squares])
+    return max(float(np.sqrt(every.mean() / 2.0)), LEAST_VELOCITY) if every.size else LEAST_VELOCITY
 
 
 class Information(NamedTuple):
@@ -168,12 +129,12 @@ def conditional_bound(
         if len(passed) > 0:
             moved = _predicted(motion, covariance, truth.time[[latest, *passed]])
             covariance, latest = moved if known.all() else np.where(known, moved, covariance), passed[-1]
-        if start.position_sigma is not None:
-            known = known | truth.alive[step][:, None]
         for name, of in sensors.items():
             k = int(np.searchsorted(of.steps, step))
             if k == len(of.steps) or of.steps[k] != step:
                 continue
+            if start.position_sigma is not None:
+                known = known | truth.alive[step][:, None]
             root, seen = of.root[k][..., None], masks[name][k]
             updated = _updated(covariance, root, seen)
             begun = seen & ~known
@@ -183,15 +144,6 @@ def conditional_bound(
         variance = np.einsum("ii...->i...", now)
         result[:, row] = np.where(known, [variance[0] + variance[1], variance[2] + variance[3]], np.nan)
     return result
-
-
-def rms_bound(variances: Array, weight: Array) -> Bound:
-    """The bound of the RMSE, from variances ``(instants, objects, 4)`` and the number of estimates at each."""
-    use = (weight > 0) & np.isfinite(variances).all(axis=2)
-    if not use.any():
-        return NO_BOUND
-    mean = (variances[use] * weight[use][:, None]).sum(axis=0) / weight[use].sum()
-    return Bound(float(np.sqrt(mean[:2].sum())), float(np.sqrt(mean[2:].sum())))
 
 
 def _information(sensor: IdealSensor, measurement: int, target: Array) -> Array:

@@ -1,0 +1,30 @@
+"""What a reader is told of a verdict on a covariance."""
+
+from __future__ import annotations
+
+import math
+
+from trackbench.results import MetricValue
+
+MEANING = {
+    "consistent": "the errors are as large as its covariance states, under each condition",
+    "optimistic": "the errors are larger than its covariance states",
+    "pessimistic": "the errors are smaller than its covariance states",
+    "mixed": "the errors are larger or smaller than its covariance states, depending on the condition",
+    "undecided": "too few runs to say whether the errors are as large as its covariance states",
+}
+
+
+def conditions_off(found: MetricValue, most: int = 4) -> str:
+    """Where a mean is off, farthest first, and by how much: "turning 39.7, straight 2.9"."""
+    off = [condition for condition in found.conditions or () if condition.verdict in ("optimistic", "pessimistic")]
+    dof = found.dof or 1
+    off.sort(key=lambda condition: -abs(math.log(max(condition.mean, 1e-9) / dof)))
+    named = [f"{condition.name} {mean_text(condition.mean)}" for condition in off[:most]]
+    more = [f"{len(off) - most} more"] if len(off) > most else []
+    return ", ".join(named + more)
+
+
+def mean_text(mean: float) -> str:
+    """ "4.2", "2e+05"."""
+    return f"{mean:.1f}" if mean < 1000 else f"{mean:.0e}"

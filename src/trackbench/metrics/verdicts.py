@@ -1,0 +1,95 @@
+"""What intervals say of a tracker's covariance: over all estimates, under each condition, and together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from trackbench.results import Breakdown, ConditionScores, ConditionVerdict
+
+CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
+WHITENESS = ("white", "coloured", "undecided")
+
+#: How far the mean of a NEES or NIS may be from its degrees of freedom without consequence, as a share of them. A
+#: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
+TOLERANCE = 0.1
+#: The same under one condition, below and above. A condition is chosen by what the truth did, which the error has to do
+#: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and elsewhere
+#: up to 7 % below (results/calibration.md).
+BELOW, ABOVE = 0.25, 0.5
+#: A condition is judged where it has this share of the estimates, from so many runs.
+SMALLEST_SHARE = 0.02
+FEWEST_RUNS = 5
+#: How far an autocorrelation may be from zero. Predicting each innovation from the one before then saves 0.05^2, a
+#: quarter of a percent, of its variance.
+WHITENESS_TOLERANCE = 0.05
+
+
+def verdict(ci95: tuple[float, float] | None, dof: int) -> str:
+    """What the interval of a mean NEES or NIS says of the covariance.
+
+    ``consistent``: shown to be within ``TOLERANCE`` of ``dof``. ``optimistic``: shown to be above, errors are larger
+    than stated. ``pessimistic``: the same below. ``undecided``: none of these is shown. With more runs an interval
+    becomes shorter about the same mean, so that ``undecided`` may become any of the others, which stay. This is the
+    logic of an equivalence test (Schuirmann 1987, "A comparison of the two one-sided tests procedure and the power
+    approach").
+
+    Args:
+        ci95: None where nothing is known of it.
+        dof: what the mean of a consistent tracker is.
+    """
+    return _consistency(ci95, dof * (1 - TOLERANCE), dof * (1 + TOLERANCE))
+
+
+def condition_verdict(ci95: tuple[float, float] | None, dof: int) -> str:
+    """The same of the mean under one condition, with ``BELOW`` and ``ABOVE``."""
+    return _consistency(ci95, dof * (1 - BELOW), dof * (1 + ABOVE))
+
+
+def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
+    """What the interval of an autocorrelation says: ``white``, ``coloured`` or ``undecided``, as in ``verdict``."""
+    side = _side(ci95, -WHITENESS_TOLERANCE, WHITENESS_TOLERANCE)
+    return "undecided" if side is None else "coloured" if side else "white"
+
+
+def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
+    """The conditions with enough estimates: each manoeuvre, each range band, and the first second."""
+    found = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
+    found.pop("later", None)
+    return list(_judged(found.items(), breakdown.all.count))
+
+
+def together(whole: str, conditions: Iterable[ConditionVerdict]) -> str:
+    """The verdict on a covariance from that over all estimates and those under each condition.
+
+    ``consistent``: so over all estimates and under each condition. ``mixed``: off under some condition, and consistent
+    over all estimates or off to the other side elsewhere. ``optimistic`` and ``pessimistic``: off to that side alone.
+    """
+    found = {whole, *(condition.verdict for condition in conditions)}
+    off = found & {"optimistic", "pessimistic"}
+    if len(off) > 1 or (off and whole == "consistent"):
+        return "mixed"
+    return off.pop() if off else "undecided" if "undecided" in found else "consistent"
+
+
+def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> Iterator[ConditionVerdict]:
+    for name, scores in conditions:
+        nees = scores.nees
+        if nees is None or nees.value is None or nees.dof is None or nees.ci95 is None:
+            continue
+        if scores.count >= SMALLEST_SHARE * count and scores.runs >= FEWEST_RUNS:
+            found = condition_verdict(nees.ci95, nees.dof)
+            yield ConditionVerdict(name=name, mean=nees.value, ci95=nees.ci95, verdict=found)
+
+
+def _consistency(ci95: tuple[float, float] | None, low: float, high: float) -> str:
+    side = _side(ci95, low, high)
+    return {None: "undecided", 0: "consistent", 1: "optimistic", -1: "pessimistic"}[side]
+
+
+def _side(ci95: tuple[float, float] | None, low: float, high: float) -> int | None:
+    """0 where an interval is between two limits, 1 and -1 where it is above and below both, else None."""
+    if ci95 is None:
+        return None
+    if low <= ci95[0] and ci95[1] <= high:
+        return 0
+    return 1 if ci95[0] > high else -1 if ci95[1] < low else None

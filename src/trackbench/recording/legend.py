@@ -1,0 +1,72 @@
+"""The one legend of a recording: every colour with its name, in a view of its own that covers nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from trackbench.palette import BOUND_COLOUR, OBSERVER_COLOUR, sensor_colours
+from trackbench.recording.stream import Stream, path, pixels, rgba
+from trackbench.recording.views import BACKGROUND
+
+LEGEND = "legend"
+#: Pixels of the view, of a letter and of the room around a name.
+WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
+ROW, MARK = 40.0, 22.0
+
+
+class NamedColour(NamedTuple):
+    """A colour and what has it."""
+
+    name: str
+    colour: str
+    dot: bool = False
+
+
+def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
+    """Trackers by their colours, measurements of each sensor, truth with the bounds, and the observer."""
+    return [
+        *(NamedColour(name, colour) for name, colour in trackers.items()),
+        *(NamedColour(name, colour, dot=True) for name, colour in sensor_colours(sensors).items()),
+        NamedColour("truth, bounds", BOUND_COLOUR),
+        NamedColour("observer", OBSERVER_COLOUR),
+    ]
+
+
+def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
+    """A line or a dot above each name, in rows."""
+    for number, (entry, x, y) in enumerate(_placed(shown)):
+        style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
+        if entry.dot:
+            mark: rr.AsComponents = rr.Points2D([(x, y)], radii=pixels(3.0), **style)
+        else:
+            mark = rr.LineStrips2D([[(x - MARK / 2, y), (x + MARK / 2, y)]], radii=pixels(1.5), **style)
+        stream.static(path(LEGEND, str(number)), mark)
+
+
+def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
+    """The view, as wide as the names take."""
+    return rrb.Spatial2DView(
+        origin=LEGEND,
+        name="Legend",
+        visual_bounds=rrb.VisualBounds2D(x_range=(0.0, WIDTH), y_range=(0.0, height(shown))),
+        background=BACKGROUND,
+    )
+
+
+def height(shown: list[NamedColour]) -> float:
+    """Pixels that the rows take."""
+    return max(y for _, _, y in _placed(shown)) + 0.8 * ROW
+
+
+def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
+    """Each entry with the middle of its mark, in columns as wide as the longest name."""
+    longest = max(len(entry.name) for entry in shown)
+    columns = max(1, min(len(shown), int(WIDTH / (LETTER * longest + AROUND))))
+    row, column = np.divmod(np.arange(len(shown)), columns)
+    for entry, i, k in zip(shown, row, column, strict=True):
+        yield entry, float((k + 0.5) * WIDTH / columns), float((i + 0.25) * ROW)

@@ -1,0 +1,20 @@
+"""What a sensor is, in a few words."""
+
+from __future__ import annotations
+
+from trackbench.results.summary import SensorSummary
+
+
+def noise(sensor: SensorSummary) -> str:
+    """The standard deviation of each component, such as "range 0.3 m, azimuth 0.5 deg"."""
+    return ", ".join(f"{name.replace('_', ' ')} {of.sigma:.4g} {of.unit}" for name, of in sensor.noise.items())
+
+
+def reach(sensor: SensorSummary) -> str:
+    """The largest range, such as "150 m"."""
+    return "no limit" if sensor.max_range_m is None else f"{sensor.max_range_m:g} m"
+
+
+def mount(sensor: SensorSummary) -> str:
+    """The pose on the observer, such as "x 3.6 m, y 0 m, yaw 0 deg"."""
+    return f"x {sensor.mount.x_m:g} m, y {sensor.mount.y_m:g} m, yaw {sensor.mount.yaw_deg:g} deg"

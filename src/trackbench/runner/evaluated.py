@@ -1,0 +1,83 @@
+"""The metrics of every tracker from the blocks of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackbench.metrics import BlockScores, Evaluation, Sums, evaluate, merge_sums, ratio, variance_shares
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.sums import ERROR, ErrorSums
+from trackbench.results import Failure
+from trackbench.runner.block import Block
+from trackbench.runner.work import Work
+from trackbench.types import Array, Indices
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What the trackers of a run reached."""
+
+    failures: dict[str, Failure]
+    """By tracker that could not go on."""
+    scores: dict[str, BlockScores]
+    """By each other tracker, the sums over all runs."""
+    evaluations: dict[str, Evaluation]
+    """By each other tracker, its metrics."""
+    scene: Indices
+    """``(runs,)`` number of the scene of each run."""
+    ranked: list[str]
+    """Those with enough estimates, best first. They are scored where all of them gave an estimate."""
+
+    def errors(self, name: str) -> ErrorSums:
+        """The sums of a tracker over the estimates that are scored."""
+        return self.scores[name].where(frozenset(self.ranked) if name in self.ranked else frozenset({name}))
+
+    def error_by_scene(self, name: str) -> Array:
+        """``(scenes,)`` position RMSE of a tracker, m; NaN where it has no estimate."""
+        sums = self.errors(name).per_run
+        square, count = (
+            np.bincount(self.scene, row) for row in (sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]])
+        )
+        return np.sqrt(square / np.where(count > 0, count, np.nan))
+
+    def scene_share(self, name: str) -> float | None:
+        """Share of the variance of one run's squared position error that is between scenes."""
+        sums = self.errors(name).per_run
+        count = sums[ERROR["count"]]
+        if not count.sum():
+            return None
+        shares = variance_shares(ratio(sums[ERROR["px"]] + sums[ERROR["py"]], count), self.scene)
+        return None if shares is None else shares.scene
+
+    @property
+    def common_share(self) -> float | None:
+        """Share of the estimates of the ranked trackers that all of them gave; None where none is ranked."""
+        given = sum(self.scores[name].given for name in self.ranked)
+        common = sum(float(self.errors(name).per_run[ERROR["count"]].sum()) for name in self.ranked)
+        return common / given if given else None
+
+
+def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
+    """The metrics of every tracker."""
+    failures: dict[str, Failure] = {}
+    sums: dict[str, Sums] = {}
+    for name in work.trackers:
+        outcomes = [block.sums[name] for block in blocks]
+        failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)
+        if failure is None:
+            sums[name] = merge_sums([item for item in outcomes if not isinstance(item, Failure)], work.metrics)
+        else:
+            failures[name] = failure
+    scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
+    together = frozenset(name for name, item in scores.items() if item.coverage >= work.min_coverage)
+    evaluations = {
+        name: evaluate(item, work.scene_of_run, work.metrics, together if name in together else frozenset({name}))
+        for name, item in sums.items()
+    }
+    errors = {name: evaluations[name].intervals.get("position_rmse") for name in together}
+    known = {name: error.value for name, error in errors.items() if error is not None}
+    ranked = sorted(known, key=lambda name: (known[name], list(sums).index(name)))
+    return Evaluated(failures, scores, evaluations, work.scene_of_run, ranked)

@@ -1,0 +1,75 @@
+"""What the trackers of a block of runs are held against."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.metrics import Target
+from trackbench.metrics.reference import BoundStart, conditional_bound
+from trackbench.runner.work import Piece, Work
+from trackbench.sensing.scans import Measurements
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.types import Array, Mask
+
+
+class Targets:
+    """The target of each tracker; its parts are computed once for all trackers that share them."""
+
+    def __init__(self, work: Work, piece: Piece, measurements: Measurements) -> None:
+        self._work, self._piece = work, piece
+        self._scene = work.scenes[piece.scene]
+        truth, instants = self._scene.truth, self._scene.instants()
+        runs = piece.runs
+        state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, instants]
+        self._state = state[..., runs.start : runs.stop] if state.shape[-1] > 1 else state
+        self._time, self._alive = truth.time[instants], truth.alive[instants]
+        shape = (len(truth.ids), len(runs))
+        self._valid: dict[str, Mask] = {
+            sensor.name: np.stack([scan.valid for scan in measurements.scans if scan.sensor == sensor.name]).reshape(
+                -1, *shape
+            )
+            for sensor in self._scene.sensors
+        }
+        self._starts: dict[frozenset[str], Array] = {}
+        self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
+
+    def of(self, tracker: FilterConfig | PluginConfig) -> Target:
+        """What a tracker is held against."""
+        given = frozenset(tracker.sensors_used or self._valid)
+        if given not in self._starts:
+            self._starts[given] = self._first_detection(given) + self._work.settle
+        case = given, _start(tracker, self._work.velocity_sigma)
+        if case not in self._references:
+            self._references[case] = self._reference(*case)
+        return Target(
+            self._time, self._state, self._alive, self._starts[given], self._work.divergence, self._references[case]
+        )
+
+    def _first_detection(self, sensors: frozenset[str]) -> Array:
+        """``(objects, runs)`` s; infinity where there is none."""
+        first = np.full(next(iter(self._valid.values())).shape[1:], np.inf)
+        for sensor in self._scene.sensors:
+            valid = self._valid[sensor.name]
+            if sensor.name in sensors and len(valid):
+                first = np.where(valid.any(axis=0), np.minimum(first, sensor.time[np.argmax(valid, axis=0)]), first)
+        return first
+
+    def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
+        """Zero before anything is known, where no estimate is scored."""
+        scene, work = self._scene, self._work
+        found = conditional_bound(
+            scene.truth,
+            {name: found for name, found in scene.information.items() if name in sensors},
+            self._valid,
+            work.acceleration,
+            start,
+            scene.instants(),
+            np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
+        )
+        return np.nan_to_num(found, copy=False)
+
+
+def _start(tracker: FilterConfig | PluginConfig, velocity_sigma: float) -> BoundStart:
+    if isinstance(tracker, FilterConfig) and tracker.initial.source == "truth":
+        return BoundStart(tracker.initial.velocity_sigma_mps, tracker.initial.position_sigma_m)
+    return BoundStart(velocity_sigma)

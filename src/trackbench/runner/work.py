@@ -1,0 +1,125 @@
+"""What a run consists of: scenes, and the blocks of runs in which they go through the trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.metrics import BUILT_IN, Metric
+from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
+from trackbench.scenario import Scenario
+from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.truth import LoadedTruth
+from trackbench.types import Indices, Truth
+
+#: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
+BATCH_SIZE = 2000
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One truth and what its sensors would read of it without noise."""
+
+    truth: Truth
+    sensors: list[IdealSensor]
+
+    def instants(self) -> Indices:
+        """Indices of the truth's steps at which any sensor takes a measurement."""
+        return np.unique(np.concatenate([sensor.steps for sensor in self.sensors]))
+
+    @cached_property
+    def information(self) -> dict[str, Information]:
+        """By sensor, what its measurements tell of the targets."""
+        return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
+
+
+class Piece(NamedTuple):
+    """Some runs of one scene."""
+
+    scene: int
+    runs: range
+    """Numbered within the scene."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """Everything that is the same for every block of a run."""
+
+    scenario: str
+    seed: int
+    runs: int
+    """Of each scene."""
+    scenes: Sequence[Scene]
+    trackers: Mapping[str, FilterConfig | PluginConfig]
+    folder: Path | None
+    """Where a tracker's module is looked for first."""
+    settle: float
+    divergence: float
+    recorded_scene: int
+    recorded_run: int
+    """Numbered within its scene."""
+    acceleration: float
+    """That the reference allows for, m/s^2 per axis."""
+    velocity_sigma: float
+    """That the reference starts from, m/s per axis."""
+    acceleration_as_drawn: bool = False
+    """Whether it is all that drives the targets, drawn anew at each step of the truth."""
+    min_coverage: float = 0.0
+    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    metrics: tuple[Metric, ...] = BUILT_IN
+
+    def pieces(self) -> list[Piece]:
+        """The runs in blocks, which depend on the scenes and the number of runs alone."""
+        found = []
+        for number, scene in enumerate(self.scenes):
+            size = max(1, BATCH_SIZE // max(1, len(scene.truth.ids)))
+            starts = range(0, self.runs, size)
+            found += [Piece(number, range(start, min(start + size, self.runs))) for start in starts]
+        return found
+
+    def noise_of(self, scene: int) -> str:
+        """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
+        return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
+
+    @property
+    def scene_of_run(self) -> Indices:
+        """``(scenes * runs,)`` number of the scene of each run."""
+        return np.repeat(np.arange(len(self.scenes)), self.runs)
+
+
+def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
+    """What every block of a run of the scenario needs.
+
+    Args:
+        loaded: the scenario.
+        truths: one for each scene.
+    """
+    scenario = loaded.config
+    stated, driven = scenario.score.reference, scenario.truth.white_acceleration
+    every = [item.truth for item in truths]
+    acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
+    if acceleration is None:
+        acceleration = typical_acceleration(every) if driven is None else driven
+    return Work(
+        scenario=scenario.name,
+        seed=scenario.monte_carlo.seed,
+        runs=scenario.monte_carlo.runs,
+        scenes=[Scene(item.truth, ideal_sensors(item.truth, scenario.sensors, item.measurements)) for item in truths],
+        trackers=scenario.trackers,
+        folder=loaded.path.resolve().parent,
+        settle=scenario.score.settle_s,
+        divergence=scenario.score.divergence_m,
+        recorded_scene=scenario.recording.scene,
+        recorded_run=scenario.recording.run,
+        acceleration=acceleration,
+        velocity_sigma=entry_velocity(every) if velocity is None else velocity,
+        acceleration_as_drawn=acceleration == driven,
+        min_coverage=scenario.score.min_coverage,
+        metrics=(*BUILT_IN, *scenario.score.metrics),
+    )

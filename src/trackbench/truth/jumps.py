@@ -1,0 +1,55 @@
+"""Velocity jumps: steps in which a velocity changes by more than a car can do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.results.truth_audit import VelocityJumps
+from trackbench.types import Array, Mask, Truth
+
+#: No vehicle on wheels accelerates like this, m/s^2: twice the grip of a tyre, whose coefficient of friction on dry
+#: asphalt is 0.8 to 0.9 (Wong, Theory of Ground Vehicles, section 1.3). One grip would also count the cars that a
+#: simulator lets round a bend too fast for any tyre, on which nothing jumps.
+IMPOSSIBLE_MPS2 = 20.0
+#: An estimate is near a jump of its object for so long after it, s.
+AFTERMATH_S = 1.0
+
+
+def velocity_jumps(truth: Truth) -> Mask:
+    """``(steps - 1, objects, runs or 1)``: the steps in which the velocity jumps."""
+    return np.asarray(_change(truth) > IMPOSSIBLE_MPS2 * np.diff(truth.time)[:, None, None])
+
+
+def after_jump(truth: Truth) -> Mask:
+    """``(steps, objects, runs or 1)``: from the end of a jump of the same object until ``AFTERMATH_S`` later."""
+    jumped = velocity_jumps(truth)
+    time = truth.time[:, None, None]
+    ends = np.where(jumped, time[1:], -np.inf)
+    latest = np.maximum.accumulate(np.concatenate([np.full_like(ends[:1], -np.inf), ends]), axis=0)
+    # Times are rounded.
+    return np.asarray(time - latest <= AFTERMATH_S * (1 + 1e-9))
+
+
+def summarised(truth: Truth) -> VelocityJumps:
+    """Their number, the largest, and the peak acceleration."""
+    change = _change(truth)
+    if not change.size:
+        return VelocityJumps(limit_mps2=IMPOSSIBLE_MPS2)
+    acceleration = change / np.diff(truth.time)[:, None, None]
+    jumped = np.where(velocity_jumps(truth), change, -np.inf)
+    step, body, _ = np.unravel_index(np.argmax(jumped), jumped.shape)
+    found = bool(np.isfinite(jumped[step, body]).any())
+    return VelocityJumps(
+        limit_mps2=IMPOSSIBLE_MPS2,
+        count=int(np.isfinite(jumped).sum()),
+        largest_mps=float(jumped.max()) if found else None,
+        object=truth.ids[int(body)] if found else None,
+        time_s=float(truth.time[step + 1]) if found else None,
+        peak_acceleration_mps2=float(acceleration.max()),
+    )
+
+
+def _change(truth: Truth) -> Array:
+    """Change of the velocity vector in each step, ``(steps - 1, objects, runs or 1)`` m/s; zero where it is absent."""
+    there = (truth.alive[:-1] & truth.alive[1:])[..., None]
+    return np.asarray(np.where(there, np.hypot(np.diff(truth.vx, axis=0), np.diff(truth.vy, axis=0)), 0.0))

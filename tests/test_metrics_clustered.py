@@ -1,0 +1,93 @@
+"""Intervals of runs from several scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trackbench.metrics import clustered, ratio, root, scaled, variance_shares
+from trackbench.metrics.intervals import paired
+
+
+def sums(seed: int, scenes: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Totals, numbers of terms and scenes of runs whose scenes differ in size and in order."""
+    random = np.random.default_rng(seed)
+    scene = random.permutation(np.repeat(np.arange(scenes) * 3, random.integers(1, 6, scenes)))
+    count = random.integers(1, 50, len(scene)).astype(float)
+    return count * random.lognormal(size=len(scene)), count, scene
+
+
+def by_scene(values: np.ndarray, scene: np.ndarray) -> np.ndarray:
+    return np.array([values[scene == one].sum() for one in np.unique(scene)])
+
+
+@given(st.integers(0, 10_000), st.integers(2, 12))
+def test_clustering_is_the_ratio_of_sums_by_scene(seed: int, scenes: int) -> None:
+    total, count, scene = sums(seed, scenes)
+    expected = ratio(by_scene(total, scene), by_scene(count, scene))
+    found = clustered(ratio(total, count), scene)
+    assert found.value == pytest.approx(expected.value)
+    assert found.influence == pytest.approx(expected.influence, abs=1e-12)
+    assert found.ci95 == pytest.approx(expected.ci95)
+    assert abs(found.influence.mean()) < 1e-9
+    error = clustered(scaled(root(ratio(total, count)), 3.0), scene)
+    assert error.ci95 == pytest.approx(scaled(root(expected), 3.0).ci95)
+
+
+@given(st.integers(0, 10_000))
+def test_paired_differences_cluster_like_those_of_sums_by_scene(seed: int) -> None:
+    total, count, scene = sums(seed, 7)
+    other = total * np.random.default_rng(seed).lognormal(size=len(total))
+    found = paired(*(clustered(ratio(values, count), scene) for values in (total, other)))
+    expected = paired(*(ratio(by_scene(values, scene), by_scene(count, scene)) for values in (total, other)))
+    assert found.ci95 == pytest.approx(expected.ci95)
+    assert found.p_value == pytest.approx(expected.p_value)
+
+
+def test_one_scene_changes_nothing() -> None:
+    total, count, scene = sums(3, 4)
+    found = ratio(total, count)
+    assert clustered(found, np.full_like(scene, 5)) is found
+
+
+def test_scenes_of_one_run_each_change_nothing_but_the_order() -> None:
+    total, count, _ = sums(3, 9)
+    found = ratio(total, count)
+    assert clustered(found, np.arange(len(total))).ci95 == pytest.approx(found.ci95)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_the_shares_of_scene_and_noise_are_those_that_were_put_in(share: float) -> None:
+    random = np.random.default_rng(11)
+    sizes = random.integers(2, 10, 3000)
+    scene = np.repeat(np.arange(3000), sizes)
+    values = np.sqrt(share) * random.normal(size=3000)[scene] + np.sqrt(1 - share) * random.normal(size=len(scene))
+    found = variance_shares(ratio(values, np.ones(len(scene))), scene)
+    assert found.scene == pytest.approx(share, abs=0.02)
+    assert found.scene + found.noise == pytest.approx(1.0)
+
+
+def test_shares_by_hand() -> None:
+    # Two scenes of two runs: mean squares 16 between and 1 within, so the scenes' variance is (16 - 1) / 2.
+    found = variance_shares(ratio(np.array([1.0, 1.0 + np.sqrt(2), 5.0, 5.0 + np.sqrt(2)]), np.ones(4)), [0, 0, 1, 1])
+    assert found.scene == pytest.approx(7.5 / 8.5)
+
+
+@pytest.mark.parametrize("scene", [[0, 0, 0], [0, 1, 2]])
+def test_scene_and_noise_cannot_be_told_apart_from_one_scene_or_one_run_each(scene: list[int]) -> None:
+    assert variance_shares(ratio(np.array([1.0, 2.0, 4.0]), np.ones(3)), scene) is None
+    assert variance_shares(ratio(np.ones(4), np.ones(4)), [0, 0, 1, 1]) is None
+
+
+def test_intervals_from_scenes_cover_where_those_from_runs_do_not() -> None:
+    random = np.random.default_rng(5)
+    scene = np.repeat(np.arange(10), 20)
+    inside = np.zeros(2)
+    for _ in range(1000):
+        values = random.normal(size=10)[scene] + random.normal(size=200)
+        found = ratio(values, np.ones(200))
+        inside += [low <= 0.0 <= high for low, high in (found.ci95, clustered(found, scene).ci95)]
+    assert inside[0] < 600
+    assert 930 <= inside[1] <= 970

@@ -1,0 +1,92 @@
+"""Differences held against what does not matter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from trackbench.metrics import BUILT_IN
+from trackbench.metrics.differences import differences, margin_between, verdict
+from trackbench.metrics.intervals import Interval, paired, ratio, root, unpaired
+from trackbench.results.summary import MarginSummary
+
+MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
+ONES = np.ones(20)
+
+
+def of(mean: float, spread: float, runs: int = 20) -> Interval:
+    """A mean whose runs spread evenly about it."""
+    noise = np.linspace(-1.0, 1.0, runs)
+    return ratio(mean + spread * noise / noise.std(ddof=1), np.ones(runs))
+
+
+def test_the_p_value_is_twice_the_one_sided_one_at_the_margin() -> None:
+    a, b = of(1.3, 0.5), of(1.0, 0.0)
+    found = paired(a, b, 0.1)
+    error = 0.5 / np.sqrt(20)
+    assert found.p_value == pytest.approx(2 * stats.t.sf((0.3 - 0.1) / error, 19))
+    assert paired(b, a, 0.1).p_value == pytest.approx(found.p_value)
+    assert paired(a, b, 0.31).p_value == 1.0
+    assert paired(a, b).p_value == pytest.approx(2 * stats.t.sf(0.3 / error, 19))
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 0.5), st.booleans())
+def test_p_value_and_interval_agree(seed: int, margin: float, welch: bool) -> None:
+    random = np.random.default_rng(seed)
+    a, b = (ratio(random.normal(mean, 0.5, 12), np.ones(12)) for mean in (1.0, 1.3))
+    found = (unpaired if welch else paired)(a, b, margin)
+    low, high = found.ci95
+    assert (found.p_value < 0.05) == (low > found.margin or high < -found.margin)
+    assert found.equivalent == (-found.margin <= low and high <= found.margin)
+    assert not (found.equivalent and found.p_value < 0.05)
+
+
+@pytest.mark.parametrize(
+    ("mean", "spread", "smaller", "larger", "neither"),
+    [
+        (0.8, 0.1, "better", "worse", "smaller"),
+        (1.2, 0.1, "worse", "better", "larger"),
+        (1.001, 0.001, "equivalent", "equivalent", "equivalent"),
+        (1.001, 1.0, "undecided", "undecided", "undecided"),
+        (1.02, 0.05, "undecided", "undecided", "undecided"),
+    ],
+)
+def test_verdicts(mean: float, spread: float, smaller: str, larger: str, neither: str) -> None:
+    found = paired(of(mean, spread), of(1.0, 0.0), 0.01)
+    for better, expected in (("smaller", smaller), ("larger", larger), (None, neither)):
+        assert verdict(found, found.p_value, better) == expected
+
+
+def test_the_margin_is_the_larger_of_a_share_of_the_better_value_and_an_absolute_part() -> None:
+    small, large = of(0.1, 0.0), of(2.0, 0.0)
+    assert margin_between(small, large, "m", "smaller", MARGIN) == 0.005
+    assert margin_between(large, of(3.0, 0.0), "m", "smaller", MARGIN) == pytest.approx(0.02)
+    assert margin_between(small, large, "m", "larger", MARGIN) == pytest.approx(0.02)
+    assert margin_between(small, large, "1", "smaller", MARGIN) == pytest.approx(0.001)
+    assert margin_between(small, large, "m/s", None, MARGIN) == 0.02
+    assert margin_between(small, large, "deg", None, MARGIN) == 0.05
+
+
+def test_identical_trackers_are_equivalent_whatever_the_margin() -> None:
+    nothing = MarginSummary(percent=0.0, position_m=0.0, velocity_mps=0.0, course_deg=0.0)
+    same = root(of(0.25, 0.1))
+    for margin in (MARGIN, nothing):
+        (found,) = differences({"a": {"position_rmse": same}, "b": {"position_rmse": same}}, BUILT_IN, margin)
+        assert (found.verdict, found.better, found.p_value) == ("equivalent", None, 1.0)
+
+
+def test_more_runs_lead_from_undecided_to_a_verdict_and_not_from_one_to_another() -> None:
+    random = np.random.default_rng(2)
+    for difference, end in ((0.0, "equivalent"), (0.03, "worse"), (-0.03, "better")):
+        values = random.normal(1.0 + difference, 0.1, 4000)
+        seen = [
+            verdict(found, found.p_value, "smaller")
+            for runs in range(5, 4000, 50)
+            for found in [paired(ratio(values[:runs], np.ones(runs)), of(1.0, 0.0, runs), 0.01)]
+        ]
+        assert seen[0] == "undecided"
+        assert seen[-1] == end
+        assert set(seen) == {"undecided", end}

@@ -1,0 +1,133 @@
+"""What intervals say of a covariance, and how often that is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackbench.metrics.intervals import ratio
+from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, whiteness_verdict
+from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
+
+
+@pytest.mark.parametrize(
+    ("ci95", "expected"),
+    [
+        ((3.7, 4.2), "consistent"),
+        ((4.1, 4.3), "consistent"),
+        ((3.6, 4.4), "consistent"),
+        ((4.1, 4.5), "undecided"),
+        ((4.41, 4.5), "optimistic"),
+        ((7.0, 9.0), "optimistic"),
+        ((3.5, 3.9), "undecided"),
+        ((3.5, 3.59), "pessimistic"),
+        ((3.0, 5.0), "undecided"),
+        (None, "undecided"),
+    ],
+)
+def test_verdicts_of_a_nees_of_four_degrees_of_freedom(ci95, expected):
+    assert verdict(ci95, 4) == expected
+
+
+@pytest.mark.parametrize(
+    ("ci95", "expected"),
+    [
+        ((3.0, 6.0), "consistent"),
+        ((2.9, 3.1), "undecided"),
+        ((2.8, 2.9), "pessimistic"),
+        ((5.9, 6.1), "undecided"),
+        ((6.1, 9.0), "optimistic"),
+    ],
+)
+def test_verdicts_under_a_condition_allow_for_more(ci95, expected):
+    assert condition_verdict(ci95, 4) == expected
+
+
+@pytest.mark.parametrize(
+    ("ci95", "expected"),
+    [
+        ((0.01, 0.02), "white"),
+        ((0.01, 0.06), "undecided"),
+        ((0.051, 0.06), "coloured"),
+        ((-0.3, -0.2), "coloured"),
+        ((-0.01, 0.06), "undecided"),
+        (None, "undecided"),
+    ],
+)
+def test_verdicts_of_a_correlation(ci95, expected):
+    assert whiteness_verdict(ci95) == expected
+
+
+@pytest.mark.parametrize(
+    ("whole", "conditions", "expected"),
+    [
+        ("consistent", ["consistent", "consistent"], "consistent"),
+        ("consistent", [], "consistent"),
+        ("consistent", ["consistent", "undecided"], "undecided"),
+        ("consistent", ["consistent", "optimistic"], "mixed"),
+        ("consistent", ["optimistic", "pessimistic"], "mixed"),
+        ("undecided", ["consistent", "consistent"], "undecided"),
+        ("undecided", ["undecided", "optimistic"], "optimistic"),
+        ("undecided", ["consistent", "optimistic"], "optimistic"),
+        ("undecided", ["pessimistic", "optimistic"], "mixed"),
+        # Off by little everywhere, within what is allowed under a condition.
+        ("optimistic", ["consistent", "consistent"], "optimistic"),
+        ("pessimistic", ["undecided", "undecided"], "pessimistic"),
+        ("optimistic", ["optimistic", "undecided"], "optimistic"),
+        ("optimistic", ["optimistic", "consistent"], "optimistic"),
+        ("optimistic", ["pessimistic"], "mixed"),
+    ],
+)
+def test_the_verdict_takes_every_condition_into_account(whole, conditions, expected):
+    found = [ConditionVerdict(name="any", mean=4.0, ci95=(3.9, 4.1), verdict=word) for word in conditions]
+    assert together(whole, found) == expected
+
+
+def scores(count, runs=100, ci95=(3.9, 4.1)):
+    nees = MetricValue(value=4.0, unit="1", dof=4, ci95=ci95, reason=None if ci95 else "one run")
+    return ConditionScores(count=count, runs=runs, nees=nees)
+
+
+def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
+    found = Breakdown(
+        all=scores(1000),
+        manoeuvre={
+            "straight": scores(960),
+            "turning": scores(20),
+            "braking": scores(19),
+            "accelerating": scores(21, 4),
+        },
+        range={"0 to 20 m": scores(980), "20 to 50 m": scores(20, ci95=None)},
+        age={"first second": scores(50, ci95=(2.0, 2.5)), "later": scores(950)},
+    )
+    names = {condition.name: condition.verdict for condition in judged(found)}
+    assert names == {
+        "straight": "consistent",
+        "turning": "consistent",
+        "0 to 20 m": "consistent",
+        "first second": "pessimistic",
+    }
+
+
+@pytest.mark.parametrize("runs", [20, 100, 1000])
+def test_a_verdict_is_wrong_as_rarely_as_stated(runs):
+    """Mean NEES of scenes of 25 independent instants of 4 degrees of freedom: chi-square over 25."""
+    random = np.random.default_rng(runs)
+
+    def share(word, scale, repeats=1000):
+        means = scale * random.chisquare(100, size=(repeats, runs)) / 25
+        return np.mean([verdict(ratio(row, np.ones(runs)).ci95, 4) == word for row in means])
+
+    # An interval misses on either side once in forty times; three standard deviations more are 0.015.
+    assert share("optimistic", 1.1) < 0.04
+    assert share("pessimistic", 0.9) < 0.04
+    assert share("consistent", 1.101) < 0.04
+    assert share("consistent", 0.899) < 0.04
+    assert share("consistent", 1.0) > {20: 0.6, 100: 0.99, 1000: 0.999}[runs]
+    assert share("optimistic", 1.25) > {20: 0.8, 100: 0.99, 1000: 0.999}[runs]
+
+
+def test_with_more_runs_a_verdict_passes_through_undecided():
+    """A mean 6 % below its degrees of freedom, with an interval as wide as that of so many runs."""
+    words = [verdict((3.76 - reach, 3.76 + reach), 4) for reach in 0.8 / np.sqrt(np.arange(2, 1000))]
+    assert list(dict.fromkeys(words)) == ["undecided", "consistent"]
