@@ -28,7 +28,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class ComponentNoise:
+class ResidualNoise:
     """The noise of one component of a measurement."""
 
     name: str
@@ -47,7 +47,7 @@ class ComponentNoise:
     """Range at the 90 % quantile of the measurements over that at the 10 %."""
 
 
-def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ComponentNoise], Array]:
+def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]:
     """The noise of each component, and the covariance ``(m, m)`` of a measurement."""
     inlier = fit.inlier
     logged = log.residual({})[:, inlier]
@@ -61,9 +61,7 @@ def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ComponentNoise], Array
     return found, np.asarray(np.atleast_2d(correlation) * np.outer(sigma, sigma))
 
 
-def _component(
-    log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array
-) -> ComponentNoise:
+def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array) -> ResidualNoise:
     known = np.isfinite(logged)
     counted = np.where(known, logged, 0.0)
     mean = fit.blocks.intervals(np.stack([counted, known.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
@@ -71,7 +69,7 @@ def _component(
     spread = float(high / max(low, 1e-6))
     sigma = _sigma(fit, residual, np.ones(len(residual), dtype=bool))
     exponent = _exponent(fit, residual, distance, sigma.value) if spread > 1.2 else None
-    return ComponentNoise(
+    return ResidualNoise(
         name=log.components[i],
         unit=log.config.units[i],
         mean=mean,

@@ -13,7 +13,7 @@ from trackbench.log_audit.detection import Detections, detections_of
 from trackbench.log_audit.drift import clock_drift
 from trackbench.log_audit.findings import EFFECT, SHAPE, SIGMA_OFF, LogFinding, error_finding
 from trackbench.log_audit.joint_fit import FEWEST_ROWS, JointFit, joint_fit, refit
-from trackbench.log_audit.noise import ComponentNoise, noise_of
+from trackbench.log_audit.noise import ResidualNoise, noise_of
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.log_audit.simple_findings import (
     drift_finding,
@@ -42,7 +42,7 @@ class SensorAudit:
     detections: Detections
     fit: JointFit | None = None
     """None where there are too few measurements."""
-    noise: tuple[ComponentNoise, ...] = ()
+    noise: tuple[ResidualNoise, ...] = ()
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     """``(m, m)`` of a measurement: the suggested R."""
     square_before: float | None = None
@@ -124,7 +124,7 @@ def _noises(item: SensorAudit, level: float) -> Iterator[LogFinding]:
             yield shape_finding(item.log.name, noise, shape)
 
 
-def _ratio(noises: list[ComponentNoise]) -> BlockInterval:
+def _ratio(noises: list[ResidualNoise]) -> BlockInterval:
     """Logarithm of the standard deviation found over the stated one, the mean of several components."""
     logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
     relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]

@@ -10,7 +10,7 @@ from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.clocks import Clock
 from trackbench.log_audit.detection import Detections
 from trackbench.log_audit.findings import LogFinding, between, bounds_shown, shown
-from trackbench.log_audit.noise import ComponentNoise
+from trackbench.log_audit.noise import ResidualNoise
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.log_audit.truth_check import VelocityCheck
 from trackbench.log_audit.units_check import WrongUnit
@@ -51,7 +51,7 @@ def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
     )
 
 
-def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio: BlockInterval) -> LogFinding:
+def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: BlockInterval) -> LogFinding:
     """That the noise is not what is stated."""
     stated = float(getattr(log.config, key))
     value = stated * float(np.exp(ratio.value))
@@ -76,7 +76,7 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio:
     )
 
 
-def shape_finding(sensor: str, noise: ComponentNoise, shape: BlockInterval) -> LogFinding:
+def shape_finding(sensor: str, noise: ResidualNoise, shape: BlockInterval) -> LogFinding:
     """That the noise depends on the range."""
     name = noise.name.replace("_", " ")
     near, far = noise.bands[0], noise.bands[-1]

@@ -11,7 +11,7 @@ from trackbench.log_audit import LogAudit
 from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.clocks import Clock
 from trackbench.log_audit.findings import bounds_shown, shown, spelt
-from trackbench.log_audit.noise import Band, ComponentNoise
+from trackbench.log_audit.noise import Band, ResidualNoise
 from trackbench.log_audit.sensor_audit import SensorAudit
 from trackbench.report.numbers import NOT_AVAILABLE
 
@@ -181,7 +181,7 @@ def velocities(audit: LogAudit) -> Table:
     return Table("velocities", columns, tuple(rows), "The truth's velocity against its displacement")
 
 
-def _component(one: ComponentNoise) -> tuple[Cell, Cell, Cell, Cell]:
+def _component(one: ResidualNoise) -> tuple[Cell, Cell, Cell, Cell]:
     return (
         Cell(one.name.replace("_", " ")),
         _interval(one.mean, one.unit),
@@ -190,7 +190,7 @@ def _component(one: ComponentNoise) -> tuple[Cell, Cell, Cell, Cell]:
     )
 
 
-def _exponent(one: ComponentNoise) -> Cell:
+def _exponent(one: ResidualNoise) -> Cell:
     if one.exponent is None:
         return Cell(NOT_AVAILABLE, reason="the range hardly changes in this log")
     low, high = one.exponent.bounds()
