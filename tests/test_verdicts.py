@@ -80,7 +80,15 @@ def test_verdicts_of_a_correlation(ci95, expected):
 )
 def test_the_verdict_takes_every_condition_into_account(whole, conditions, expected):
     found = [ConditionVerdict(name="any", mean=4.0, ci95=(3.9, 4.1), verdict=word) for word in conditions]
-    assert together(whole, found) == expected
+    assert together(4.0, whole, found) == expected
+
+
+@pytest.mark.parametrize(("mean", "expected"), [(5.0, "optimistic"), (8.0, "mixed")])
+def test_consistent_under_one_condition_and_far_from_it_over_all_is_mixed(mean, expected):
+    """A covariance that is too small by the same everywhere, and one that is right where it is straight."""
+    straight = ConditionVerdict(name="straight", mean=4.1, ci95=(4.0, 4.2), verdict="consistent")
+    turning = ConditionVerdict(name="turning", mean=30.0, ci95=(29.0, 31.0), verdict="optimistic")
+    assert together(mean, "optimistic", [straight, turning]) == expected
 
 
 def scores(count, runs=100, ci95=(3.9, 4.1)):
@@ -99,6 +107,7 @@ def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
         },
         range={"0 to 20 m": scores(980), "20 to 50 m": scores(20, ci95=None)},
         age={"first second": scores(50, ci95=(2.0, 2.5)), "later": scores(950)},
+        jump={"after a velocity jump": scores(500, ci95=(20.0, 30.0))},
     )
     names = {condition.name: condition.verdict for condition in judged(found)}
     assert names == {
