@@ -89,6 +89,8 @@ def test_consistent_under_one_condition_and_far_from_it_over_all_is_mixed(mean, 
     straight = ConditionVerdict(name="straight", mean=4.1, ci95=(4.0, 4.2), verdict="consistent")
     turning = ConditionVerdict(name="turning", mean=30.0, ci95=(29.0, 31.0), verdict="optimistic")
     assert together(mean, "optimistic", [straight, turning]) == expected
+    first = straight.model_copy(update={"name": "first second"})
+    assert together(mean, "optimistic", [first, turning]) == "optimistic"
 
 
 def scores(count, runs=100, ci95=(3.9, 4.1)):

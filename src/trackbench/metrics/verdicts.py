@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from trackbench.metrics.conditions import AGES
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
@@ -54,7 +55,7 @@ def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
 def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
     """The conditions with enough estimates: each manoeuvre, each range band, and the first second."""
     found = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
-    found.pop("later", None)
+    found.pop(AGES[1], None)
     return list(_judged(found.items(), breakdown.all.count))
 
 
@@ -64,7 +65,8 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) ->
     ``consistent``: so over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
     estimates or under some conditions, to that side alone. ``mixed``: off to both sides; or off under some condition
     and consistent over all estimates; or consistent under some condition, with a mean that differs from that over all
-    estimates by more than is allowed for under a condition.
+    estimates by more than is allowed for under a condition. The first second does not count for the last: it rests on
+    the covariance that a track starts from, and may be right where the process noise is wrong everywhere.
 
     Args:
         mean: over all estimates.
@@ -76,8 +78,9 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) ->
     if not off:
         return "undecided" if "undecided" in found else "consistent"
     apart = any(
-        condition.verdict == "consistent" and _side(condition.ci95, mean * (1 - BELOW), mean * (1 + ABOVE)) in (-1, 1)
+        _side(condition.ci95, mean * (1 - BELOW), mean * (1 + ABOVE)) in (-1, 1)
         for condition in conditions
+        if condition.verdict == "consistent" and condition.name != AGES[0]
     )
     return "mixed" if len(off) > 1 or whole == "consistent" or apart else off.pop()
 
