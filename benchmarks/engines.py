@@ -97,7 +97,7 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
         alive=truth.alive,
         start=np.zeros((1, of.runs)),
         divergence=20.0,
-        bound=np.zeros((2, of.steps, 1, 1)),
+        reference=np.zeros((2, of.steps, 1, 1)),
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
     classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))

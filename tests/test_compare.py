@@ -121,7 +121,7 @@ def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str)
 def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
     """The run with a number is the same however many there are."""
     longer = keep("monte_carlo.runs=20", WORSE_EKF)
-    found = compare([keep(), longer], metrics=["position_rmse", "position_efficiency"])
+    found = compare([keep(), longer], metrics=["position_rmse", "position_over_reference"])
     (_, later) = found.scenarios[0].results
     assert later.shared_runs == 12
     assert later.reason == "over the 12 runs of 20 here and 12 there with equal fingerprints"
@@ -129,8 +129,7 @@ def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
     assert position["raw"].identical
     same_length = by_tracker(compare([keep(), keep(WORSE_EKF)]))["ekf"]
     assert position["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
-    # The bound is that of all runs of each, so a ratio to it is not paired over a part of them.
-    assert {d.paired_runs for d in found.differences if d.metric == "position_efficiency"} == {None}
+    assert {d.paired_runs for d in found.differences if d.metric == "position_over_reference"} == {12}
 
 
 @pytest.mark.parametrize(
@@ -374,7 +373,7 @@ def test_metrics_that_have_no_limit(keep: Keep, metric: str, message: str) -> No
 
 def test_limits() -> None:
     assert Limit.parse("rmse.px:2.5") == Limit.parse("rmse.px:2.5%") == Limit("rmse.px", 2.5)
-    assert Limit.parse("position_efficiency:1").metric == "position_efficiency"
+    assert Limit.parse("position_over_reference:1").metric == "position_over_reference"
 
 
 @pytest.fixture(scope="module")

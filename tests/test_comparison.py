@@ -29,7 +29,7 @@ def metrics(rmse: float) -> dict[str, Any]:
     return {
         "position_rmse": {"value": rmse, "unit": "m", "ci95": [rmse - 0.01, rmse + 0.01]},
         "velocity_rmse": {"value": 2 * rmse, "unit": "m/s", "ci95": [2 * rmse - 0.1, 2 * rmse + 0.1]},
-        "position_efficiency": {"value": rmse / 0.5, "unit": "1", "ci95": None},
+        "position_over_reference": {"value": rmse / 0.5, "unit": "1", "ci95": None},
         "nees": {"mean": 4.1, "unit": "1", "dof": 4, "ci95": [3.9, 4.3], "verdict": "consistent"},
         "coverage": {"value": 1.0, "unit": "1"},
         "step_time": {"value": 1.23, "unit": "us"},
@@ -89,7 +89,14 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
             "cached": False,
         },
         "sensors": {},
-        "bound": {"motion": "cv", "acceleration_sigma_mps2": 1.0, "velocity_sigma_mps": 20.0},
+        "reference": {
+            "kind": "reference",
+            "motion": "cv",
+            "acceleration_sigma_mps2": 1.0,
+            "acceleration_from": "truth",
+            "acceleration_changes": "each measurement",
+            "velocity_sigma_mps": 20.0,
+        },
         "score": {
             "settle_s": 0.0,
             "divergence_m": 10.0,
@@ -180,7 +187,7 @@ def test_markdown(compared: Comparison) -> None:
     assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
     assert "1 of 2 met" in text
     assert "](figures/ranks.svg)" in text
-    assert "](figures/efficiency.svg)" in text
+    assert "](figures/over-reference.svg)" in text
 
 
 def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
@@ -204,7 +211,7 @@ def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp
     found = made(compared, tmp_path)
     assert set(found) == {
         *(f"comparison.{ending}" for ending in ("html", "md", "json")),
-        *(f"figures/{name}.svg" for name in ("ranks", "efficiency")),
+        *(f"figures/{name}.svg" for name in ("ranks", "over-reference")),
     }
     assert [name for name, content in found.items() if "1.23" in content] == ["comparison.html"]
     assert found == made(compared, tmp_path)
@@ -230,7 +237,7 @@ def test_one_tracker_that_is_much_worse_does_not_bleach_the_others() -> None:
     def colours(worst: float) -> list[str]:
         rmse = {"good": 0.5, "fair": 0.6, "poor": worst}
         comparison = compare([[scenario(f"s{i}", rmse) for i in range(2)]])
-        (figure,) = [figure for figure in document(comparison).figures if figure.name == "efficiency"]
+        (figure,) = [figure for figure in document(comparison).figures if figure.name == "over-reference"]
         canvas = Figure()
         figure.paint(canvas)
         return [str(patch.get_facecolor()) for patch in canvas.axes[0].patches]
@@ -251,7 +258,7 @@ def test_json(compared: Comparison) -> None:
 
 def test_figures_are_images_of_their_own(compared: Comparison, tmp_path: Path) -> None:
     made = {path.name: content.decode() for path, content in comparison_files(compared, tmp_path / "x.svg")}
-    assert set(made) == {"x-ranks.svg", "x-efficiency.svg"}
+    assert set(made) == {"x-ranks.svg", "x-over-reference.svg"}
     for text in made.values():
         root = ElementTree.fromstring(text)
         assert root.tag == "{http://www.w3.org/2000/svg}svg"

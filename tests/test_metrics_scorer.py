@@ -26,7 +26,7 @@ SENSORS = {
 EVERYONE = frozenset()
 
 
-def target(state, runs, *, alive=None, start=0.0, divergence=10.0, bound=(0.0, 0.0)):
+def target(state, runs, *, alive=None, start=0.0, divergence=10.0, reference=(0.0, 0.0)):
     """Of a truth ``(4, instants, objects)`` that is the same in every run."""
     state = np.asarray(state, dtype=float)[..., None]
     _, instants, objects, _ = state.shape
@@ -36,7 +36,7 @@ def target(state, runs, *, alive=None, start=0.0, divergence=10.0, bound=(0.0, 0
         alive=np.ones((instants, objects), dtype=bool) if alive is None else np.asarray(alive),
         start=np.full((objects, runs), start),
         divergence=divergence,
-        bound=np.broadcast_to(np.reshape(bound, (2, 1, 1, 1)), (2, instants, objects, 1)),
+        reference=np.broadcast_to(np.reshape(reference, (2, 1, 1, 1)), (2, instants, objects, 1)),
     )
 
 
@@ -265,12 +265,12 @@ def test_repairs_are_counted_where_the_object_is_scored():
     assert health(scores).repaired_runs == 2
 
 
-def test_efficiency_is_the_error_over_the_bound():
-    of = target(np.zeros((4, 1, 1)), 2, bound=(1.5**2, 4.0**2))
+def test_the_error_is_taken_over_that_of_the_reference():
+    of = target(np.zeros((4, 1, 1)), 2, reference=(1.5**2, 4.0**2))
     found = values(scored(of, [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))]))
-    assert found["position_efficiency"].value == pytest.approx(2.0)
-    assert found["velocity_efficiency"].value == pytest.approx(0.5)
-    assert found["position_bound"].value == 1.5
+    assert found["position_over_reference"].value == pytest.approx(2.0)
+    assert found["velocity_over_reference"].value == pytest.approx(0.5)
+    assert found["position_reference"].value == 1.5
 
 
 TWO = {

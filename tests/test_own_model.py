@@ -48,11 +48,11 @@ def test_verdicts_are_consistent_and_the_kalman_filter_reaches_the_bound(seed: i
         assert tracker.nees.verdict == "consistent", name
         for sensor, nis in tracker.of_sensors("nis").items():
             assert nis.mean is None or nis.verdict == "consistent", (name, sensor)
-    for metric in ("position_efficiency", "velocity_efficiency"):
-        efficiency = found["kf_lidar"].metrics[metric]
-        low, high = efficiency.ci95
+    for metric in ("position_over_reference", "velocity_over_reference"):
+        over = found["kf_lidar"].metrics[metric]
+        low, high = over.ci95
         # Three standard errors to each side, where the interval has two.
-        assert abs(efficiency.value - 1.0) < 1.5 * (high - low) / 2
+        assert abs(over.value - 1.0) < 1.5 * (high - low) / 2
         assert high - low < 0.07
 
 
@@ -61,7 +61,7 @@ def test_the_wrong_noise_is_told_from_the_right_one(sigma: float, verdict: str) 
     settings = [f"trackers.{name}.acceleration_sigma_mps2={sigma}" for name in ("kf_lidar", "ekf", "ukf")]
     found = by_name(result("own_model", "monte_carlo.runs=100", *settings))
     assert {tracker.nees.verdict for tracker in found.values()} == {verdict}
-    assert all(tracker.position_efficiency.ci95[0] > 1.0 for tracker in found.values())
+    assert all(tracker.position_over_reference.ci95[0] > 1.0 for tracker in found.values())
 
 
 def test_few_runs_are_not_taken_for_consistency() -> None:

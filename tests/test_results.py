@@ -32,7 +32,14 @@ SMALL = Result.from_json(
             "cached": False,
         },
         "sensors": {"lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10, "preset": None, "detection_rate": 1}},
-        "bound": {"motion": "cv", "acceleration_sigma_mps2": 1, "velocity_sigma_mps": 20},
+        "reference": {
+            "kind": "reference",
+            "motion": "cv",
+            "acceleration_sigma_mps2": 1,
+            "acceleration_from": "truth",
+            "acceleration_changes": "each measurement",
+            "velocity_sigma_mps": 20,
+        },
         "score": {
             "settle_s": 0,
             "divergence_m": 20,

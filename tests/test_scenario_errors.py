@@ -64,7 +64,7 @@ BAD = [
         "settle_s: 2",
         "settle_s: 2, velocity_sigma_mps: 3",
         [
-            "25: score.velocity_sigma_mps: unknown key here; it belongs to trackers.initial or score.bound",
+            "25: score.velocity_sigma_mps: unknown key here; it belongs to trackers.initial or score.reference",
         ],
     ),
     ("seed: 7", "seed: 7, workers: 2", ["24: monte_carlo.workers: unknown key; choose from: runs, seed"]),
@@ -151,7 +151,7 @@ BAD = [
         "score: 2",
         [
             "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, divergence_m, min_coverage, "
-            "bound, metrics)"
+            "reference, metrics)"
         ],
     ),
     ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),

@@ -28,7 +28,7 @@ NOT_YAML = [
         "24: monte_carlo.runs: the tag 'tag:yaml.org,2002:python/name:os.system' is not known; remove it",
     ),
     ("seed: 7", "<<: *nothing", "24: not valid YAML: found undefined alias 'nothing'"),
-    ("score: {settle_s: 2}", "score: &a {bound: *a}", "25: score.bound: an anchor that contains itself"),
+    ("score: {settle_s: 2}", "score: &a {reference: *a}", "25: score.reference: an anchor that contains itself"),
     ("name: example", "name: example\n---\nname: b", "2: a second YAML document; a scenario file holds one"),
     ("one line", "one\x07line", "2: a control character, which YAML does not allow"),
 ]
@@ -105,8 +105,8 @@ def test_folder(tmp_path: Path) -> None:
             "did you mean 'roof'?",
         ),
         (
-            "score.bound.velocity_sigma_mps=-5",
-            "--set score.bound.velocity_sigma_mps=-5: score.bound.velocity_sigma_mps: -5 is not possible: "
+            "score.reference.velocity_sigma_mps=-5",
+            "--set score.reference.velocity_sigma_mps=-5: score.reference.velocity_sigma_mps: -5 is not possible: "
             "it must be above 0; write 5",
         ),
         # The override breaks what the file says elsewhere, so the file's line is named.

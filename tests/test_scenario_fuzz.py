@@ -35,7 +35,7 @@ VALUES = st.recursive(
 )
 #: Keys of every section, so that mutations meet real ones in the wrong places.
 KNOWN = """type rate_hz range_sigma_m azimuth_sigma_rad use filter motion preset from initial sensors observer targets
-nearest ids mount x_m metric tracker is below better_than config options runs bound dropouts kappa"""
+nearest ids mount x_m metric tracker is below better_than config options runs reference dropouts kappa"""
 KEYS = st.text(max_size=15) | st.sampled_from(KNOWN.split())
 
 

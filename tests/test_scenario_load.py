@@ -90,7 +90,7 @@ def test_overrides(tmp_path: Path) -> None:
         tmp_path,
         GOOD,
         "monte_carlo.runs=7",
-        "score.bound.velocity_sigma_mps=5",
+        "score.reference.velocity_sigma_mps=5",
         "expect.0.is=coloured",
         "truth.config={lanes_count: 4, vehicles_count: 9}",
         "truth.config.lanes_count=2",
@@ -98,7 +98,7 @@ def test_overrides(tmp_path: Path) -> None:
     ).config
 
     assert scenario.monte_carlo.runs == 7
-    assert scenario.score.bound.velocity_sigma_mps == 5
+    assert scenario.score.reference.velocity_sigma_mps == 5
     assert scenario.expect[0].equals == "coloured"
     assert scenario.truth.config == {"lanes_count": 2, "vehicles_count": 9}
     assert scenario.trackers["ekf"].motion.acceleration_sigma_mps2 == 2

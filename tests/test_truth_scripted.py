@@ -224,6 +224,9 @@ def test_there_is_nothing_to_audit() -> None:
         ([{**WHITE, "for_s": 4}, {}], None),
         ([{"white": {"motion": "ca", "jerk_sigma_mps3": 3}}], None),
         ([{"turn_rate_degps": 5}], None),
+        ([{"acceleration_mps2": 1}], None),
+        ([{"waypoints": [[50, 0]], "speed_mps": 5}], None),
+        ([{"for_s": 4}, {}], 0),
     ],
 )
 def test_white_acceleration_is_all_that_drives_every_object_or_none(pieces: Any, sigma: float | None) -> None:

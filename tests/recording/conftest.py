@@ -23,10 +23,10 @@ from trackbench.results import (
     TrackerResult,
 )
 from trackbench.results.summary import (
-    BoundSummary,
     ComponentNoise,
     MarginSummary,
     MountSummary,
+    ReferenceSummary,
     ScenarioSummary,
     ScoreSummary,
     SensorSummary,
@@ -66,8 +66,8 @@ def synthetic_result() -> Result:
                 "nees_mean": mean,
                 "nees_low": low,
                 "nees_high": high,
-                "position_bound_m": 0.3 * growth,
-                "velocity_bound_mps": 0.5 * growth,
+                "position_reference_m": 0.3 * growth,
+                "velocity_reference_mps": 0.5 * growth,
             }
         )
         for sensor, (every, dof) in SENSORS.items():
@@ -203,7 +203,14 @@ def _summary() -> Summary:
             ),
             "roof_lidar": _sensor("lidar", 10, {"x": (0.15, "m"), "y": (0.15, "m")}),
         },
-        bound=BoundSummary(motion="cv", acceleration_sigma_mps2=1.0, velocity_sigma_mps=10.0),
+        reference=ReferenceSummary(
+            kind="reference",
+            motion="cv",
+            acceleration_sigma_mps2=1.0,
+            acceleration_from="truth",
+            acceleration_changes="each measurement",
+            velocity_sigma_mps=10.0,
+        ),
         score=ScoreSummary(
             settle_s=0.0,
             divergence_m=10.0,
@@ -253,7 +260,7 @@ def _tracker(name: str, sigma: float) -> TrackerResult:
     metrics = {
         "position_rmse": MetricValue(value=sigma, unit="m", ci95=(sigma - 0.01, sigma + 0.01)),
         "nees": nees,
-        "position_efficiency": MetricValue(value=sigma / 0.3, unit="1"),
+        "position_over_reference": MetricValue(value=sigma / 0.3, unit="1"),
     }
     return TrackerResult(name=name, describe=f"{name}, both sensors", failed=None, metrics=metrics, health=Health())
 

@@ -58,8 +58,8 @@ def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result:
     assert [rmse[round(row["time_s"], 9)] for row in steps] == [[row["position_rmse_m"]] for row in steps]
     bounds = {entity for entity in read.entities() if "/bounds/" in entity and entity.startswith("/series/all_runs/")}
     assert {entity.removeprefix("/series/all_runs/") for entity in bounds} == {
-        "position_rmse/bounds/position_bound_m_1",
-        "velocity_rmse/bounds/velocity_bound_mps_1",
+        "position_rmse/bounds/position_reference_m_1",
+        "velocity_rmse/bounds/velocity_reference_mps_1",
         "nees/bounds/nees_low_1",
         "nees/bounds/nees_high_1",
         *(f"nis/{sensor}/bounds/nis_{side}_1" for sensor in result.summary.sensors for side in ("low", "high")),

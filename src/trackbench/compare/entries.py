@@ -100,14 +100,14 @@ class Entry:
             raise InputError(
                 f"runs.parquet: {metric.column} or its number of terms holds what no run leaves", file=self.label
             )
-        bound = self._column(rows, metric.over) if metric.over else None
-        found = metric.of_runs(value, count, bound)
+        reference = self._column(rows, metric.over) if metric.over else None
+        found = metric.of_runs(value, count, reference)
         if found is None:
             return None
         self._require_agreement(tracker, metric.path, found.value)
         scene = self._column(rows, "scene").astype(np.intp)
         if runs is not None:
-            found = metric.of_runs(value[runs], count[runs], None if bound is None else bound[runs])
+            found = metric.of_runs(value[runs], count[runs], None if reference is None else reference[runs])
             scene = scene[runs]
         return None if found is None else clustered(found, scene)
 

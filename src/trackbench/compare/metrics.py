@@ -14,10 +14,10 @@ from trackbench.metrics.protocol import Direction
 from trackbench.results.summary import OwnMetricSummary
 from trackbench.types import Array
 
-#: Metrics that are another one over a bound, and the column of the bound.
+#: Metrics that are another one over that of the reference, and the column of the reference.
 _OVER = {
-    "position_efficiency": ("position_rmse", "position_bound_m"),
-    "velocity_efficiency": ("velocity_rmse", "velocity_bound_mps"),
+    "position_over_reference": ("position_rmse", "position_reference_m"),
+    "velocity_over_reference": ("velocity_rmse", "velocity_reference_mps"),
 }
 _NEES = "nees.mean"
 BUILT_IN = {*stored.ROOT_MEAN_SQUARES, *_OVER, _NEES}
@@ -34,7 +34,7 @@ class ComparedMetric:
 
     @property
     def over(self) -> str:
-        """Column of the bound that it is divided by, empty where it is by none."""
+        """Column of the reference that it is divided by, empty where it is by none."""
         return _OVER.get(self.path, ("", ""))[1]
 
     @property
@@ -51,19 +51,19 @@ class ComparedMetric:
     def _numerator(self) -> str:
         return _OVER.get(self.path, (self.path, ""))[0]
 
-    def of_runs(self, values: Array, count: Array, bound: Array | None) -> Interval | None:
+    def of_runs(self, values: Array, count: Array, reference: Array | None) -> Interval | None:
         """The metric of some runs; None where there is nothing to compare.
 
         Args:
             values: ``(runs,)`` the column.
             count: ``(runs,)`` the number of terms of each.
-            bound: ``(runs,)`` what it is divided by; None where it is by none.
+            reference: ``(runs,)`` what it is divided by; None where it is by none.
         """
         if self.path == _NEES:
             return ratio(np.nan_to_num(values) * count, count, positive=True) if count.sum() > 0 else None
-        if bound is not None:
-            squares, least = (np.nan_to_num(each) ** 2 * count for each in (values, bound))
-            return root(ratio(squares, least)) if least.sum() > 0 else None
+        if reference is not None:
+            squares, over = (np.nan_to_num(each) ** 2 * count for each in (values, reference))
+            return root(ratio(squares, over)) if over.sum() > 0 else None
         return stored.from_runs(self._numerator, values, count)
 
 

@@ -14,7 +14,7 @@ RESAMPLES = 10_000
 #: The metric that trackers are ranked by.
 RANKED_BY = "position_rmse"
 #: The metrics that a score keeps.
-SHOWN = ("position_rmse", "velocity_rmse", "position_efficiency", "nees", "step_time")
+SHOWN = ("position_rmse", "velocity_rmse", "position_over_reference", "nees", "step_time")
 
 
 class Pairings:

@@ -171,49 +171,61 @@ class Whiteness(BuiltInMetric):
         )
 
 
-class RootBound(BuiltInMetric):
-    """The root of the bound of a mean square error, over the estimates that are scored."""
+class RootReference(BuiltInMetric):
+    """The root of the reference of a mean square error, over the estimates that are scored."""
 
     row: ClassVar[str]
     """Of the sums."""
 
     def finish(self, sums: Scores) -> Outcome:
         count, total = sums.per_part[ERROR["count"]].sum(), sums.per_part[ERROR[self.row]].sum()
-        return float(np.sqrt(total / count)) if total > 0 else self.no_value("no measurement bears on it")
+        return (
+            float(np.sqrt(total / count))
+            if total > 0
+            else self.no_value("there is no estimate that a measurement bears on")
+        )
 
 
-class PositionBound(RootBound):
-    name, unit, meaning = "position_bound", "m", "posterior Cramer-Rao bound of the position error"
-    row = "position_bound"
+class PositionReference(RootReference):
+    name, unit, meaning = (
+        "position_reference",
+        "m",
+        "position RMSE of the reference, over the estimates that are scored",
+    )
+    row = "position_reference"
 
 
-class VelocityBound(RootBound):
-    name, unit, meaning = "velocity_bound", "m/s", "posterior Cramer-Rao bound of the velocity error"
-    row = "velocity_bound"
+class VelocityReference(RootReference):
+    name, unit, meaning = (
+        "velocity_reference",
+        "m/s",
+        "velocity RMSE of the reference, over the estimates that are scored",
+    )
+    row = "velocity_reference"
 
 
-class Efficiency(BuiltInMetric):
-    """A root mean square error over its bound, both over the same estimates."""
+class OverReference(BuiltInMetric):
+    """A root mean square error over its reference, both over the same estimates."""
 
     unit, better = "1", "smaller"
     rows: ClassVar[tuple[str, ...]]
     row: ClassVar[str]
 
     def finish(self, sums: Scores) -> Outcome:
-        bound = sums.per_part[ERROR[self.row]]
-        if not bound.sum() > 0:
-            return self.no_value("there is no bound to compare with")
-        return root(ratio(np.asarray(sum(sums.per_part[ERROR[row]] for row in self.rows)), bound))
+        reference = sums.per_part[ERROR[self.row]]
+        if not reference.sum() > 0:
+            return self.no_value("there is no reference to compare with")
+        return root(ratio(np.asarray(sum(sums.per_part[ERROR[row]] for row in self.rows)), reference))
 
 
-class PositionEfficiency(Efficiency):
-    name, meaning = "position_efficiency", "position RMSE over its bound; 1 is the best possible"
-    rows, row = ("px", "py"), "position_bound"
+class PositionOverReference(OverReference):
+    name, meaning = "position_over_reference", "position RMSE over that of the reference"
+    rows, row = ("px", "py"), "position_reference"
 
 
-class VelocityEfficiency(Efficiency):
-    name, meaning = "velocity_efficiency", "velocity RMSE over its bound; 1 is the best possible"
-    rows, row = ("vx", "vy"), "velocity_bound"
+class VelocityOverReference(OverReference):
+    name, meaning = "velocity_over_reference", "velocity RMSE over that of the reference"
+    rows, row = ("vx", "vy"), "velocity_reference"
 
 
 class Coverage(BuiltInMetric):
@@ -243,10 +255,10 @@ BUILT_IN: tuple[Metric, ...] = (
     Nees(),
     Nis(),
     Whiteness(),
-    PositionBound(),
-    VelocityBound(),
-    PositionEfficiency(),
-    VelocityEfficiency(),
+    PositionReference(),
+    VelocityReference(),
+    PositionOverReference(),
+    VelocityOverReference(),
     Coverage(),
     StepTime(),
 )

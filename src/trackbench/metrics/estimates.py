@@ -90,7 +90,7 @@ class _Summing:
         values[5] = chunk.nees
         values[6] = moving
         np.multiply(chunk.course_error, chunk.course_error, out=values[7])
-        values[10:] = np.broadcast_to(self._scope.target.bound[:, here], (2, *shape)).reshape(2, *scored.shape)
+        values[10:] = np.broadcast_to(self._scope.target.reference[:, here], (2, *shape)).reshape(2, *scored.shape)
         if not scored.all():
             np.copyto(values, 0.0, where=~scored)
         np.copyto(values[7], 0.0, where=~moving)

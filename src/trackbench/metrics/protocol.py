@@ -45,7 +45,7 @@ class Target(NamedTuple):
     """``(objects, runs)`` from when the tracker is scored, s; infinity where its sensors never detected the object."""
     divergence: float
     """m"""
-    bound: Array
+    reference: Array
     """``(2, instants, objects, runs or 1)`` of the squared error of position, m^2, and velocity, (m/s)^2."""
 
 

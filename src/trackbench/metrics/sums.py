@@ -12,7 +12,7 @@ from trackbench.types import Array, Indices
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100
 #: Rows of the sums of errors: number of estimates, squared errors, and the same for the course where it is defined;
-#: the NEES of the position and of the velocity by themselves; and the bound of the squared errors.
+#: the NEES of the position and of the velocity by themselves; and the reference of the squared errors.
 ERROR_FIELDS = (
     "count",
     "px",
@@ -24,8 +24,8 @@ ERROR_FIELDS = (
     "course",
     "nees_position",
     "nees_velocity",
-    "position_bound",
-    "velocity_bound",
+    "position_reference",
+    "velocity_reference",
 )
 #: Rows of the sums of innovations; pairs are successive measurements of one object, and an innovation is missing where
 #: the tracker had an estimate before the measurement.

@@ -26,6 +26,8 @@ class Contents:
     """By tracker."""
     sensors: Mapping[str, SensorSummary]
     tables: Tables
+    reference: str
+    """What the reference is called."""
     ranking: str
     """Markdown."""
     about: str
@@ -53,6 +55,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         colours=colours_of((tracker.name for tracker in summary.trackers), colours),
         sensors=summary.sensors,
         tables=result.tables,
+        reference=summary.reference.label,
         ranking=text.ranking(result),
         about=text.about(result),
     )

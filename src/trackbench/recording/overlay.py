@@ -56,6 +56,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         table: _joined({label: result.tables[table] for label, result in named.items()}, column)
         for table, column in parts.items()
     }
+    called = {result.summary.reference.label for result in named.values()}
     name, runs = " over ".join(named), _each(result.summary.runs for result in named.values())
     return Contents(
         name=name,
@@ -65,6 +66,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         colours=tracker_colours(tracker.name for tracker in trackers),
         sensors=sensors,
         tables=Tables({**first.tables, **joined}),
+        reference=called.pop() if len(called) == 1 else "reference",
         ranking="\n".join(text.ranked(name, runs, sorted(trackers, key=_error))),
         about="\n".join([*_about(named), *text.legend(trackers, sensors)]),
     )

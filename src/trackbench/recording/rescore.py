@@ -12,14 +12,14 @@ from trackbench.results import Health, Result, TrackerResult
 from trackbench.results.columns import Columns, split
 from trackbench.types import Array, Estimate, Mask, Scan
 
-#: Metrics that a recording cannot give: the bound needs the sensors' models, whiteness the innovations themselves, and
-#: the time that a step took is not seen in an estimate.
+#: Metrics that a recording cannot give: the reference needs the sensors' models, whiteness the innovations themselves,
+#: and the time that a step took is not seen in an estimate.
 NOT_RECORDED = (
     "whiteness",
-    "position_bound",
-    "velocity_bound",
-    "position_efficiency",
-    "velocity_efficiency",
+    "position_reference",
+    "velocity_reference",
+    "position_over_reference",
+    "velocity_over_reference",
     "step_time",
 )
 

@@ -61,7 +61,7 @@ def charts_of(contents: Contents) -> AllCharts:
     tables, colours = contents.tables, contents.colours
     estimates, nis = (_by_object(table) for table in (tables.estimates, tables.recorded_nis))
     return AllCharts(
-        all_runs(tables.steps, tables.nis, colours),
+        all_runs(tables.steps, tables.nis, colours, contents.reference),
         recorded_run(tables.estimates, tables.recorded_nis, tables.nis, colours),
         {
             name: recorded_run(estimates.get(name, NOTHING), nis.get(name, NOTHING), tables.nis, colours, name)
@@ -70,8 +70,8 @@ def charts_of(contents: Contents) -> AllCharts:
     )
 
 
-def all_runs(steps: pa.Table, nis: pa.Table, colours: Mapping[str, str]) -> Charts:
-    """RMSE with the Cramér-Rao bound, mean NEES and mean NIS with their 95 % bounds, over all runs and vehicles."""
+def all_runs(steps: pa.Table, nis: pa.Table, colours: Mapping[str, str], reference: str) -> Charts:
+    """RMSE with that of the reference, which has the given name, and mean NEES and NIS with their 95 % bounds."""
     rows = _by_tracker(steps)
     errors = tuple(
         Chart(
@@ -79,7 +79,7 @@ def all_runs(steps: pa.Table, nis: pa.Table, colours: Mapping[str, str]) -> Char
             f"{quantity} RMSE",
             unit,
             _lines(rows, f"{quantity.lower()}_rmse_{suffix}", colours),
-            _bounds("Cramér-Rao bound", rows, (f"{quantity.lower()}_bound_{suffix}",), colours),
+            _bounds(reference, rows, (f"{quantity.lower()}_reference_{suffix}",), colours),
         )
         for quantity, unit, suffix in (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
     )
@@ -208,7 +208,7 @@ def _broken(rows: Columns, value: str) -> tuple[Array, Array]:
 
 
 def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
-    """One line for all trackers that share a bound, in its tracker's colour where only some do and it is of one."""
+    """One line for all trackers that share it, in its tracker's colour where only some do and it is of one."""
     found = []
     for field in fields:
         shared: list[list[str]] = []
@@ -229,7 +229,7 @@ def _bounds(name: str, rows: ByTracker, fields: tuple[str, ...], colours: Mappin
 
 
 def _same(a: Columns, b: Columns, field: str) -> bool:
-    """Whether a bound is the same at nearly all instants that both have: tracks may start a measurement apart."""
+    """Whether it is the same at nearly all instants that both have: tracks may start a measurement apart."""
     _, at_a, at_b = np.intersect1d(a["time_s"], b["time_s"], return_indices=True)
     first, second = a[field][at_a], b[field][at_b]
     both = np.isfinite(first) & np.isfinite(second)

@@ -16,8 +16,8 @@ IN_THE_SCENE = (
     " the true and the estimated paths of the last 2 s."
 )
 IN_THE_PLOTS = (
-    "Grey lines are bounds; a bound of one tracker alone has its colour. Plots of log10 are of the same values, where"
-    " they span a large range: 0 is 1, -1 is 0.1. All have one time axis."
+    "Grey lines are the reference and bounds; one of one tracker alone has its colour. Plots of log10 are of the same"
+    " values, where they span a large range: 0 is 1, -1 is 0.1. All have one time axis."
 )
 
 
@@ -37,7 +37,7 @@ def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[
     yield f"## {name}"
     yield f"All {runs} runs, ranked by position RMSE, ± 95 %"
     yield ""
-    yield "| tracker | RMSE m | / bound | NEES | covariance |"
+    yield "| tracker | RMSE m | / ref | NEES | covariance |"
     yield "|:--|--:|--:|--:|:--|"
     failures = []
     for tracker in trackers:
@@ -93,11 +93,11 @@ def _row(tracker: TrackerResult) -> str:
     if tracker.failed is not None:
         return f"| {tracker.name} | failed | | | |"
     nees = tracker.nees
-    efficiency = tracker.metrics.get("position_efficiency")
+    over = tracker.metrics.get("position_over_reference")
     cells = (
         tracker.name,
         _with_interval(tracker.position_rmse),
-        _number(None if efficiency is None else efficiency.value),
+        _number(None if over is None else over.value),
         _number(nees.value),
         nees.verdict or NOT_AVAILABLE,
     )

@@ -40,6 +40,14 @@ class SceneSummary(Part):
     """What tells it from the others, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
+    position_rmse: dict[str, float]
+    """Of each ranked tracker with an estimate in it, m."""
+
+    @property
+    def order(self) -> list[str]:
+        """The trackers by their error in this scene, the best first."""
+        return sorted(self.position_rmse, key=self.position_rmse.__getitem__)
+
     audit: Audit = None
 
 
@@ -94,12 +102,43 @@ class SensorSummary(Part):
     """Share of the scans with an object in view that gave a measurement of it."""
 
 
-class BoundSummary(Part):
-    """What the Cramer-Rao bound assumes."""
+class ReferenceSummary(Part):
+    """What errors are held against: the Cramer-Rao bound of targets that move with white acceleration.
 
+    It also takes for granted that the sensors' noise is as stated and without bias, and that each measurement is known
+    to be of its target.
+    """
+
+    kind: Literal["bound", "reference"]
+    """bound: the targets do move so, and no tracker can be expected to have smaller errors. reference: they move in
+    another way, and a tracker can have smaller errors."""
     motion: str
     acceleration_sigma_mps2: float
+    """Standard deviation per axis."""
+    acceleration_from: Literal["scenario", "truth"]
+    """scenario: as it states. truth: that by which the targets were driven, or else the RMS of their acceleration."""
+    acceleration_changes: Literal["each truth step", "each measurement"]
+    """When it is drawn anew; measurement: of the sensors that the tracker reads."""
     velocity_sigma_mps: float
+    """Standard deviation per axis before the first measurement, for trackers that do not start from the truth."""
+
+    @property
+    def label(self) -> str:
+        """As a legend names it."""
+        return "Cramér-Rao bound" if self.kind == "bound" else "reference"
+
+    @property
+    def meaning(self) -> str:
+        """What it is, in one sentence."""
+        white = f"with white acceleration of {self.acceleration_sigma_mps2:.3g} m/s² per axis"
+        if self.kind == "bound":
+            moving = white if self.acceleration_sigma_mps2 > 0 else "straight and steadily"
+            return f"The vehicles move {moving}, and no tracker can be expected to have smaller errors than this bound."
+        source = ", the RMS of the true one" if self.acceleration_from == "truth" else ""
+        return (
+            f"It is the Cramér-Rao bound that would hold if the vehicles moved {white}{source}. They do not: it serves "
+            "to compare, and a tracker can be below it."
+        )
 
 
 class OwnMetricSummary(Part):
@@ -213,6 +252,8 @@ class TrackerResult(Part):
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
     breakdown: Breakdown | None = None
+    scene_share: float | None = None
+    """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})
@@ -284,7 +325,7 @@ class Summary(Part):
     """One a run, of all its measurements: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
-    bound: BoundSummary
+    reference: ReferenceSummary
     score: ScoreSummary
     recorded_run: int
     trackers: list[TrackerResult]

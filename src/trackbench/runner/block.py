@@ -144,7 +144,7 @@ class TrackerRun:
         self.name = name
         self.failure: Failure | None = None
         self._work, self._piece, self._scene, self._runs, self._kept = work, piece, scene, piece.runs, kept
-        self._target = targets.of(config, read)
+        self._target = targets.of(config)
         self.scorer = Scorer(
             self._target,
             conditions(scene.truth, scene.instants(), read, piece.runs),

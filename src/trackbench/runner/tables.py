@@ -18,7 +18,7 @@ from trackbench.types import Array, Indices
 
 
 def steps_table(evaluations: Mapping[str, Evaluation], time: Array) -> pa.Table:
-    """Errors of each tracker at each instant over runs and objects, with the Cramer-Rao bound."""
+    """Errors of each tracker at each instant over runs and objects, with the reference."""
     return stacked([_steps(name, item.scores, time) for name, item in evaluations.items()])
 
 
@@ -71,8 +71,8 @@ def runs_table(found: Evaluated, scene: Indices) -> pa.Table:
                 **_errors(per_run),
                 "nees_mean": _mean(per_run[ERROR["nees"]], per_run[ERROR["count"]]),
                 "nis_mean": _mean(*_all_nis(item)),
-                "position_bound_m": _mean_root(per_run, "position_bound"),
-                "velocity_bound_mps": _mean_root(per_run, "velocity_bound"),
+                "position_reference_m": _mean_root(per_run, "position_reference"),
+                "velocity_reference_mps": _mean_root(per_run, "velocity_reference"),
                 "diverged": item.diverged,
                 "repaired": item.repaired,
                 **{run_column(path): found.evaluations[name].per_run(path, rows) for path in own},
@@ -126,8 +126,8 @@ def _steps(name: str, scores: Scores, time: Array) -> Columns:
         "nees_mean": _mean(scores.per_step[ERROR["nees"]], count),
         "nees_low": np.where(count > 0, low, np.nan),
         "nees_high": np.where(count > 0, high, np.nan),
-        "position_bound_m": _mean_root(scores.per_step, "position_bound"),
-        "velocity_bound_mps": _mean_root(scores.per_step, "velocity_bound"),
+        "position_reference_m": _mean_root(scores.per_step, "position_reference"),
+        "velocity_reference_mps": _mean_root(scores.per_step, "velocity_reference"),
     }
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from trackbench.metrics import Target
-from trackbench.metrics.bound import BoundStart, conditional_bound
+from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.runner.work import Piece, Work
-from trackbench.sensing.scans import IdealSensor, Measurements
+from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Array, Mask
 
@@ -33,18 +31,18 @@ class Targets:
             for sensor in self._scene.sensors
         }
         self._starts: dict[frozenset[str], Array] = {}
-        self._bounds: dict[tuple[tuple[str, ...], BoundStart], Array] = {}
+        self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
-    def of(self, tracker: FilterConfig | PluginConfig, read: Sequence[IdealSensor]) -> Target:
-        """What a tracker is held against that reads these sensors."""
+    def of(self, tracker: FilterConfig | PluginConfig) -> Target:
+        """What a tracker is held against."""
         given = frozenset(tracker.sensors_used or self._valid)
         if given not in self._starts:
             self._starts[given] = self._first_detection(given) + self._work.settle
-        case = tuple(sensor.name for sensor in read), _start(tracker, self._work.velocity_sigma)
-        if case not in self._bounds:
-            self._bounds[case] = self._bound(*case)
+        case = given, _start(tracker, self._work.velocity_sigma)
+        if case not in self._references:
+            self._references[case] = self._reference(*case)
         return Target(
-            self._time, self._state, self._alive, self._starts[given], self._work.divergence, self._bounds[case]
+            self._time, self._state, self._alive, self._starts[given], self._work.divergence, self._references[case]
         )
 
     def _first_detection(self, sensors: frozenset[str]) -> Array:
@@ -56,16 +54,17 @@ class Targets:
                 first = np.where(valid.any(axis=0), np.minimum(first, sensor.time[np.argmax(valid, axis=0)]), first)
         return first
 
-    def _bound(self, sensors: tuple[str, ...], start: BoundStart) -> Array:
-        """Zero before anything is known, where an error has no bound."""
-        scene = self._scene
+    def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
+        """Zero before anything is known, where no estimate is scored."""
+        scene, work = self._scene, self._work
         found = conditional_bound(
             scene.truth,
-            {name: scene.information[name] for name in sensors},
+            {name: found for name, found in scene.information.items() if name in sensors},
             self._valid,
-            self._work.acceleration,
+            work.acceleration,
             start,
             scene.instants(),
+            np.arange(len(scene.truth.time)) if work.acceleration_as_drawn else None,
         )
         return np.nan_to_num(found, copy=False)
 

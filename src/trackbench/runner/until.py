@@ -68,7 +68,7 @@ def run_until(
             break
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
         if loaded.config.truth.random:
-            # The bound of every run rests on the motion of all.
+            # The reference of every run rests on the motion of all.
             truths, blocks = truths_of(loaded), []
     result = assemble(loaded, truths, work, blocks, command(loaded))
     return result.updated(precision=found)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.metrics import BUILT_IN, Metric
-from trackbench.metrics.bound import Information, information, typical_acceleration
+from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -65,9 +65,11 @@ class Work:
     recorded_run: int
     """Numbered within its scene."""
     acceleration: float
-    """That the bound allows for, m/s^2 per axis."""
+    """That the reference allows for, m/s^2 per axis."""
     velocity_sigma: float
-    """That the bound starts from, m/s per axis."""
+    """That the reference starts from, m/s per axis."""
+    acceleration_as_drawn: bool = False
+    """Whether it is all that drives the targets, drawn anew at each step of the truth."""
     min_coverage: float = 0.0
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
@@ -99,8 +101,11 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         truths: one for each scene.
     """
     scenario = loaded.config
-    bound = scenario.score.bound
-    stated = bound.acceleration_sigma_mps2
+    stated, driven = scenario.score.reference, scenario.truth.white_acceleration
+    every = [item.truth for item in truths]
+    acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
+    if acceleration is None:
+        acceleration = typical_acceleration(every) if driven is None else driven
     return Work(
         scenario=scenario.name,
         seed=scenario.monte_carlo.seed,
@@ -112,8 +117,9 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         divergence=scenario.score.divergence_m,
         recorded_scene=scenario.recording.scene,
         recorded_run=scenario.recording.run,
-        acceleration=typical_acceleration([item.truth for item in truths]) if stated is None else stated,
-        velocity_sigma=bound.velocity_sigma_mps,
+        acceleration=acceleration,
+        velocity_sigma=entry_velocity(every) if velocity is None else velocity,
+        acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
         metrics=(*BUILT_IN, *scenario.score.metrics),
     )

@@ -22,16 +22,18 @@ class MonteCarlo(Config):
     seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs.")
 
 
-class BoundConfig(Config):
-    """The posterior Cramer-Rao bound that trackers are held against."""
+class ReferenceConfig(Config):
+    """The Cramer-Rao bound of targets that move with white acceleration, which errors are held against."""
 
     acceleration_sigma_mps2: Positive | None = Field(
         None,
-        description="Standard deviation of the acceleration that the bound allows for, m/s^2; the RMS "
-        "acceleration of the truth unless given.",
+        description="Standard deviation of the acceleration per axis, m/s^2; the RMS acceleration of the truth unless "
+        "given.",
     )
-    velocity_sigma_mps: Positive = Field(
-        20, description="Standard deviation of the velocity before the first measurement, m/s."
+    velocity_sigma_mps: Positive | None = Field(
+        None,
+        description="Standard deviation of the velocity per axis before the first measurement, m/s; the RMS velocity "
+        "of the targets as they enter the scene, and at least 1, unless given.",
     )
 
 
@@ -57,7 +59,7 @@ class Score(Config):
         "what is expected of it fails.",
     )
     margin: Margin = Field(default_factory=Margin, description="Differences between trackers that do not matter.")
-    bound: BoundConfig = Field(default_factory=BoundConfig, description="The bound that efficiencies are relative to.")
+    reference: ReferenceConfig = Field(default_factory=ReferenceConfig, description="What errors are held against.")
     metrics: list[AnyMetric] = Field(
         default_factory=list,
         description='Metrics beside the built-in ones: published names, "module:Class", or `{use, options}`.',

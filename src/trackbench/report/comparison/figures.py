@@ -51,14 +51,14 @@ def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
     )
 
 
-def efficiency_figure(comparison: Comparison) -> Figure:
-    """Position RMSE over the bound, scenarios down and trackers across."""
+def reference_figure(comparison: Comparison) -> Figure:
+    """Position RMSE over that of the reference, scenarios down and trackers across."""
     names = [item.tracker for item in comparison.ranking]
     scenarios = [scenario.name for scenario in comparison.scenarios]
     scores = {(score.scenario, score.entrant.tracker): score for score in comparison.scores}
     found = [[scores.get((scenario, name)) for name in names] for scenario in scenarios]
     values = np.array(
-        [[np.nan if s is None else s.value("position_efficiency") for s in row] for row in found], dtype=float
+        [[np.nan if s is None else s.value("position_over_reference") for s in row] for row in found], dtype=float
     )
     known = values[np.isfinite(values)]
     # One tracker that is many times worse must not make all others look alike.
@@ -85,12 +85,12 @@ def efficiency_figure(comparison: Comparison) -> Figure:
         axes.grid(visible=False)
 
     return Figure(
-        name="efficiency",
-        title="Position RMSE over the bound",
-        caption="How many times the least error that any tracker of the same sensors could have; darker is worse, and "
-        f"all from {darkest:.1f} times on are the same. Below 1: the vehicles move more smoothly than the bound "
-        "assumes.",
-        alternative="Position RMSE over the Cramér-Rao bound for each scenario and tracker; 1 is the best possible",
+        name="over-reference",
+        title="Position RMSE over the reference",
+        caption="The reference is the Cramér-Rao bound that would hold if the vehicles moved with white acceleration "
+        "of the same RMS as theirs. It makes scenarios comparable and is no limit: a tracker can be below 1. Darker is "
+        f"larger, and all from {darkest:.1f} times on are the same.",
+        alternative="Position RMSE over that of the reference for each scenario and tracker",
         paint=paint,
         height=30 + _ROW * len(scenarios),
         width=_WIDTH,

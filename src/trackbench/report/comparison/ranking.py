@@ -9,7 +9,7 @@ from trackbench.compare.comparison import EntrantScore
 from trackbench.compare.ranking import RESAMPLES
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.metrics.verdict_words import conditions_off
-from trackbench.report.comparison.figures import efficiency_figure, rank_figure
+from trackbench.report.comparison.figures import rank_figure, reference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
 from trackbench.words import counted
 
@@ -55,7 +55,7 @@ def blocks(
         return _matrix(comparison, links, name, metric, cell)
 
     position = matrix("position", "position_rmse", _position)
-    yield Section("Position RMSE, m", (Paragraph(_POSITION), position, efficiency_figure(comparison)))
+    yield Section("Position RMSE, m", (Paragraph(_POSITION), position, reference_figure(comparison)))
     velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
     yield Section("Velocity RMSE, m/s", (Paragraph("With half of its 95 % interval."), velocity))
     yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))

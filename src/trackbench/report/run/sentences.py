@@ -9,11 +9,9 @@ from trackbench.report.calibration import calibration_clauses
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.run.pairs import Pairs
+from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted
-
-#: An efficiency this close to one is called "at the bound".
-_AT_THE_BOUND = 0.01
 
 
 def facts(result: Result) -> tuple[str, ...]:
@@ -23,7 +21,7 @@ def facts(result: Result) -> tuple[str, ...]:
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
     return (
         f"{source}, other motion in each run" if options.get("random") else source,
-        counted(summary.runs, "run"),
+        runs_in_words(result),
         counted(len(truth.objects), "vehicle"),
         duration(result),
         counted(len(summary.sensors), "sensor"),
@@ -42,17 +40,17 @@ def duration(result: Result) -> str:
     return f"{fixed(length, 1)} s{part}"
 
 
-def verdict(tracker: TrackerResult, runs: int) -> str:
+def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     """One sentence on a tracker's accuracy, consistency and health, without its name.
 
-    For example "0.412 m position RMSE, 38 % above the Cramér-Rao bound; mixed: the errors are larger or smaller than
-    its covariance states, depending on the condition (NEES 4.2, turning 39.7, straight 2.9 where 4 is right);
-    optimistic about velocity in turns (errors 3.1 times as large as stated)".
+    For example "0.412 m position RMSE, 1.38 times the reference; mixed: the errors are larger or smaller than its
+    covariance states, depending on the condition (NEES 4.2, turning 39.7, straight 2.9 where 4 is right); optimistic
+    about velocity in turns (errors 3.1 times as large as stated)". ``reference`` is what the reference is called.
     """
     rmse, nees = tracker.position_rmse.value, tracker.metrics.get("nees")
-    efficiency = tracker.metrics.get("position_efficiency")
-    excess = "" if efficiency is None else _above_bound(efficiency.value)
-    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{excess}"]
+    over = tracker.metrics.get("position_over_reference")
+    times = "" if over is None or over.value is None else f", {fixed(over.value, 2)} times the {reference}"
+    parts = [f"{fixed(rmse, decimals([rmse]))} m position RMSE{times}"]
     if nees is None or nees.mean is None or nees.verdict is None:
         parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
     else:
@@ -61,17 +59,6 @@ def verdict(tracker: TrackerResult, runs: int) -> str:
         if tracker.breakdown is not None and nees.verdict != "consistent":
             parts += calibration_clauses(tracker.breakdown)
     return "; ".join(parts + _complaints(tracker.health, runs))
-
-
-def _above_bound(efficiency: float | None) -> str:
-    if efficiency is None:
-        return ""
-    excess = efficiency - 1
-    if abs(excess) < _AT_THE_BOUND:
-        return ", at the Cramér-Rao bound"
-    if excess > 1:
-        return f", {fixed(efficiency, 1)} times the Cramér-Rao bound"
-    return f", {percent(abs(excess))} {'above' if excess > 0 else 'below'} the Cramér-Rao bound"
 
 
 def _complaints(health: Health, runs: int) -> list[str]:
@@ -83,6 +70,14 @@ def _complaints(health: Health, runs: int) -> list[str]:
     if health.non_finite_estimates:
         found.append(counted(health.non_finite_estimates, "non-finite estimate"))
     return found
+
+
+def common(result: Result) -> str:
+    """Which estimates count, where some trackers gave more than others."""
+    share = result.summary.score.common_share
+    if share is None or share > 0.9995:
+        return ""
+    return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
 
 
 def failure(result: Result, tracker: TrackerResult) -> str:

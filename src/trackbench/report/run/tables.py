@@ -16,15 +16,15 @@ from trackbench.results import ConditionVerdict, Result, TrackerResult, sensor_w
 
 #: Metrics with a column of their own in some table, and the groups of which all have one.
 _SHOWN = (
-    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_efficiency", "velocity_efficiency",
-    "position_bound", "velocity_bound", "coverage", "step_time",
+    "position_rmse", "velocity_rmse", "course_rmse", "nees", "position_over_reference", "velocity_over_reference",
+    "position_reference", "velocity_reference", "coverage", "step_time",
 )  # fmt: skip
 _SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
 
 
 def ranking(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and verdicts."""
-    trackers, runs = result.scored, result.summary.runs
+    trackers, runs, label = result.scored, result.summary.runs, result.summary.reference.label
     margin = margin_words(result.summary.score.margin, "m")
     group = groups([tracker.name for tracker in trackers], Pairs(result.summary.differences))
     columns = [
@@ -42,8 +42,8 @@ def ranking(result: Result) -> Table:
             values(trackers, "nees"),
         ),
         (
-            Column("efficiency", "position RMSE over the Cramér-Rao bound; 1 is the best possible", details=INTERVAL),
-            values(trackers, "position_efficiency"),
+            Column(f"over {label}", f"position RMSE over that of the {label}", details=INTERVAL),
+            values(trackers, "position_over_reference"),
         ),
         (
             Column("coverage, %", "steps with a vehicle present at which there is an estimate"),
@@ -59,20 +59,20 @@ def ranking(result: Result) -> Table:
     return Table.of_columns("ranking", columns)
 
 
-def axes_and_bounds(result: Result) -> Table:
-    """RMSE along each axis, and the Cramér-Rao bounds."""
-    trackers = result.scored
+def axes_and_reference(result: Result) -> Table:
+    """RMSE along each axis, and of the reference."""
+    trackers, label = result.scored, result.summary.reference.label
     paths = {
         "rmse.px": "x, m",
         "rmse.py": "y, m",
         "rmse.vx": "vx, m/s",
         "rmse.vy": "vy, m/s",
-        "position_bound": "position bound, m",
-        "velocity_bound": "velocity bound, m/s",
-        "velocity_efficiency": "velocity RMSE over its bound",
+        "position_reference": f"{label}, position, m",
+        "velocity_reference": f"{label}, velocity, m/s",
+        "velocity_over_reference": f"velocity RMSE over {label}",
     }
     columns = [(Column(heading, details=INTERVAL), values(trackers, path)) for path, heading in paths.items()]
-    return Table.of_columns("axes-and-bounds", [(TRACKER, names(trackers)), *columns])
+    return Table.of_columns("axes-and-reference", [(TRACKER, names(trackers)), *columns])
 
 
 def other_metrics(result: Result) -> Table | None:

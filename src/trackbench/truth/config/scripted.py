@@ -100,11 +100,16 @@ class Piece(Config):
 
     @property
     def acceleration_sigma(self) -> float | None:
-        """Standard deviation of its white acceleration, m/s^2; None where that is not all, or differs by axis."""
-        if self.white is not None and type(self.white.motion) is ConstantVelocity:
-            return self.white.motion.acceleration_sigma_mps2
-        drawn = self.white_acceleration
-        return drawn.x_sigma_mps2 if drawn is not None and drawn.x_sigma_mps2 == drawn.y_sigma_mps2 else None
+        """Standard deviation of its white acceleration, m/s^2: 0 of steady motion; None where that is not all of it, or
+        differs by axis."""
+        if self.white is not None:
+            cv = type(self.white.motion) is ConstantVelocity
+            return self.white.motion.noise_sigma[0] if cv else None
+        if self.white_acceleration is not None:
+            x, y = self.white_acceleration.x_sigma_mps2, self.white_acceleration.y_sigma_mps2
+            return x if x == y else None
+        steady = self.waypoints is None and self.turn_rate_degps == self.acceleration_mps2 == 0
+        return 0.0 if steady else None
 
     def problems(self) -> Iterator[Problem]:
         given = [kind for kind in KINDS if getattr(self, kind) is not None]

@@ -1,4 +1,4 @@
-"""The figures of errors over time, with the Cramér-Rao bound and the spread of the runs."""
+"""The figures of errors over time, with the reference and the spread of the runs."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from trackbench.report.calibration import Quantity
 from trackbench.report.conditions import UNIT
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.lines import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
+from trackbench.results.summary import ReferenceSummary
 from trackbench.words import counted
 
 _HEIGHT = 250.0
@@ -23,37 +24,31 @@ _PANEL = 125.0
 
 
 def error_over_time(
-    steps: pa.Table, styles: Sequence[TrackerStyle], quantity: Quantity, acceleration: float
+    steps: pa.Table, styles: Sequence[TrackerStyle], quantity: Quantity, reference: ReferenceSummary
 ) -> Figure | None:
-    """RMSE of a quantity over time with its bound; None if there is nothing to draw.
-
-    ``acceleration`` (m/s^2) is the standard deviation that the bound assumes.
-    """
+    """RMSE of a quantity over time with that of the reference; None if there is nothing to draw."""
     unit = UNIT[quantity]
     suffix = unit.replace("/", "p")
     drawn = smooth_lines(steps, styles, f"{quantity}_rmse_{suffix}")
-    bounds = _distinct(smooth_lines(steps, styles, f"{quantity}_bound_{suffix}"))
+    references = _distinct(smooth_lines(steps, styles, f"{quantity}_reference_{suffix}"))
     if not drawn:
         return None
 
     def colour(group: Sequence[Line]) -> str:
-        return INK if len(bounds) == 1 else group[0].style.colour
+        return INK if len(references) == 1 else group[0].style.colour
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel=f"{quantity} RMSE, {unit}")
         draw_lines(axes, drawn, end_of(steps))
-        for group in bounds:
+        for group in references:
             axes.plot(group[0].time, group[0].value, color=colour(group), linestyle=DASHED, linewidth=1.3)
-        fit_value_axis(axes, [line.value for line in drawn] + [group[0].value for group in bounds])
+        fit_value_axis(axes, [line.value for line in drawn] + [group[0].value for group in references])
 
     caption = f"RMSE of the {quantity} over all runs and objects, {_window(drawn)}."
-    if bounds:
-        caption += (
-            " The dashed Cramér-Rao bound is the smallest possible for vehicles that accelerate at random with a "
-            f"standard deviation of {acceleration:.2g} m/s²; while they move more smoothly, a tracker can be below it."
-        )
+    if references:
+        caption += f" Dashed: the {reference.label}. {reference.meaning}"
     shown = styles_of(drawn)
-    keys = [LegendEntry(_bound_label(group, len(bounds)), colour(group), "dash") for group in bounds]
+    keys = [LegendEntry(_label(reference, group, len(references)), colour(group), "dash") for group in references]
     return Figure(
         f"{quantity}-error",
         f"{quantity.capitalize()} error over time",
@@ -66,12 +61,12 @@ def error_over_time(
     )
 
 
-def spread(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """A panel per tracker: its position RMSE within the spread of the runs, and the bound."""
+def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> Figure | None:
+    """A panel per tracker: its position RMSE within the spread of the runs, and that of what ``reference`` names."""
     drawn = smooth_lines(steps, styles, "position_rmse_m")
     low = {line.style.key: line.value for line in smooth_lines(steps, styles, "position_p10_m")}
     high = {line.style.key: line.value for line in smooth_lines(steps, styles, "position_p90_m")}
-    bounds = {line.style.key: line for line in smooth_lines(steps, styles, "position_bound_m")}
+    references = {line.style.key: line for line in smooth_lines(steps, styles, "position_reference_m")}
     # One object in one run has no spread.
     if not drawn or all(key in high and np.array_equal(low[key], high[key], equal_nan=True) for key in low):
         return None
@@ -85,8 +80,8 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
             if key in low and key in high:
                 axes.fill_between(line.time, low[key], high[key], color=line.style.colour, alpha=0.3)
             axes.plot(line.time, line.value, color=line.style.colour)
-            if key in bounds:
-                axes.plot(bounds[key].time, bounds[key].value, color=INK, linestyle=DASHED, linewidth=1.2)
+            if key in references:
+                axes.plot(references[key].time, references[key].value, color=INK, linestyle=DASHED, linewidth=1.2)
             axes.set_title(line.style.name, fontsize=10, loc="left", pad=2)
         for axes in panels[len(drawn) :]:
             axes.set_visible(False)
@@ -100,7 +95,7 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
         "position-spread",
         "Spread of the runs",
         "One panel per tracker, on the same axes: the line is the RMSE, the band holds the middle 80 % of the errors "
-        f"of single runs and objects, {_window(drawn)}; dashed is the Cramér-Rao bound. Where the line is above its "
+        f"of single runs and objects, {_window(drawn)}; dashed is the {reference}. Where the line is above its "
         "band, the errors of a few runs are far larger than the rest.",
         f"Position error over time with the spread of the runs, one panel for each of {shown}.",
         paint,
@@ -108,7 +103,7 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle]) -> Figure | None:
         legend=(
             LegendEntry("RMSE", MUTED),
             LegendEntry("10th to 90th percentile", MUTED, "band"),
-            *([LegendEntry("Cramér-Rao bound", INK, "dash")] if bounds else []),
+            *([LegendEntry(reference, INK, "dash")] if references else []),
         ),
     )
 
@@ -118,7 +113,7 @@ def _window(drawn: Sequence[Line]) -> str:
 
 
 def _distinct(drawn: Sequence[Line]) -> list[list[Line]]:
-    """Lines grouped by what they show: trackers of the same sensors have the same bound."""
+    """Lines grouped by what they show: trackers of the same sensors have the same reference."""
     groups: list[list[Line]] = []
     for line in drawn:
         for group in groups:
@@ -131,5 +126,5 @@ def _distinct(drawn: Sequence[Line]) -> list[list[Line]]:
     return groups
 
 
-def _bound_label(group: Sequence[Line], groups: int) -> str:
-    return "Cramér-Rao bound" if groups == 1 else f"bound of {joined([line.style.name for line in group])}"
+def _label(reference: ReferenceSummary, group: Sequence[Line], groups: int) -> str:
+    return reference.label if groups == 1 else f"{reference.label} of {joined([line.style.name for line in group])}"

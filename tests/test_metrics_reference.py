@@ -1,19 +1,30 @@
-"""The Cramer-Rao bound where it is known in closed form."""
+"""The reference: the Cramer-Rao bound where it is known in closed form, and what it assumes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from tests.scenes import LIDAR_NOISE, RADAR_NOISE, fixed_observer, scan, truth
 
 from trackbench.filters import Belief, ExtendedKalmanFilter, KalmanFilter
-from trackbench.metrics.bound import BoundStart, conditional_bound, entry_velocity, information, typical_acceleration
+from trackbench.metrics.reference import (
+    BoundStart,
+    conditional_bound,
+    entry_velocity,
+    information,
+    typical_acceleration,
+)
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
+from trackbench.runner.work import work_of
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
 
+OWN_MODEL = Path(__file__).parent.parent / "scenarios" / "scripted" / "own_model.yaml"
 LIDAR = Lidar(rate_hz=10, position_sigma_m=0.15)
 RADAR = Radar(
     rate_hz=10,
@@ -115,6 +126,18 @@ def test_from_the_truth_it_begins_when_the_target_is_there():
     np.testing.assert_allclose(found[:, 0, 0, 0], [2.0, 18.0])
 
 
+def test_from_the_truth_it_begins_at_the_tracker_s_own_instants():
+    """The target comes at step 5, at which only another sensor measures."""
+    alive = np.ones((41, 2), dtype=bool)
+    alive[:5, 1] = False
+    of = moving(alive=alive)
+    (lidar,) = ideal_sensors(of, {"lidar": LIDAR})
+    told, seen = {"lidar": information(lidar, of)}, {"lidar": np.zeros((21, 2, 1), dtype=bool)}
+    found = conditional_bound(of, told, seen, 2.0, PRIOR, np.arange(41))
+    assert np.isnan(found[:, :6, 1]).all()
+    np.testing.assert_allclose(found[:, 6, 1, 0], [2.0, 18.0])
+
+
 def test_where_all_runs_have_the_same_measurements_there_is_one_bound_for_all():
     valid = np.ones((21, 2, 7), dtype=bool)
     found = bound(moving(), {"lidar": LIDAR}, valid=valid)[0]
@@ -144,6 +167,15 @@ def test_between_its_measurements_the_bound_is_that_of_a_prediction_from_the_lat
     kalman = KalmanFilter(motion)
     belief = kalman.predict(kalman.update(belief, scan("lidar", 0.0, np.zeros(2))).belief, 0.05)
     np.testing.assert_allclose(at_all[:, 1, 0, 0], both(belief.covariance), rtol=1e-9)
+
+
+def test_a_long_track_settles_and_stays_symmetric_enough():
+    """5,000 measurements, whose variances no longer change after the first hundred."""
+    time = np.arange(5_001) * 0.1
+    still = np.zeros((len(time), 1, 1))
+    of = truth(time, still + 20.0, still, still, still)
+    found = bound(of, {"lidar": LIDAR}, BoundStart(velocity_sigma=20.0))[0][:, 100:, 0, 0]
+    np.testing.assert_allclose(found, np.broadcast_to(found[:, :1], found.shape), rtol=1e-9)
 
 
 def test_more_sensors_tighten_it():
@@ -209,4 +241,58 @@ def test_the_entry_velocity_is_that_at_which_targets_appear():
     vx, vy = np.array([[[3.0], [30.0], [50.0]], [[9.0], [12.0], [50.0]]]), np.array([[[4.0], [0.0], [0.0]]] * 2)
     of = truth(np.arange(2) / 10, 0.0 * vx, 0.0 * vx, vx, vy, alive=alive)
     assert entry_velocity([of]) == pytest.approx(np.sqrt((5.0**2 + 12.0**2) / 2 / 2))
+    assert entry_velocity([replace(of, speed=0.0 * of.speed)]) == 1.0
     assert entry_velocity([of, scripted()]) == pytest.approx(np.sqrt((5.0**2 + 12.0**2 + 10.0**2) / 3 / 2))
+
+
+def two_runs(second):
+    """A target at (40, 0) in one run and at ``second`` in the other, at rest."""
+    place = np.broadcast_to(np.array([[40.0, second[0]], [0.0, second[1]]])[:, None, None], (2, 2, 1, 2))
+    return truth(np.arange(2) / 10, *place, 0.0, 0.0, observer=fixed_observer(2))
+
+
+def along(sensor, place):
+    h = SENSOR_MODELS[sensor.config.type].jacobian(np.array([*place, 0, 0]), sensor.pose[:, 0], sensor.velocity[:, 0])
+    return h.T @ np.linalg.inv(sensor.noise_covariance) @ h
+
+
+def of_first(sensor, of):
+    root = information(sensor, of).root[0, :, :, 0]
+    return root.T @ root
+
+
+def test_the_information_is_the_mean_over_the_runs():
+    of = two_runs((0.0, 20.0))
+    (radar,) = ideal_sensors(of, {"sensor": RADAR})
+    mean = (along(radar, (40.0, 0.0)) + along(radar, (0.0, 20.0))) / 2
+    np.testing.assert_allclose(of_first(radar, of), mean, atol=1e-9)
+
+
+def test_a_run_out_of_range_has_no_part_in_it():
+    of = two_runs((0.0, 200.0))
+    (radar,) = ideal_sensors(of, {"sensor": RADAR.model_copy(update={"max_range_m": 100.0})})
+    np.testing.assert_allclose(of_first(radar, of), along(radar, (40.0, 0.0)), atol=1e-9)
+
+
+def test_the_information_of_a_lidar_does_not_depend_on_the_motion():
+    for of in (two_runs((0.0, 200.0)), two_runs((40.0, 0.0))):
+        (lidar,) = ideal_sensors(of, {"sensor": Lidar(rate_hz=10, position_sigma_m=0.15)})
+        np.testing.assert_allclose(of_first(lidar, of), np.diag([0.15**-2, 0.15**-2, 0, 0]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "drawn"),
+    [
+        (("score.reference.acceleration_sigma_mps2=null",), True),
+        ((), True),
+        (("score.reference.acceleration_sigma_mps2=2.1",), False),
+        (("truth.objects.left.pieces=[{white: {motion: cv, acceleration_sigma_mps2: 3}}]",), False),
+    ],
+)
+def test_the_bound_s_acceleration_is_as_drawn_only_where_it_is_that_of_every_object(settings, drawn):
+    loaded = load_scenario(OWN_MODEL, [*settings, "monte_carlo.runs=40"])
+    work = work_of(loaded, truths_of(loaded))
+    assert work.acceleration_as_drawn is drawn
+    if drawn:
+        assert work.acceleration == 2.0
+    assert work.velocity_sigma == pytest.approx(np.sqrt((5**2 + 10**2) / 2 / 2))

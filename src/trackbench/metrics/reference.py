@@ -1,4 +1,4 @@
-"""The posterior Cramer-Rao bound: the least error that any estimator of these measurements can have."""
+"""The posterior Cramer-Rao bound of the errors, for targets that move with white acceleration."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from trackbench.types import Array, Indices, Mask, Truth
 UNKNOWN_POSITION = 1e6
 #: Eigenvalues of an information below this share of the largest are rounding.
 NEGLIGIBLE = 1e-12
+#: Of targets that enter at rest it is not known that they are; least standard deviation of their velocity, m/s.
+LEAST_VELOCITY = 1.0
 
 
 @dataclass(frozen=True)
@@ -43,14 +45,14 @@ def typical_acceleration(truths: Sequence[Truth]) -> float:
 
 
 def entry_velocity(truths: Sequence[Truth]) -> float:
-    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s."""
+    """RMS over scenes and targets of the true velocity per axis as each enters the scene, m/s; at least 1."""
     squares = []
     for truth in truths:
         there = truth.alive.any(axis=0)
         first = np.argmax(truth.alive, axis=0)
         squares.append(truth.speed[first[there], np.flatnonzero(there)] ** 2)
     every = np.concatenate([square.mean(axis=-1) for square in squares])
-    return float(np.sqrt(every.mean() / 2.0)) if every.size else 0.0
+    return max(float(np.sqrt(every.mean() / 2.0)), LEAST_VELOCITY) if every.size else LEAST_VELOCITY
 
 
 class Information(NamedTuple):
