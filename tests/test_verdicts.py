@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import trackbench as tb
 from trackbench.metrics.intervals import ratio
 from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, whiteness_verdict
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
@@ -142,3 +143,23 @@ def test_with_more_runs_a_verdict_passes_through_undecided():
     """A mean 6 % below its degrees of freedom, with an interval as wide as that of so many runs."""
     words = [verdict((3.76 - reach, 3.76 + reach), 4) for reach in 0.8 / np.sqrt(np.arange(2, 1000))]
     assert list(dict.fromkeys(words)) == ["undecided", "consistent"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scenario", "trackers"),
+    [
+        ("highway", ("ekf_cv", "kf_cv")),
+        ("highway_dense", ("ukf_ctrv",)),
+        ("fusion", ("ekf_cv",)),
+        ("radar_only", ("ekf_cv", "ekf_ca")),
+        ("sensor_dropout", ("ekf_cv", "ekf_ca")),
+    ],
+)
+def test_a_mean_that_is_right_on_simulated_traffic_is_right_by_cancellation(scenario, trackers):
+    found = tb.run(tb.load(scenario, runs=50, trackers=trackers))
+    for name in trackers:
+        nees = found[name].nees
+        assert nees.value == pytest.approx(4.0, rel=0.1)
+        assert nees.verdict == "mixed"
+        assert {item.name: item.verdict for item in nees.conditions}["turning"] == "optimistic"

@@ -105,7 +105,11 @@ class Nees(BuiltInMetric):
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
-        Field("verdict", "whether the errors are as large as stated, under each condition", (*CONSISTENCY, "mixed")),
+        Field(
+            "verdict",
+            "whether the errors are as large as stated; mixed: larger or smaller, depending on the condition",
+            (*CONSISTENCY, "mixed"),
+        ),
     )
 
     def finish(self, sums: Scores) -> Outcome:
