@@ -169,8 +169,8 @@ def _notes(result: Result) -> list[str]:
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]
     mixed = [(name, found) for name, found in nees if found.verdict == "mixed"]
     if mixed:
-        notes.append("mixed: errors larger or smaller than stated, depending on the condition")
-        notes += [f"  {name}: {conditions_off(found)} where {found.dof} is right" for name, found in mixed]
+        notes.append("mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):")
+        notes += [f"  {name}: {conditions_off(found, 3)}" for name, found in mixed]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):
