@@ -310,7 +310,12 @@ def make_tables() -> dict[str, pa.Table]:
                     "time_s": TIME,
                     "px_m": path[0] + noise[0],
                     "py_m": path[1] + noise[1],
+                    "vx_mps": np.gradient(path[0], TIME),
+                    "vy_mps": np.gradient(path[1], TIME),
+                    **{f"p_{a}{b}": np.full(TIME.size, float(a == b)) for a in range(4) for b in range(a, 4)},
                     "position_error_m": np.hypot(*noise),
+                    "velocity_error_mps": 2.1 * np.hypot(*noise),
+                    "nees": np.full(TIME.size, NEES[name] or np.nan),
                 }
             )
     bodies = {**paths, "observer": np.stack([21 * TIME, np.full(TIME.size, 4.0)])}
@@ -322,8 +327,20 @@ def make_tables() -> dict[str, pa.Table]:
             "alive": np.full(TIME.size, True),
             "px_m": path[0],
             "py_m": path[1],
+            "vx_mps": np.gradient(path[0], TIME),
+            "vy_mps": np.gradient(path[1], TIME),
         }
         for name, path in bodies.items()
+    ]
+    measurements = [
+        {
+            "sensor": [sensor] * TIME.size,
+            "object": [name] * TIME.size,
+            "time_s": TIME,
+            "valid": np.full(TIME.size, True),
+        }
+        for sensor in SENSORS
+        for name in paths
     ]
     roads = [{"line": np.full(2, i), "x_m": [0, 600], "y_m": [4 * i - 2, 4 * i - 2]} for i in range(5)]
     correlation = [
@@ -345,6 +362,7 @@ def make_tables() -> dict[str, pa.Table]:
         "autocorrelation": correlation,
         "estimates": estimates,
         "truth": truth,
+        "measurements": measurements,
         "roads": roads,
     }
     return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +193,15 @@ def test_other_seeds_give_other_probes() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", ["lidar", "radar"])
+def test_the_process_noise_is_judged_by_sensors_that_are_read(doctor: Doctor, kind: str) -> None:
+    """9 m/s^2 fit a road vehicle at 20 steps a second; over 1 s at once, as where it is only asked, they would not."""
+    other = "radar" if kind == "lidar" else "lidar"
+    make = partial(ekf, motion="cv", acceleration_sigma_mps2=9.0, sensors=[kind])
+    found = doctor.examine("one_sensor", make)
+    assert [(finding.fault, finding.sensor) for finding in found.findings] == [("measurement_ignored", other)]
+
+
 def test_the_same_seed_gives_the_same_examination() -> None:
     first, second = (Doctor(SENSORS, seed=3).examine("raw", CORRECT["raw"]).json() for _ in range(2))
     assert first == second

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import differences, margin_between, verdict
 from trackbench.metrics.intervals import Interval, paired, ratio, root, unpaired
-from trackbench.metrics.registry import BUILT_IN
 from trackbench.results.summary import MarginSummary
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)

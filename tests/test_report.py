@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html.parser import HTMLParser
 
 import numpy as np
@@ -216,7 +217,20 @@ def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:
     drawn = text[text.index('<figure id="map">') :].partition("</figure>")[0]
     assert sum(colour.lower() in drawn for colour in ERROR_COLOURS) >= 3
     assert "under " in drawn
-    assert "the ring is where it was largest (ukf_ctrv: " in page.text
+    assert "The ring is where it was largest (ukf_ctrv: " in page.text
+
+
+def test_the_page_has_one_legend(text: str) -> None:
+    legend = text[text.index('<fieldset class="toggles">') :].partition("</fieldset>")[0]
+    assert all(f"</span>{name}</label>" in legend for name in RMSE)
+    assert legend.count("Cramér-Rao bound") == 1
+    figures = [part.partition("</figure>")[0] for part in text.split("<figure ")[1:]]
+    own = [
+        entry for figure in figures for entry in re.findall(r'<li[^>]*><span class="mark.*?</span>(.*?)</li>', figure)
+    ]
+    assert "observer" in own
+    assert "10th to 90th percentile" in own
+    assert not {*RMSE, "Cramér-Rao bound"} & set(own)
 
 
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
@@ -230,7 +244,10 @@ def test_text_is_escaped() -> None:
     summary["scenario"] |= {"name": attack, "description": attack, "text": attack}
     summary["truth"]["objects"][0] = attack
     tables = make_tables()
-    tables["truth"] = tables["truth"].set_column(0, "object", pa.array([attack] * tables["truth"].num_rows))
+    for name in ("truth", "estimates", "measurements"):
+        at = tables[name].column_names.index("object")
+        objects = [attack if value == "v1" else value for value in tables[name]["object"].to_pylist()]
+        tables[name] = tables[name].set_column(at, "object", pa.array(objects))
     page = Page(render(Result.from_json(summary, tables)))
     assert not page.all("script")
     assert page.text.count(attack) >= 4

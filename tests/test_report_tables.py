@@ -37,6 +37,7 @@ def test_markdown_holds_the_whole_report(result: Result) -> None:
         "Verdict",
         "Ranking",
         "Differences between trackers",
+        "Worst moments",
         "By manoeuvre and range",
         "Consistency",
         "Expectations",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from functools import partial
 from typing import Any
 
@@ -11,7 +12,7 @@ from markupsafe import Markup
 
 from trackbench.document import model
 from trackbench.document.drawing import IN_PAGE, WIDTH, svg_in_page
-from trackbench.document.model import Block, Document, Figure
+from trackbench.document.model import Block, Document, Figure, LegendEntry
 
 
 def to_html(document: Document) -> str:
@@ -28,11 +29,14 @@ def to_html(document: Document) -> str:
     for kind in (model.Section, model.Row, model.Paragraph, model.Status, model.Items, model.Code, model.Table, Figure):
         tests[kind.__name__.lower()] = partial(_is_a, kind)
     before, drawn, after = _parts(document)
+    shared = _shared(drawn)
     made: Any = environment.get_template("document.html.j2").render(
         document=document,
         before=before,
         drawn=drawn,
         after=after,
+        shared=[entry for entry in shared if not entry.key],
+        own=lambda figure: [entry for entry in figure.legend if entry not in shared],
         styles={style.name: style for style in document.trackers},
         svg=lambda figure: Markup(svg_in_page(figure)),
         css=lambda colour: IN_PAGE.get(colour, colour),
@@ -54,6 +58,12 @@ def _parts(document: Document) -> tuple[tuple[Block, ...], ...]:
         return blocks, (), ()
     first, last = showing[0], showing[-1] + 1
     return blocks[:first], blocks[first:last], blocks[last:]
+
+
+def _shared(blocks: tuple[Block, ...]) -> list[LegendEntry]:
+    """What the legend of the page says for all figures: the trackers, and what more than one figure shows."""
+    found = Counter(entry for block in model.every(blocks) if isinstance(block, Figure) for entry in block.legend)
+    return [entry for entry, figures in found.items() if entry.key or figures > 1]
 
 
 def _shows_trackers(block: Block) -> bool:

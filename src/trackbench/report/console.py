@@ -14,7 +14,8 @@ from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import Pairs, groups
-from trackbench.report.run.sentences import duration, expectations_met, failure, precision_reached
+from trackbench.report.run.scenes import basis_of_intervals, runs_in_words
+from trackbench.report.run.sentences import common, duration, expectations_met, failure, precision_reached
 from trackbench.report.run.tables import found
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
 from trackbench.words import counted
@@ -59,7 +60,7 @@ def _print_missed(result: Result, console: Console) -> None:
 
 def _title(result: Result) -> Text:
     summary, truth = result.summary, result.summary.truth
-    what = f"{counted(summary.runs, 'run')}, {counted(len(truth.objects), 'vehicle')}, {duration(result)}"
+    what = f"{runs_in_words(result)}, {counted(len(truth.objects), 'vehicle')}, {duration(result)}"
     return Text.assemble((result.name, "bold"), f": {what}, seed {summary.seed}")
 
 
@@ -90,6 +91,7 @@ def _ranked(result: Result, width: int) -> list[Text]:
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
         _Column("/ref", _values(trackers, "position_over_reference")),
         _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
+        *([_Column("coverage %", _coverage(trackers))] if any(map(_silent, trackers)) else []),
         _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
         _Column("µs/step", _values(trackers, "step_time", 2)),
     ]
@@ -123,6 +125,14 @@ def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) 
     return [Text(_short(m.value, places) + (_spread(m, places) if path == "position_rmse" else "")) for m in metrics]
 
 
+def _coverage(trackers: Sequence[TrackerResult]) -> list[Text]:
+    return [Text(fixed(100 * (metric_of(tracker, "coverage").value or 0.0), 1)) for tracker in trackers]
+
+
+def _silent(tracker: TrackerResult) -> bool:
+    return (metric_of(tracker, "coverage").value or 0.0) < 0.9995
+
+
 def _short(value: float | None, places: int) -> str:
     return fixed(value, places) if value is None or value < _HUGE else f"{value:.1e}"
 
@@ -145,15 +155,16 @@ def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
     assumed = " (white acceleration)" if summary.reference.kind == "reference" else ""
-    over = f"over the {summary.reference.label}{assumed}"
-    notes = [f"±: 95 %; /ref: {over}; diverged: of {counted(summary.runs, 'run')}"]
+    notes = [
+        f"±: 95 %, {basis_of_intervals(result)}",
+        f"/ref: over the {summary.reference.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
+        *([common(result).strip()] if common(result) else []),
+    ]
     if not _groups(result):
         notes.append("group: too many groups for this table; report.html has them")
     elif len(trackers) > 1:
         margin = margin_words(summary.score.margin, "m")
         notes.append(f"group: no difference over {margin} shown between those that share a letter")
-    if summary.runs == 1:
-        notes.append("one run gives no interval and shows no difference")
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]

@@ -40,6 +40,14 @@ class SceneSummary(Part):
     """What tells it from the others, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
+    position_rmse: dict[str, float]
+    """Of each ranked tracker with an estimate in it, m."""
+
+    @property
+    def order(self) -> list[str]:
+        """The trackers by their error in this scene, the best first."""
+        return sorted(self.position_rmse, key=self.position_rmse.__getitem__)
+
     audit: Audit = None
 
 
@@ -242,6 +250,8 @@ class TrackerResult(Part):
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
     health: Health
     breakdown: Breakdown | None = None
+    scene_share: float | None = None
+    """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

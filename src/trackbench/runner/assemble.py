@@ -8,6 +8,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 
+import numpy as np
 import pyarrow as pa
 
 from trackbench.metrics import Evaluation, Metric, health, no_metrics
@@ -30,7 +31,7 @@ from trackbench.results.summary import (
 from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
-from trackbench.runner.evaluated import evaluated
+from trackbench.runner.evaluated import Evaluated, evaluated
 from trackbench.runner.expectations import judge
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
@@ -69,7 +70,7 @@ def assemble(
         versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         command=command,
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
-        truth=_truth_summary(truths, work, scenario.truth.scenes()),
+        truth=_truth_summary(truths, work, scenario.truth.scenes(), found),
         sensors=assembly.sensors(),
         reference=ReferenceSummary(
             kind="bound" if work.acceleration_as_drawn else "reference",
@@ -129,6 +130,7 @@ class _Assembly:
             metrics=evaluation.values,
             health=health(self.found.scores[name]),
             breakdown=breakdown(evaluation.scores.classes),
+            scene_share=self.found.scene_share(name),
         )
 
     def sensors(self) -> dict[str, SensorSummary]:
@@ -189,28 +191,34 @@ def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
     return found
 
 
-def _truth_summary(truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource]) -> TruthSummary:
+def _truth_summary(
+    truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource], found: Evaluated
+) -> TruthSummary:
     loaded = truths[work.recorded_scene]
     truth = loaded.truth
-    found = {
+    entries = {
         "objects": list(truth.ids),
         "steps": len(truth.time),
         "dt": float(truth.time[1] - truth.time[0]) if len(truth.time) > 1 else None,
         "duration_s": float(truth.time[-1]),
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
-        "scenes": [
-            SceneSummary(
-                name=source.scene_name or f"scene {number}",
-                objects=list(item.truth.ids),
-                duration_s=float(item.truth.time[-1]),
-                audit=item.truth.audit,
-            )
-            for number, (item, source) in enumerate(zip(truths, sources, strict=True), 1)
-            if len(truths) > 1
-        ],
+        "scenes": _scenes(truths, sources, found) if len(truths) > 1 else [],
     }
-    return TruthSummary.model_validate({**truth.source, **found})
+    return TruthSummary.model_validate({**truth.source, **entries})
+
+
+def _scenes(truths: Sequence[LoadedTruth], sources: Sequence[TruthSource], found: Evaluated) -> list[SceneSummary]:
+    errors = {name: found.error_by_scene(name) for name in found.ranked}
+    return [
+        SceneSummary(
+            name=source.scene_name or f"scene {number + 1}",
+            objects=list(item.truth.ids),
+            duration_s=float(item.truth.time[-1]),
+            position_rmse={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
+        )
+        for number, (item, source) in enumerate(zip(truths, sources, strict=True))
+    ]
 
 
 def _metric_summary(metric: Metric) -> OwnMetricSummary:

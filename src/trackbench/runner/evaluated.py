@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from trackbench.metrics import BlockScores, Evaluation, Sums, evaluate, merge_sums
+import numpy as np
+
+from trackbench.metrics import BlockScores, Evaluation, Sums, evaluate, merge_sums, ratio, variance_shares
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import ERROR, ErrorSums
 from trackbench.results import Failure
 from trackbench.runner.block import Block
 from trackbench.runner.work import Work
+from trackbench.types import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -23,12 +26,31 @@ class Evaluated:
     """By each other tracker, the sums over all runs."""
     evaluations: dict[str, Evaluation]
     """By each other tracker, its metrics."""
+    scene: Indices
+    """``(runs,)`` number of the scene of each run."""
     ranked: list[str]
     """Those with enough estimates, best first. They are scored where all of them gave an estimate."""
 
     def errors(self, name: str) -> ErrorSums:
         """The sums of a tracker over the estimates that are scored."""
         return self.scores[name].where(frozenset(self.ranked) if name in self.ranked else frozenset({name}))
+
+    def error_by_scene(self, name: str) -> Array:
+        """``(scenes,)`` position RMSE of a tracker, m; NaN where it has no estimate."""
+        sums = self.errors(name).per_run
+        square, count = (
+            np.bincount(self.scene, row) for row in (sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]])
+        )
+        return np.sqrt(square / np.where(count > 0, count, np.nan))
+
+    def scene_share(self, name: str) -> float | None:
+        """Share of the variance of one run's squared position error that is between scenes."""
+        sums = self.errors(name).per_run
+        count = sums[ERROR["count"]]
+        if not count.sum():
+            return None
+        shares = variance_shares(ratio(sums[ERROR["px"]] + sums[ERROR["py"]], count), self.scene)
+        return None if shares is None else shares.scene
 
     @property
     def common_share(self) -> float | None:
@@ -57,6 +79,5 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
     }
     errors = {name: evaluations[name].intervals.get("position_rmse") for name in together}
     known = {name: error.value for name, error in errors.items() if error is not None}
-    return Evaluated(
-        failures, scores, evaluations, sorted(known, key=lambda name: (known[name], list(sums).index(name)))
-    )
+    ranked = sorted(known, key=lambda name: (known[name], list(sums).index(name)))
+    return Evaluated(failures, scores, evaluations, work.scene_of_run, ranked)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
@@ -24,12 +26,9 @@ STEP = 0.05
 def process_noise(tracker: TrackerUnderTest) -> PartResult:
     """Predict for 1 s without measurements, and measure the growth of the speed's standard deviation."""
     question = "Does the process noise fit a road vehicle?"
-    found = [
-        one
-        for probe in tracker.probes.general[:3]
-        for sensor_set in tracker.sensor_sets()
-        if (one := _growth(tracker, probe, sensor_set)) is not None
-    ]
+    # A tracker may leave a sensor out; one that starts from a sensor alone reads it.
+    alone = [(name,) for name in tracker.sensors]
+    found = _growths(tracker, alone) or _growths(tracker, [tuple(tracker.sensors)])
     if not found:
         return PartResult([CheckResult("process_noise", question, None, "there was no estimate to predict")])
     growth = float(np.median(found))
@@ -53,6 +52,15 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
             )
         )
     return result
+
+
+def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[float]:
+    return [
+        one
+        for probe in tracker.probes.general[:3]
+        for sensor_set in sensor_sets
+        if (one := _growth(tracker, probe, sensor_set)) is not None
+    ]
 
 
 def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> float | None:

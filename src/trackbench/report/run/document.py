@@ -33,8 +33,10 @@ from trackbench.report.run.figures.breakdown import errors_by_class
 from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
-from trackbench.report.run.figures.map import map_of_run
-from trackbench.report.run.sentences import expectations_met, facts, failure, headline, verdict
+from trackbench.report.run.figures.map import map_of_run, mapped
+from trackbench.report.run.moments import moments_section, worst_moments
+from trackbench.report.run.scenes import basis_of_intervals, scenes
+from trackbench.report.run.sentences import common, expectations_met, facts, failure, headline, verdict
 from trackbench.results import Result
 from trackbench.words import counted
 
@@ -79,6 +81,7 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
     sections = [
         Section("Verdict", tuple(_verdict(result))),
         *_scores(result, styles),
+        *([Section("Scene by scene", tuple(scenes(result)))] if summary.truth.scenes else []),
         *_accuracy(result, shown),
         *_breakdown(result, styles),
         *_consistency(result, shown),
@@ -119,7 +122,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     margin = margin_words(result.summary.score.margin, "m")
     legend = Paragraph(
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
-        "Small print is the 95 % interval."
+        f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
     )
     others = tables.other_metrics(result)
     more = Section(
@@ -138,12 +141,14 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
     steps, reference = result.tables.steps, result.summary.reference
+    moments, run = worst_moments(result), result.summary.recorded_run
     figures = [
         *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
         spread(steps, shown, reference.label),
-        map_of_run(result.tables, result.summary.recorded_run, shown),
+        map_of_run(result.tables, run, shown, moments),
     ]
     yield from _figures("Accuracy", figures)
+    yield from moments_section(moments, run, [style.name for style in mapped(shown)])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

@@ -9,6 +9,7 @@ from trackbench.report.calibration import calibration_clauses
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.run.pairs import Pairs
+from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted
 
@@ -20,7 +21,7 @@ def facts(result: Result) -> tuple[str, ...]:
     source = " ".join(str(part) for part in (truth.source, options.get("env")) if part)
     return (
         f"{source}, other motion in each run" if options.get("random") else source,
-        counted(summary.runs, "run"),
+        runs_in_words(result),
         counted(len(truth.objects), "vehicle"),
         duration(result),
         counted(len(summary.sensors), "sensor"),
@@ -69,6 +70,14 @@ def _complaints(health: Health, runs: int) -> list[str]:
     if health.non_finite_estimates:
         found.append(counted(health.non_finite_estimates, "non-finite estimate"))
     return found
+
+
+def common(result: Result) -> str:
+    """Which estimates count, where some trackers gave more than others."""
+    share = result.summary.score.common_share
+    if share is None or share > 0.9995:
+        return ""
+    return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
 
 
 def failure(result: Result, tracker: TrackerResult) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -14,9 +13,11 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH
+from trackbench.metrics.moments import EstimateMoment
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import fixed
 from trackbench.report.run.figures.columns import column, names, where
+from trackbench.report.run.moments import say
 from trackbench.results import Tables
 from trackbench.types import Array, Indices
 from trackbench.words import counted
@@ -60,20 +61,24 @@ class _Track:
     error: Array
 
 
-class _Moment(NamedTuple):
-    """An estimate with a large error."""
-
-    error: float
-    """m"""
-    object: str
-    time: float
-    """s"""
+def mapped(styles: Sequence[TrackerStyle]) -> list[TrackerStyle]:
+    """The trackers that have a map: the best and the last ranked."""
+    return list(dict.fromkeys([styles[0], styles[-1]])) if styles else []
 
 
-def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figure | None:
-    """True paths coloured by the error of the best and of the last ranked tracker, a panel each."""
+def map_of_run(
+    tables: Tables, run: int, styles: Sequence[TrackerStyle], moments: Mapping[str, EstimateMoment]
+) -> Figure | None:
+    """True paths coloured by the error of the best and of the last ranked tracker, a panel each.
+
+    Args:
+        tables: of the run.
+        run: number of the recorded run.
+        styles: of all scored trackers, best first.
+        moments: by tracker, the worst; a ring is drawn there.
+    """
     truth = tables.truth
-    drawn = list(dict.fromkeys([styles[0], styles[-1]])) if styles else []
+    drawn = mapped(styles)
     targets = {name: _alive(truth, name) for name in names(where(truth, role="target"), "object")}
     observer = [_alive(truth, name) for name in names(where(truth, role="observer"), "object")]
     box = _box([*targets.values(), *observer])
@@ -81,7 +86,7 @@ def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figu
         return None
     estimates = [where(tables.estimates, tracker=style.name) for style in drawn]
     tracks = [_tracks(truth, rows, list(targets)) for rows in estimates]
-    moments = [_worst_moment(rows) for rows in estimates]
+    rings = {style.key: moments[style.name] for style in drawn if style.name in moments}
     roads = tables.roads
     limits = _limits([track.error for of in tracks for track in of])
     panels = max(1, len(drawn))
@@ -97,10 +102,10 @@ def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figu
                 axes.set_title(drawn[i].name, fontsize=10, loc="left", pad=2)
                 for track in tracks[i]:
                     _coloured(axes, track, limits)
-                if (worst := _worst(tracks[i])) is not None:
+                if (moment := rings.get(drawn[i].key)) is not None:
                     axes.plot(
-                        *worst, marker="o", markersize=12, markerfacecolor="none", markeredgecolor=INK,
-                        markeredgewidth=1.4, linestyle="none",
+                        *_place(truth, moment), marker="o", markersize=12, markerfacecolor="none",
+                        markeredgecolor=INK, markeredgewidth=1.4, linestyle="none", gid=f"worst-{drawn[i].key}",
                     )  # fmt: skip
             axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
             if not box.stretched:
@@ -109,7 +114,7 @@ def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figu
 
     across = WIDTH / panels if beside else WIDTH
     height = 150.0 if box.stretched else min(_TALLEST, 30 + (across - 50) * box.height / box.width)
-    worst = "; ".join(f"{style.name}: {_say(moment)}" for style, moment in zip(drawn, moments, strict=True) if moment)
+    worst = "; ".join(f"{style.name}: {say(rings[style.key])}" for style in drawn if style.key in rings)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
         f"{fixed(box.width, 0)} m by {fixed(box.height, 0)} m"
@@ -121,8 +126,10 @@ def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figu
         caption += (
             "Colour and width show the position error of the best"
             + (" and of the last ranked tracker" if len(drawn) > 1 else " tracker")
-            + f"; the ring is where it was largest ({worst}). The recording shows all trackers. "
+            + "."
         )
+        caption += f" The ring is where it was largest ({worst}). " if worst else " "
+        caption += "The recording shows all trackers. "
     if box.stretched:
         caption += "The axes have different scales."
     return Figure(
@@ -133,6 +140,7 @@ def map_of_run(tables: Tables, run: int, styles: Sequence[TrackerStyle]) -> Figu
         paint,
         30 + (height if beside else panels * height),
         legend=_legend(limits),
+        tooltips={f"worst-{key}": say(moment) for key, moment in rings.items()},
     )
 
 
@@ -223,24 +231,8 @@ def _box(paths: Sequence[tuple[Array, Array]]) -> _Box | None:
     return _Box(x.min() - _MARGIN_M, x.max() + _MARGIN_M, y.min() - _MARGIN_M, y.max() + _MARGIN_M)
 
 
-def _worst(tracks: Sequence[_Track]) -> tuple[float, float] | None:
-    """Where the largest error was."""
-    found = [(track.error[k], track.x[k], track.y[k]) for track in tracks for k in [_largest(track.error)] if k >= 0]
-    return max(found)[1:] if found else None
-
-
-def _largest(error: Array) -> int:
-    return int(np.nanargmax(error)) if np.isfinite(error).any() else -1
-
-
-def _worst_moment(rows: pa.Table) -> _Moment | None:
-    """The estimate with the largest position error."""
-    error = column(rows, "position_error_m")
-    largest = _largest(error)
-    if largest < 0:
-        return None
-    return _Moment(float(error[largest]), str(rows["object"][largest]), float(column(rows, "time_s")[largest]))
-
-
-def _say(moment: _Moment) -> str:
-    return f"{fixed(moment.error, 2)} m, {moment.object} at {fixed(moment.time, 1)} s"
+def _place(truth: pa.Table, moment: EstimateMoment) -> tuple[float, float]:
+    """Where the vehicle was."""
+    path = where(truth, object=moment.object)
+    step = int(np.searchsorted(column(path, "time_s"), moment.time_s - 1e-9))
+    return float(column(path, "px_m")[step]), float(column(path, "py_m")[step])
