@@ -178,14 +178,13 @@ def test_a_long_track_settles_and_stays_symmetric_enough():
     np.testing.assert_allclose(found, np.broadcast_to(found[:, :1], found.shape), rtol=1e-9)
 
 
-def test_a_target_at_the_sensor_leaves_the_bound_finite():
-    time = np.arange(41) * 0.05
-    still = np.zeros((41, 2, 1)) + np.array([1e-6, 20.0])[:, None]
-    of = truth(time, still, 0.0 * still, 0.0 * still, 0.0 * still, observer=fixed_observer(41))
-    at_sensor = RADAR.model_copy(update={"mount": Mount()})
-    found = bound(of, {"radar": at_sensor, "lidar": LIDAR}, BoundStart(velocity_sigma=20.0))[0][:, 2:]
-    assert np.all(found > 0.0)
-    assert np.all(found[0, 10:] < 2 * 0.15**2)
+def test_a_target_that_starts_at_the_sensor_leaves_the_bound_finite():
+    objects = {"car": {"pieces": [{"white": {"motion": "cv", "acceleration_sigma_mps2": 1.0}}]}}
+    config = ScriptedTruth.model_validate({"duration_s": 2.0, "rate_hz": 10, "objects": objects})
+    radar = Radar(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1)
+    found = bound(script(config, 1, "test", 1), {"radar": radar}, BoundStart(velocity_sigma=1.0), sigma=1.0)[0]
+    assert np.all(found[:, 1:] > 0.0)
+    assert np.all(found[0, 1:] < 2 * 0.3**2)
 
 
 def test_more_sensors_tighten_it():
