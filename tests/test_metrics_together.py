@@ -10,7 +10,7 @@ from tests.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, sc
 from trackbench.metrics import evaluate
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.parts import scores_of, stretches
-from trackbench.metrics.sums import ERROR, STRETCHES, merge
+from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
@@ -168,9 +168,9 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     whole = work(of, SENSORS, TWO, 1)
     (scores,) = (block_of(whole, range(1)).scores[name] for name in ("ekf",))
     parts = scores_of(scores, frozenset({"ekf"}), np.zeros(1, dtype=np.intp))
-    assert parts.per_part.shape == (len(ERROR), STRETCHES)
+    assert parts.per_part.shape == (len(ERROR), 10), "ten seconds, none shorter than one"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
-    stretch = stretches(len(whole.scenes[0].instants()))
+    stretch = stretches(len(whole.scenes[0].instants()), 10.0)
     expected = np.bincount(stretch, errors(scores).per_step[ERROR["px"]])
     np.testing.assert_allclose(parts.per_part[ERROR["px"]], expected, rtol=1e-12)
     assert parts.classes.total[0, 0] == errors(scores).per_run[0, 0]
