@@ -142,7 +142,8 @@ def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
             if name == "TextDocument:text":
                 texts += [line for row in values.to_pylist() for line in row or []]
     applied, expected = (
-        np.array(by_entity[f"/azimuth_crossing/innovation/radar/azimuth/{name}"]) for name in ("applied", "expected")
+        np.array(by_entity[f"/series/azimuth_crossing/innovation/radar/azimuth/{name}"])
+        for name in ("tracker", "reference")
     )
     first = int(np.argmax(np.abs(applied - expected) > 1.0))
     assert applied[first] == pytest.approx(-2 * np.pi, abs=0.1)

@@ -18,8 +18,17 @@ TRACKER_COLOURS: tuple[str, ...] = (
     "#8B6DFF",
     "#A03366",
     "#80BA5A",
+    "#B42D00",
+    "#8700F0",
+    "#D200B4",
+    "#D2A5A5",
+    "#5A96E1",
+    "#006987",
+    "#3C692D",
+    "#F05A78",
+    "#00963C",
 )
-SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#A9A9A9", "#4FC1B5", "#B98B6D")
+SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#3CC3D2", "#E1A587", "#6978D2", "#F05A4B", "#5AA5FF")
 #: From small errors to large ones.
 ERROR_COLOURS: tuple[str, ...] = ("#4A90D9", "#35A79C", "#C9A227", "#E8702A", "#D11F4E")
 TRUTH_COLOUR = "#8A9099"
@@ -28,7 +37,7 @@ BOUND_COLOUR = "#8A9099"
 
 
 def tracker_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each tracker, in the order in which they first appear; repeats after nine.
+    """A colour for each tracker, in the order in which they first appear; repeats after eighteen.
 
     Those of a batch of scenarios get theirs together, so that a tracker looks the same in all reports and recordings.
     """
@@ -36,5 +45,5 @@ def tracker_colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def sensor_colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each sensor, in the order given; repeats after four."""
+    """A colour for each sensor, in the order given; repeats after six."""
     return {name: SENSOR_COLOURS[i % len(SENSOR_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}

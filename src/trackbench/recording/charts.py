@@ -43,6 +43,8 @@ class Chart:
     """Empty for a number without a unit."""
     lines: tuple[ChartLine, ...]
     bounds: tuple[ChartLine, ...] = ()
+    signed: bool = False
+    """Whether zero is in the middle of its axis."""
 
     @property
     def title(self) -> str:
@@ -69,20 +71,29 @@ class Chart:
         """Whether the values span too large a range for one axis."""
         values = _finite(self.lines)
         values = values[values > 0]
+        if self.signed:
+            return False
         return bool(len(values) and values.max() > LARGE * np.quantile(values, 0.1))
 
-    def top(self, shown: float = 0.0) -> float:
-        """Where an axis ends so that neither the start of a track nor one bad tracker flattens everything else.
+    def span(self, shown: float = 0.0) -> tuple[float, float]:
+        """An axis on which neither the start of a track nor one bad tracker flattens everything else.
 
         Args:
             shown: a value that must be seen.
         """
+        if self.signed:
+            values = np.abs(_finite((*self.lines, *self.bounds)))
+            side = 1.2 * float(np.quantile(values, 0.99)) if len(values) else 1.0
+            return -side, side
+        return 0.0, max(self._top(), 1.15 * shown)
+
+    def _top(self) -> float:
         values, limits = _finite(self.lines), _finite(self.bounds)
         top = 1.2 * float(np.percentile(values, 97)) if len(values) else 1.0
         if self.unit == "" and len(limits):
             limit = max(float(np.median(_finite([bound]))) for bound in self.bounds)
             top = float(np.clip(top, 1.5 * limit, 4.0 * limit))
-        return max(top, 1.15 * shown)
+        return top
 
 
 def send_chart(stream: Stream, chart: Chart) -> None:

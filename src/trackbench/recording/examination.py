@@ -9,10 +9,12 @@ import rerun as rr
 
 from trackbench.doctor.evidence import EvidenceRun
 from trackbench.doctor.examine import Examination
-from trackbench.recording.examination_layout import blueprint
-from trackbench.recording.examination_scene import send_scene
-from trackbench.recording.examination_series import send_series
+from trackbench.recording.charts import send_chart
+from trackbench.recording.examination_layout import blueprint, legend
+from trackbench.recording.examination_scene import send_scene, sensors_of
+from trackbench.recording.examination_series import error_charts, innovation_charts
 from trackbench.recording.examination_text import findings
+from trackbench.recording.legend import send_legend
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import write_recording
 
@@ -33,8 +35,10 @@ def write(examination: Examination, evidence: Sequence[EvidenceRun], path: Path)
         recording.send_recording_name(examination.tracker)
         stream = Stream(recording)
         stream.markdown("findings", findings(examination))
+        send_legend(stream, legend(evidence))
         for run in evidence:
-            send_scene(stream, run)
-            send_series(stream, run)
+            send_scene(stream, run, sensors_of(evidence))
+            for chart in (*error_charts(run), *innovation_charts(run)):
+                send_chart(stream, chart)
 
     write_recording(path, "trackbench doctor", send)

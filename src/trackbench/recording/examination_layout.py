@@ -8,9 +8,12 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from trackbench.doctor.evidence import EvidenceRun
-from trackbench.recording.examination_scene import frame, measurements
-from trackbench.recording.examination_series import ERROR, INNOVATION, NEES
-from trackbench.recording.layout import played
+from trackbench.palette import BOUND_COLOUR, OBSERVER_COLOUR
+from trackbench.recording.examination_scene import COLOURS, frame, measurements, sensors_of
+from trackbench.recording.examination_series import error_charts, innovation_charts
+from trackbench.recording.layout import beside, played
+from trackbench.recording.legend import NamedColour
+from trackbench.recording.plots import chart_tabs
 from trackbench.recording.stream import path
 from trackbench.recording.views import from_above
 from trackbench.types import Array
@@ -24,18 +27,22 @@ def blueprint(evidence: Sequence[EvidenceRun]) -> rrb.Blueprint:
     """The layout; it plays in a loop."""
     drives = rrb.Tabs(*(_drive(run) for run in evidence), active_tab=0)
     text = rrb.TextDocumentView(origin="findings", name="Findings")
-    return played(rrb.Horizontal(drives, text, column_shares=[5, 2]))
+    return played(beside(drives, legend(evidence), text))
+
+
+def legend(evidence: Sequence[EvidenceRun]) -> list[NamedColour]:
+    """What is in the pictures of all drives."""
+    return [
+        *(NamedColour(name, colour) for name, colour in COLOURS.items()),
+        NamedColour("truth, bounds", BOUND_COLOUR),
+        NamedColour("sensors", OBSERVER_COLOUR),
+        *(NamedColour(name, colour, dot=True) for name, colour in sensors_of(evidence).items()),
+    ]
 
 
 def _drive(run: EvidenceRun) -> rrb.Container:
-    named = [finding.sensor for finding in run.findings]
-    ordered = sorted(run.innovations, key=lambda one: one.sensor not in named)
-    innovations = [
-        _plot(run, f"Innovation of {one.sensor}, {component}", INNOVATION, one.sensor, component)
-        for one in ordered
-        for component in one.components
-    ]
-    errors = rrb.Vertical(_plot(run, "Position error, m", ERROR), _plot(run, "NEES", NEES))
+    innovations = [chart_tabs([chart]) for chart in innovation_charts(run)]
+    errors = rrb.Vertical(*(chart_tabs([chart]) for chart in error_charts(run)))
     above = rrb.Horizontal(_scene(run), errors, column_shares=[3, 2])
     below = rrb.Grid(*innovations, grid_columns=min(3, max(1, len(innovations))))
     return rrb.Vertical(above, below, row_shares=[1, 1], name=run.drive)
@@ -56,9 +63,3 @@ def _scene(run: EvidenceRun) -> rrb.Spatial2DView:
 def _extent(target: Array, sensors: Array) -> tuple[float, float]:
     both = np.concatenate([target, sensors])
     return float(both.min()) - MARGIN_M, float(both.max()) + MARGIN_M
-
-
-def _plot(run: EvidenceRun, name: str, *place: str) -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(
-        origin=path(run.drive, *place), name=name, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-    )

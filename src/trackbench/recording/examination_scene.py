@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import rerun as rr
 
@@ -13,7 +15,7 @@ from trackbench.recording.stream import Stream, path, pixels, rgba
 from trackbench.types import Array
 
 #: Colour of the tracker and of the reference, as in the report.
-COLOURS = {"tracker": TRACKER_COLOURS[4], "reference": TRACKER_COLOURS[5]}
+COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}
 
 
 def frame(drive: str) -> tuple[str, ...]:
@@ -26,8 +28,13 @@ def measurements(drive: str, sensor: str) -> tuple[str, ...]:
     return drive, "world", "measurements", sensor
 
 
-def send_scene(stream: Stream, run: EvidenceRun) -> None:
-    """Send all that is drawn in the fixed frame."""
+def sensors_of(evidence: Sequence[EvidenceRun]) -> dict[str, str]:
+    """The colour of each sensor in all drives."""
+    return sensor_colours(scan.sensor for run in evidence for scan in run.scans)
+
+
+def send_scene(stream: Stream, run: EvidenceRun, colours: Mapping[str, str]) -> None:
+    """Send all that is drawn in the fixed frame; ``colours`` are those of the sensors."""
     world = (run.drive, "world")
     stream.static(path(*frame(run.drive)), rr.Transform3D(mat3x3=np.diag([1.0, -1.0, 1.0])))
     _send_path(stream, (*world, "truth"), run.time, run.target[:2], TRUTH_COLOUR, 5.0)
@@ -42,7 +49,7 @@ def send_scene(stream: Stream, run: EvidenceRun) -> None:
         time, at, p = run.time[known], mean[:2, known], covariance[:, :, known]
         _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
         send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name], 15.0)
-    for sensor, colour in sensor_colours(dict.fromkeys(scan.sensor for scan in run.scans)).items():
+    for sensor, colour in colours.items():
         scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
         time = np.array([scan.time for scan in scans])
         at = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2).T

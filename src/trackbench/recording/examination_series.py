@@ -7,32 +7,54 @@ import numpy as np
 from trackbench.doctor.evidence import EvidenceRun
 from trackbench.doctor.run_errors import run_errors
 from trackbench.metrics.consistency import mean_bounds
+from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.palette import BOUND_COLOUR
+from trackbench.recording.charts import Chart, ChartLine
 from trackbench.recording.examination_scene import COLOURS
-from trackbench.recording.shapes import send_line
-from trackbench.recording.stream import Stream, path
 from trackbench.types import COMMON_STATE, Array
 
-INNOVATION, ERROR, NEES = "innovation", "position_error", "nees"
+#: The tracker is drawn on top of the reference, which is wider.
+REFERENCE_WIDTH = 3.0
 
 
-def send_series(stream: Stream, run: EvidenceRun) -> None:
-    """Send all lines of a run."""
-
-    def line(place: tuple[str, ...], time: Array, values: Array, name: str, colour: str, width: float = 1.5) -> None:
-        send_line(stream, path(run.drive, *place), time, values, name, colour, width)
-
-    for one in run.innovations:
+def innovation_charts(run: EvidenceRun) -> list[Chart]:
+    """A chart for each component of each sensor's innovation, those of the findings first."""
+    named = [finding.sensor for finding in run.findings]
+    charts = []
+    for one in sorted(run.innovations, key=lambda one: one.sensor not in named):
+        units = SENSOR_MODELS[one.kind].units
         for i, component in enumerate(one.components):
-            place = (INNOVATION, one.sensor, component)
-            for name, side in (("2 sigma", 2.0), ("-2 sigma", -2.0)):
-                line((*place, name), one.time, np.full(len(one.time), side * one.sigma[i]), name, BOUND_COLOUR)
-            line((*place, "expected"), one.time, one.expected[i], "expected", COLOURS["reference"], 3.0)
-            line((*place, "applied"), one.time, one.applied[i], "applied", COLOURS["tracker"])
-    for name, of in run_errors(run).items():
-        line((ERROR, name), run.time, of.position, name, COLOURS[name])
-        line((NEES, name), run.time, of.nees, name, COLOURS[name])
-        if name == "tracker":
-            line((ERROR, "2 sigma"), run.time, of.two_sigma, "2 sigma by its covariance", BOUND_COLOUR)
-    for name, bound in zip(("low", "high"), mean_bounds(len(COMMON_STATE), 1), strict=True):
-        line((NEES, name), run.time, np.full(len(run.time), float(bound)), "95 % bounds", BOUND_COLOUR)
+            lines = (
+                _line("reference", one.time, one.expected[i], "expected"),
+                _line("tracker", one.time, one.applied[i], "applied"),
+            )
+            limits = {"high": 2.0 * one.sigma[i], "low": -2.0 * one.sigma[i]}
+            bounds = tuple(_bound(side, one.time, limit, "2 sigma") for side, limit in limits.items())
+            place = (run.drive, "innovation", one.sensor, component)
+            name = f"Innovation of {one.sensor}, {component.replace('_', ' ')}"
+            charts.append(Chart(place, name, units[i], lines, bounds, signed=True))
+    return charts
+
+
+def error_charts(run: EvidenceRun) -> list[Chart]:
+    """The position error and the NEES of the tracker and of the reference."""
+    found = run_errors(run)
+    errors = tuple(_line(name, run.time, found[name].position, name) for name in COLOURS)
+    two_sigma = ChartLine(
+        ("bounds", "two_sigma"), "2 sigma by its covariance", BOUND_COLOUR, run.time, found["tracker"].two_sigma
+    )
+    nees = tuple(_line(name, run.time, found[name].nees, name) for name in COLOURS)
+    limits = zip(("low", "high"), mean_bounds(len(COMMON_STATE), 1), strict=True)
+    bounds = tuple(_bound(side, run.time, float(limit), "95 % bounds") for side, limit in limits)
+    return [
+        Chart((run.drive, "position_error"), "Position error", "m", errors, (two_sigma,)),
+        Chart((run.drive, "nees"), "NEES", "", nees, bounds),
+    ]
+
+
+def _line(of: str, time: Array, values: Array, name: str) -> ChartLine:
+    return ChartLine((of,), name, COLOURS[of], time, values, REFERENCE_WIDTH if of == "reference" else 1.5)
+
+
+def _bound(side: str, time: Array, value: float, name: str) -> ChartLine:
+    return ChartLine(("bounds", side), name, BOUND_COLOUR, time, np.full(len(time), value))

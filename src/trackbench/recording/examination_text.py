@@ -18,7 +18,7 @@ def findings(examination: Examination) -> str:
         lines += ["", "### Failed checks", "", *(f"- **{check.name}**: {check.result}" for check in failed)]
     lines += [
         "",
-        "### Legend",
+        "### In the pictures",
         "",
         "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.5 s. Ellipses: 95 "
         "% of the position by the estimate's covariance. Innovations: orange, applied by the tracker; blue, expected "

@@ -31,7 +31,7 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     )
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus)
     main = rrb.Vertical(scene, plots(contents, charts, vehicles, focus), row_shares=[4, 5])
-    container = _beside(main, legend.entries(contents.colours, list(contents.sensors)), text)
+    container = beside(main, legend.entries(contents.colours, list(contents.sensors)), text)
     return played(container) if focus.time_s is None else _blueprint(container, play_state="paused")
 
 
@@ -44,7 +44,7 @@ def live_blueprint(wide: Window, vehicles: list[str], sensors: Iterable[str], co
     """The layout while a run goes on, of which only the recorded run is known: it follows the trackers."""
     scene = scene_views(wide, _shown(vehicles, WHOLE), sensors, colours, WHOLE)
     main = rrb.Vertical(scene, live_plots(), row_shares=[3, 2])
-    return _blueprint(_beside(main, legend.entries(colours, list(sensors))), play_state="following")
+    return _blueprint(beside(main, legend.entries(colours, list(sensors))), play_state="following")
 
 
 def _shown(vehicles: list[str], focus: Focus) -> list[str]:
@@ -52,7 +52,10 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
     return first if focus.vehicle is None or focus.vehicle in first else [*first[:-1], focus.vehicle]
 
 
-def _beside(main: rrb.Container, entries: list[legend.NamedColour], text: rrb.Container | None = None) -> rrb.Container:
+def beside(
+    main: rrb.Container, entries: list[legend.NamedColour], text: rrb.Container | rrb.View | None = None
+) -> rrb.Container:
+    """A container with the legend on its right, and texts under that."""
     names = legend.legend_view(entries)
     share = legend.height(entries) / BESIDE
     side = names if text is None else rrb.Vertical(names, text, row_shares=[share, 1 - share])

@@ -11,6 +11,7 @@ from trackbench.recording.charts import Chart
 from trackbench.recording.contents import Contents
 from trackbench.recording.focus import Focus
 from trackbench.recording.series import NOTHING, AllCharts, Charts, recorded_run
+from trackbench.recording.text import all_runs
 
 
 def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Focus) -> rrb.Container:
@@ -22,7 +23,7 @@ def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Foc
         vehicles: those that have a tab.
         focus: the vehicle whose tab is open.
     """
-    runs = _page(charts.all_runs, f"All {contents.runs} runs")
+    runs = _page(charts.all_runs, all_runs(contents.runs))
     recorded = _page(charts.recorded, f"Run {contents.recorded_run}, all vehicles")
     own = [_page(charts.vehicles[name], name, focus.error_m if name == focus.vehicle else 0.0) for name in vehicles]
     tab = 0 if focus.vehicle is None else 2 + vehicles.index(focus.vehicle)
@@ -41,14 +42,15 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
     ``shown`` (m) is a position error that must be seen.
     """
     position, velocity = charts.errors
-    left = rrb.Vertical(_tabs([position], shown), _tabs([velocity]))
-    right = rrb.Vertical(_tabs([charts.nees]), *([_tabs(charts.nis)] if charts.nis else []))
+    left = rrb.Vertical(chart_tabs([position], shown), chart_tabs([velocity]))
+    right = rrb.Vertical(chart_tabs([charts.nees]), *([chart_tabs(charts.nis)] if charts.nis else []))
     return rrb.Horizontal(left, right, name=name)
 
 
-def _tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
+def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
+    """Charts as tabs, and after them the logarithms of those whose range is large."""
     every = list(charts)
-    plain = [_plot(chart.title, chart.origin, (0.0, chart.top(shown))) for chart in every]
+    plain = [_plot(chart.title, chart.origin, chart.span(shown)) for chart in every]
     logarithms = [_plot(chart.log_title, chart.log_origin) for chart in every if chart.large]
     return rrb.Tabs(*plain, *logarithms, active_tab=0)
 

@@ -35,7 +35,7 @@ def ranking(result: Result) -> str:
 def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[str]:
     """A table of trackers in the order given, then those that failed."""
     yield f"## {name}"
-    yield f"All {runs} runs, ranked by position RMSE, ± 95 %"
+    yield f"{all_runs(runs)}, ranked by position RMSE, ± 95 %"
     yield ""
     yield "| tracker | RMSE m | / ref | NEES | covariance |"
     yield "|:--|--:|--:|--:|:--|"
@@ -57,6 +57,11 @@ def _mixed(trackers: Iterable[TrackerResult]) -> Iterator[str]:
     if found:
         yield from ("", f"*mixed*: {MEANING['mixed']}. NEES where {found[0].nees.dof} is right:", "")
         yield from (f"- **{tracker.name}**: {conditions_off(tracker.nees)}" for tracker in found)
+
+
+def all_runs(runs: str) -> str:
+    """What the scores are over: "1 run", "All 100 runs", "All 4 and 6 runs"."""
+    return "1 run" if runs == "1" else f"All {runs} runs"
 
 
 def about(result: Result) -> str:
