@@ -99,6 +99,8 @@ class PairDifference(Part):
     """Of the hypothesis that the difference is within the margin, corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
+    scenes: int
+    """Number of scenes that the runs are of; with several, the scenes are what is independent."""
     verdict: str
     """One of :data:`trackbench.metrics.differences.VERDICTS`."""
 
