@@ -73,9 +73,16 @@ def breakdown(rmse: float, *, covariance: bool = True) -> dict[str, Any]:
             "20 to 50 m": {"from_m": 20.0, "to_m": 50.0, **breakdown_entry(6000, 1.1 * rmse, {})},
         },
         "age": {"later": breakdown_entry(10000, rmse, {})},
+        "jump": {
+            "elsewhere": breakdown_entry(9600, 0.9 * rmse, {}),
+            "after a velocity jump": breakdown_entry(400, 3 * rmse, {}),
+        },
     }
     if not covariance:
-        for entry in (found["all"], *(entry for by in ("manoeuvre", "range", "age") for entry in found[by].values())):
+        for entry in (
+            found["all"],
+            *(entry for by in ("manoeuvre", "range", "age", "jump") for entry in found[by].values()),
+        ):
             entry |= dict.fromkeys(("nees", "nees_position", "nees_velocity"))
     return found
 

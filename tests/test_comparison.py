@@ -18,6 +18,7 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.palette import tracker_colours
 from trackbench.report.comparison import batch_files, comparison_files, document
+from trackbench.report.comparison.rank_figure import rank_figure
 from trackbench.results import Result
 
 RUNS = 20
@@ -135,9 +136,9 @@ def markdown(comparison: Comparison) -> str:
 def test_ranking(compared: Comparison) -> None:
     assert [item.tracker for item in compared.ranking] == ["good", "fair", "poor", "mine"]
     good, fair, poor, mine = compared.ranking
-    # A field of four: places 1 and 2 of 3 are ranks 1 and 2.5, the last of 2 is rank 4.
-    assert good.mean_rank == pytest.approx((1 + 1 + 2 + 1) / 4)
-    assert fair.mean_rank == pytest.approx((2.5 + 2.5 + 1) / 3)
+    # A field of four: places 1 and 2 of 3 are ranks 1 and 2.5, the last of 2 is rank 4; a tie shares its two.
+    assert good.mean_rank == pytest.approx((1 + 1.75 + 2 + 1) / 4)
+    assert fair.mean_rank == pytest.approx((2.5 + 1.75 + 1) / 3)
     assert poor.mean_rank == pytest.approx((4 + 4 + 3 + 4) / 4)
     assert mine.mean_rank == 4
     assert [item.scenarios for item in compared.ranking] == [4, 3, 4, 1]
@@ -145,35 +146,68 @@ def test_ranking(compared: Comparison) -> None:
 
 def test_real_wins_and_losses(compared: Comparison) -> None:
     good, fair, poor, mine = compared.ranking
-    assert (good.won, good.lost, good.undecided) == (2 + 1 + 2 + 1, 1, 1)
-    assert (fair.won, fair.lost, fair.undecided) == (1 + 1 + 3, 1, 1)
-    assert (poor.won, poor.lost, poor.undecided) == (1, 2 + 2 + 2 + 1, 0)
-    assert (mine.won, mine.lost, mine.undecided, mine.failed_scenarios) == (0, 3, 0, 1)
+    assert (good.won, good.lost, good.tied) == (2 + 1 + 2 + 1, 1, 1)
+    assert (fair.won, fair.lost, fair.tied) == (1 + 1 + 3, 1, 1)
+    assert (poor.won, poor.lost, poor.tied) == (1, 2 + 2 + 2 + 1, 0)
+    assert (mine.won, mine.lost, mine.tied, mine.failed_scenarios) == (0, 3, 0, 1)
     assert sum(item.won for item in compared.ranking) == sum(item.lost for item in compared.ranking)
     assert [(item.consistent_scenarios, item.judged_scenarios) for item in (good, mine)] == [(4, 4), (0, 0)]
 
 
-def test_certainty(compared: Comparison) -> None:
+def test_ties_share_their_ranks_in_a_scenario(compared: Comparison) -> None:
+    ranks = {(score.scenario, score.entrant.tracker): score.rank for score in compared.scores}
+    assert [ranks["first", name] for name in ("good", "fair", "poor")] == [1, 2, 3]
+    assert [ranks["second", name] for name in ("good", "fair", "poor")] == [1.5, 1.5, 3]
+    assert [ranks["third", name] for name in ("good", "fair", "poor", "mine")] == [2, 1, 3, None]
+
+
+def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
     for item in compared.ranking[:3]:
         assert item.ci95 is not None
-        assert item.ci95[0] <= item.mean_rank <= item.ci95[1]
-    shares = [item.first_share or 0 for item in compared.ranking]
-    assert sum(shares) == pytest.approx(1)
-    assert 0.5 < shares[0] < 0.95
-    assert "That lead is not certain" in markdown(compared)
+        assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
+    assert compared.ranking[3].ci95 is None
+    assert not any(item.shown for item in compared.rank_differences)
+    assert "Too few scenarios for a claim: with 4 trackers it takes 8." in markdown(compared)
 
 
-def test_a_leader_everywhere_is_certain() -> None:
-    found = compare([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(3)]])
-    assert found.ranking[0].first_share == 1
-    assert found.ranking[0].ci95 == (1, 1)
-    assert "That lead is certain" in markdown(found)
+@pytest.mark.parametrize(
+    ("scenarios", "claim"),
+    [
+        (3, "Too few scenarios for a claim: with 2 trackers it takes 6."),
+        (5, "Too few scenarios for a claim: with 2 trackers it takes 6."),
+        (6, "That lead is shown (p = 0.031)."),
+    ],
+)
+def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, claim: str) -> None:
+    found = compare([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(scenarios)]])
+    (pair,) = found.rank_differences
+    assert (pair.a, pair.b, pair.p_value) == ("good", "poor", 2.0 ** (1 - scenarios))
+    assert found.ranking[0].ci95 is None
+    assert claim in markdown(found)
+
+
+def test_equal_trackers_have_no_lead() -> None:
+    found = compare([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
+    assert [item.mean_rank for item in found.ranking] == [1.5, 1.5]
+    assert "That lead is not shown (p = 1.000)." in markdown(found)
+
+
+def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
+    rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
+    found = compare([[scenario(f"s{i}", rmse) for i in range(10)]])
+    assert {(item.a, item.b): item.shown for item in found.rank_differences} == {
+        ("fair", "good"): False,
+        ("fair", "poor"): True,
+        ("good", "poor"): True,
+    }
+    assert rank_figure(found, COLOURS).alternative.endswith("Not shown to differ: fair and good")
 
 
 def test_one_scenario_claims_no_certainty() -> None:
     found = compare([scenario("only", {"good": 0.5, "poor": 0.9})])
     assert found.ranking[0].ci95 is None
-    assert "certain" not in markdown(found)
+    assert found.rank_differences == []
+    assert "lead" not in markdown(found)
     assert "good | poor | 0.500 |" in markdown(found).replace("**", "")
 
 
@@ -193,7 +227,7 @@ def test_markdown(compared: Comparison) -> None:
 def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
     text = to_html(document(compared, times=True))
     assert "good has the best mean rank" in text
-    assert "That lead is not certain" in text
+    assert "Too few scenarios for a claim" in text
     assert "ValueError: matrix &lt;3&gt; is singular" in text
     assert text.count("<figure") == text.count("<figcaption") == 2
     assert re.search(r'<td data-label="fair" class=" strong">0.510<small>±0.010</small></td>', text)

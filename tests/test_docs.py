@@ -118,3 +118,9 @@ def test_the_entry_point_of_the_page_works(
     monkeypatch.delitem(sys.modules, "alpha_beta", raising=False)
     assert create(use["use"], use["options"])().alpha == 0.4
     assert "alpha_beta" in [line.split()[0] for line in cli("list", "trackers").out.splitlines()]
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_logs_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "own-log.md", tmp_path) >= 5
+    assert (tmp_path / "results" / "audit" / "own_log" / "scenario.yaml").exists()

@@ -9,7 +9,7 @@ from tests.test_metrics_scorer import SENSORS, TWO, estimate, target
 
 from trackbench.metrics import Scorer, score_together
 from trackbench.metrics.breakdown import band_name, breakdown, cells, class_sums
-from trackbench.metrics.conditions import AGES, BANDS, MANOEUVRES, SHAPE, conditions
+from trackbench.metrics.conditions import AGES, JUMPS, MANOEUVRES, SHAPE, conditions
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import ratio, root
 from trackbench.models.sensors import Lidar
@@ -32,12 +32,12 @@ def classes(of, config=LIDAR, runs=range(1)):
 
 def named(code):
     """The manoeuvre, the range band and the age of a class."""
-    manoeuvre, band, age = np.unravel_index(code, SHAPE)
+    manoeuvre, band, age, _ = np.unravel_index(code, SHAPE)
     return MANOEUVRES[manoeuvre], band_name(band), AGES[age]
 
 
-def code_of(manoeuvre="straight", band=0, age="later"):
-    return int(np.ravel_multi_index((MANOEUVRES.index(manoeuvre), band, AGES.index(age)), SHAPE))
+def code_of(manoeuvre="straight", band=0, age="later", jump="elsewhere"):
+    return int(np.ravel_multi_index((MANOEUVRES.index(manoeuvre), band, AGES.index(age), JUMPS.index(jump)), SHAPE))
 
 
 @pytest.mark.parametrize(
@@ -128,6 +128,16 @@ def test_each_run_has_its_own_classes_where_its_motion_is_its_own():
     assert [named(code)[:2] for code in found[0, 0]] == [("turning", "20 to 50 m"), ("straight", "50 to 100 m")]
 
 
+def test_a_class_says_whether_the_velocity_jumped_shortly_before():
+    steps = np.arange(30)
+    vx = np.where(steps < 10, 10.0, 15.0)[:, None, None]
+    of = truth(steps * 0.1, np.cumsum(vx, axis=0) * 0.1, 0 * vx, vx, 0 * vx)
+    found = conditions(of, steps, ideal_sensors(of, {"lidar": LIDAR}), range(1))
+    assert [JUMPS[jump] for jump in np.unravel_index(found[:, 0, 0], SHAPE)[3]] == (
+        ["elsewhere"] * 10 + ["after a velocity jump"] * 11 + ["elsewhere"] * 9
+    )
+
+
 def scored(errors, codes, runs, covariance=None):
     """By condition, estimates with errors ``(instants, 4, batch)`` of an object that stays at the origin."""
     of = target(np.zeros((4, len(errors), 1)), runs)
@@ -142,18 +152,19 @@ def scored(errors, codes, runs, covariance=None):
 def test_errors_of_each_class_by_hand(own):
     random = np.random.default_rng(0)
     errors = random.normal(size=(6, 4, 5))
-    straight, turning, far = code_of(), code_of("turning"), code_of("straight", 2, "first second")
+    straight, turning, far = code_of(), code_of("turning", jump=JUMPS[1]), code_of("straight", 2, "first second")
     shared = np.array([straight, straight, turning, turning, code_of("turning", 2, "first second"), far])
     codes = shared[:, None, None] if not own else random.permuted(np.repeat(shared[:, None, None], 5, 2), axis=0)
     found = breakdown(scored(errors, codes, 5))
-    each = np.broadcast_to(codes[:, 0], (6, 5))
+    manoeuvre, band, age, jump = np.unravel_index(np.broadcast_to(codes[:, 0], (6, 5)), SHAPE)
     position, velocity = (errors[:, :2] ** 2).sum(axis=1), (errors[:, 2:] ** 2).sum(axis=1)
     for group, chosen in (
-        (found.all, each >= 0),
-        (found.manoeuvre["turning"], each >= code_of("turning", age="first second")),
-        (found.manoeuvre["straight"], each < code_of("turning", age="first second")),
-        (found.range["50 to 100 m"], each // len(AGES) % BANDS == 2),
-        (found.age["first second"], each % len(AGES) == 0),
+        (found.all, band >= 0),
+        (found.manoeuvre["turning"], manoeuvre == MANOEUVRES.index("turning")),
+        (found.manoeuvre["straight"], manoeuvre == MANOEUVRES.index("straight")),
+        (found.range["50 to 100 m"], band == 2),
+        (found.age["first second"], age == 0),
+        (found.jump["after a velocity jump"], jump == 1),
     ):
         assert group.count == chosen.sum()
         assert group.position_rmse.value == pytest.approx(np.sqrt(position[chosen].mean()))
@@ -192,7 +203,7 @@ def test_velocities_that_are_correlated_to_the_last_bit_break_nothing():
 def test_one_run_has_no_interval():
     found = breakdown(scored(np.ones((3, 4, 1)), np.zeros((3, 1, 1)), 1)).all
     assert found.position_rmse.ci95 is None
-    assert "two runs" in found.position_rmse.reason
+    assert "too short" in found.position_rmse.reason
 
 
 def test_cells_add_up_to_everything():

@@ -17,6 +17,7 @@ from trackbench.metrics.reference import (
 )
 from trackbench.models.motion import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Mount, Radar
+from trackbench.runner.run import run
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
@@ -68,13 +69,13 @@ def test_in_each_run_it_is_the_covariance_of_the_kalman_filter_that_has_the_same
     found, _, instants = bound(of, {"lidar": LIDAR}, valid=valid)
     assert found.shape == (2, 21, 2, 30)
     kalman = KalmanFilter(ConstantVelocity(acceleration_sigma_mps2=2.0))
-    for i, run in np.ndindex(2, 30):
+    for i, number in np.ndindex(2, 30):
         belief = Belief(np.zeros(4), np.diag([1.0, 1.0, 9.0, 9.0]))
         for row, step in enumerate(instants):
             if row > 0:
                 belief = kalman.predict(belief, of.time[step] - of.time[instants[row - 1]])
-            belief = kalman.update(belief, scan("lidar", of.time[step], np.zeros(2), valid[row, i, run])).belief
-            np.testing.assert_allclose(found[:, row, i, run], both(belief.covariance), rtol=1e-9)
+            belief = kalman.update(belief, scan("lidar", of.time[step], np.zeros(2), valid[row, i, number])).belief
+            np.testing.assert_allclose(found[:, row, i, number], both(belief.covariance), rtol=1e-9)
 
 
 def test_of_nonlinear_measurements_it_is_the_covariance_of_an_extended_filter_that_knows_the_truth():
@@ -176,6 +177,15 @@ def test_a_long_track_settles_and_stays_symmetric_enough():
     of = truth(time, still + 20.0, still, still, still)
     found = bound(of, {"lidar": LIDAR}, BoundStart(velocity_sigma=20.0))[0][:, 100:, 0, 0]
     np.testing.assert_allclose(found, np.broadcast_to(found[:, :1], found.shape), rtol=1e-9)
+
+
+def test_a_target_that_starts_at_the_sensor_leaves_the_bound_finite():
+    objects = {"car": {"pieces": [{"white": {"motion": "cv", "acceleration_sigma_mps2": 1.0}}]}}
+    config = ScriptedTruth.model_validate({"duration_s": 2.0, "rate_hz": 10, "objects": objects})
+    radar = Radar(rate_hz=10, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1)
+    found = bound(script(config, 1, "test", 1), {"radar": radar}, BoundStart(velocity_sigma=1.0), sigma=1.0)[0]
+    assert np.all(found[:, 1:] > 0.0)
+    assert np.all(found[0, 1:] < 2 * 0.3**2)
 
 
 def test_more_sensors_tighten_it():
@@ -296,3 +306,23 @@ def test_the_bound_s_acceleration_is_as_drawn_only_where_it_is_that_of_every_obj
     if drawn:
         assert work.acceleration == 2.0
     assert work.velocity_sigma == pytest.approx(np.sqrt((5**2 + 10**2) / 2 / 2))
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ((), ("bound", "truth", "each truth step", "Cramér-Rao bound")),
+        (("score.reference.acceleration_sigma_mps2=3",), ("reference", "scenario", "each measurement", "reference")),
+        (
+            ("truth.objects.left.pieces=[{turn_rate_degps: 9}]",),
+            ("reference", "truth", "each measurement", "reference"),
+        ),
+    ],
+)
+def test_a_result_calls_it_a_bound_only_where_it_is_one(settings, expected):
+    loaded = load_scenario(OWN_MODEL, [*settings, "monte_carlo.runs=2", "truth.duration_s=1", "expect=[]"])
+    found = run(loaded, truths_of(loaded)).summary.reference
+    assert (found.kind, found.acceleration_from, found.acceleration_changes, found.label) == expected
+    assert ("no tracker can be expected" in found.meaning) == (found.kind == "bound")
+    assert ("a tracker can be below it" in found.meaning) == (found.kind == "reference")
+    assert ("the RMS of the true one" in found.meaning) == (expected[:2] == ("reference", "truth"))

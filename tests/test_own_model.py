@@ -56,6 +56,15 @@ def test_verdicts_are_consistent_and_the_kalman_filter_reaches_the_bound(seed: i
         assert high - low < 0.07
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_verdicts_are_consistent_under_each_condition_where_the_targets_turn(seed: int) -> None:
+    found = by_name(result("own_model_ctrv", "monte_carlo.runs=100", f"monte_carlo.seed={seed}"))
+    for name, tracker in found.items():
+        conditions = {condition.name: condition.verdict for condition in tracker.nees.conditions or ()}
+        assert {"straight", "turning", "50 to 100 m", "first second"} <= set(conditions), name
+        assert {*conditions.values(), tracker.nees.verdict} == {"consistent"}, name
+
+
 @pytest.mark.parametrize(("sigma", "verdict"), [(1.0, "optimistic"), (4.0, "pessimistic")])
 def test_the_wrong_noise_is_told_from_the_right_one(sigma: float, verdict: str) -> None:
     settings = [f"trackers.{name}.acceleration_sigma_mps2={sigma}" for name in ("kf_lidar", "ekf", "ukf")]

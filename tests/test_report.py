@@ -133,13 +133,19 @@ def test_missing_values_are_na_with_their_reason(page: Page) -> None:
 def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
     assert "whether it is better than ekf_ctrv is undecided." in page.text
-    assert "0.412 m position RMSE, 1.18 times the reference; pessimistic overall" in page.text
+    assert "0.412 m position RMSE, 1.18 times the reference; pessimistic: the errors are smaller" in page.text
+    assert "depending on the condition (NEES 4.1, turning 39.7, straight 2.9 where 4 is right)" in page.text
     assert "NEES n/a: the tracker gives no covariance" in page.text
     assert "white where the interval of their autocorrelation is within 0.05 of zero" in page.text
     assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
     assert "1 of 2 expectations failed" in page.text
     assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
     assert "v3 jumps by 1.4 m at 15.00 s" in page.text
+
+
+def test_what_velocity_jumps_of_the_truth_make_of_the_errors(page: Page) -> None:
+    assert "4\N{NO-BREAK SPACE}% of the estimates are within a second after a velocity jump." in page.text
+    assert "ekf_cv 36\N{NO-BREAK SPACE}%" in page.text
 
 
 def test_what_is_said_of_calibration_is_what_was_shown() -> None:

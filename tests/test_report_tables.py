@@ -61,8 +61,8 @@ def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.Mo
     assert "\x1b" not in text
     assert all(name in text for name in (*RMSE, "mine"))
     assert "0.412 ±0.008" in text
-    assert "mixed: errors larger or smaller than stated, depending on the condition" in text
-    assert "  ekf_ctrv: turning 39.7, straight 2.9 where 4 is right" in text
+    assert "mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):" in text
+    assert "  ekf_ctrv: turning 39.7, straight 2.9" in text
     assert "FAILED ekf_cv position_rmse below 0.4: 0.412" in text
     assert "ekf_cv position_rmse below 0.5" not in text
     assert "FAILED mine: ValueError: matrix <3> is singular" in text

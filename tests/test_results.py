@@ -31,7 +31,19 @@ SMALL = Result.from_json(
             "audit": {},
             "cached": False,
         },
-        "sensors": {"lidar": {"kind": "lidar", "dof": 2, "rate_hz": 10, "preset": None, "detection_rate": 1}},
+        "sensors": {
+            "lidar": {
+                "kind": "lidar",
+                "dof": 2,
+                "rate_hz": 10,
+                "preset": None,
+                "detection_rate": 1,
+                "noise": {"x": {"sigma": 0.15, "unit": "m"}, "y": {"sigma": 0.15, "unit": "m"}},
+                "fov_deg": 360,
+                "max_range_m": None,
+                "mount": {"x_m": 0, "y_m": 0, "yaw_deg": 0},
+            }
+        },
         "reference": {
             "kind": "reference",
             "motion": "cv",

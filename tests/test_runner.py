@@ -255,11 +255,13 @@ def expected(run_tiny: Run, request: pytest.FixtureRequest) -> Result:
     return result
 
 
-def test_the_intervals_of_one_run_rest_on_stretches_of_its_time(run_tiny: Run) -> None:
-    result = run_tiny("monte_carlo.runs=1", "score.settle_s=1")
-    low, high = tracker(result, "ekf")["metrics"]["position_rmse"]["ci95"]
-    several = tracker(run_tiny("monte_carlo.runs=8", "score.settle_s=1"), "ekf")["metrics"]["position_rmse"]
-    assert low < several["value"] < high
+def test_one_run_of_a_second_shows_no_difference(run_tiny: Run) -> None:
+    result = run_tiny("monte_carlo.runs=1", "truth.duration_s=1.5", "expect=[]")
+    assert {item["verdict"] for item in result.json()["differences"]} == {"undecided"}
+    metric = tracker(result, "ekf")["metrics"]["position_rmse"]
+    assert metric["ci95"] is None
+    assert metric["reason"] == "too short for an interval"
+    json.loads(to_json(result.json()), parse_constant=pytest.fail)
 
 
 def test_an_expectation_of_what_is_not_there_fails(tiny_result: Result) -> None:

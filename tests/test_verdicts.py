@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import trackbench as tb
 from trackbench.metrics.intervals import ratio
 from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, whiteness_verdict
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
@@ -80,7 +81,17 @@ def test_verdicts_of_a_correlation(ci95, expected):
 )
 def test_the_verdict_takes_every_condition_into_account(whole, conditions, expected):
     found = [ConditionVerdict(name="any", mean=4.0, ci95=(3.9, 4.1), verdict=word) for word in conditions]
-    assert together(whole, found) == expected
+    assert together(4.0, whole, found) == expected
+
+
+@pytest.mark.parametrize(("mean", "expected"), [(5.0, "optimistic"), (8.0, "mixed")])
+def test_consistent_under_one_condition_and_far_from_it_over_all_is_mixed(mean, expected):
+    """A covariance that is too small by the same everywhere, and one that is right where it is straight."""
+    straight = ConditionVerdict(name="straight", mean=4.1, ci95=(4.0, 4.2), verdict="consistent")
+    turning = ConditionVerdict(name="turning", mean=30.0, ci95=(29.0, 31.0), verdict="optimistic")
+    assert together(mean, "optimistic", [straight, turning]) == expected
+    first = straight.model_copy(update={"name": "first second"})
+    assert together(mean, "optimistic", [first, turning]) == "optimistic"
 
 
 def scores(count, runs=100, ci95=(3.9, 4.1)):
@@ -99,6 +110,7 @@ def test_a_condition_is_judged_where_it_has_enough_estimates_and_runs():
         },
         range={"0 to 20 m": scores(980), "20 to 50 m": scores(20, ci95=None)},
         age={"first second": scores(50, ci95=(2.0, 2.5)), "later": scores(950)},
+        jump={"after a velocity jump": scores(500, ci95=(20.0, 30.0))},
     )
     names = {condition.name: condition.verdict for condition in judged(found)}
     assert names == {
@@ -131,3 +143,23 @@ def test_with_more_runs_a_verdict_passes_through_undecided():
     """A mean 6 % below its degrees of freedom, with an interval as wide as that of so many runs."""
     words = [verdict((3.76 - reach, 3.76 + reach), 4) for reach in 0.8 / np.sqrt(np.arange(2, 1000))]
     assert list(dict.fromkeys(words)) == ["undecided", "consistent"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scenario", "trackers"),
+    [
+        ("highway", ("ekf_cv", "kf_cv")),
+        ("highway_dense", ("ukf_ctrv",)),
+        ("fusion", ("ekf_cv",)),
+        ("radar_only", ("ekf_cv", "ekf_ca")),
+        ("sensor_dropout", ("ekf_cv", "ekf_ca")),
+    ],
+)
+def test_a_mean_that_is_right_on_simulated_traffic_is_right_by_cancellation(scenario, trackers):
+    found = tb.run(tb.load(scenario, runs=50, trackers=trackers))
+    for name in trackers:
+        nees = found[name].nees
+        assert nees.value == pytest.approx(4.0, rel=0.1)
+        assert nees.verdict == "mixed"
+        assert {item.name: item.verdict for item in nees.conditions}["turning"] == "optimistic"

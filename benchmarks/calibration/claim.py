@@ -17,14 +17,17 @@ class Claim(NamedTuple):
     holds: bool
 
 
-def rate(what: str, hits: Sequence[bool] | np.ndarray, low: float, high: float) -> Claim:
+def rate(what: str, hits: Sequence[float] | np.ndarray, low: float, high: float) -> Claim:
     """The claim that something happens in a share of independent trials between ``low`` and ``high``.
+
+    A hit is true or false, or the share of hits within a trial.
 
     It holds where the measured share is in between, so take enough trials: the Monte-Carlo error that is stated with
     the share (half of its 95 % interval) should be small beside the room that the claim leaves.
     """
     share = float(np.mean(hits))
-    error = 1.96 * np.sqrt(max(share * (1 - share), 1 / len(hits)) / len(hits))
+    # Where there was no hit, or nothing else, as if there had been one.
+    error = 1.96 * max(float(np.std(hits)), len(hits) ** -0.5) / len(hits) ** 0.5
     wanted = f"{100 * low:g} to {100 * high:g} %" if low > 0 else f"at most {100 * high:g} %"
     if high >= 1:
         wanted = f"at least {100 * low:g} %"

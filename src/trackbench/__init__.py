@@ -14,6 +14,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trackbench.api.audit import ReportableAudit as LogAudit
+    from trackbench.api.audit import audit
     from trackbench.api.compare import ReportableComparison as Comparison
     from trackbench.api.compare import compare
     from trackbench.api.result import ReportableResult as Result
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Comparison": ("api.compare", "ReportableComparison"),
     "Estimate": ("types", "Estimate"),
+    "LogAudit": ("api.audit", "ReportableAudit"),
     "InputError": ("errors", "InputError"),
     "Result": ("api.result", "ReportableResult"),
     "Scan": ("types", "Scan"),
@@ -38,6 +41,7 @@ _HOMES = {
     "TrackbenchError": ("errors", "TrackbenchError"),
     "Tracks": ("types", "Tracks"),
     "Truth": ("types", "Truth"),
+    "audit": ("api.audit", "audit"),
     "check_tracker": ("testing", "check_tracker"),
     "compare": ("api.compare", "compare"),
     "load": ("api.scenario", "load"),
@@ -50,12 +54,14 @@ __all__ = [
     "Comparison",
     "Estimate",
     "InputError",
+    "LogAudit",
     "Result",
     "Scan",
     "Scenario",
     "TrackbenchError",
     "Tracks",
     "Truth",
+    "audit",
     "check_tracker",
     "compare",
     "load",

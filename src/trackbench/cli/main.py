@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from trackbench import __version__
+from trackbench.cli.audit import audit_command
 from trackbench.cli.compare import compare_command
 from trackbench.cli.completion import completion_command
 from trackbench.cli.doctor import doctor_command
@@ -55,6 +56,7 @@ for _command in (
     compare_command,
     report_command,
     doctor_command,
+    audit_command,
     list_command,
     new_command,
     check_command,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from trackbench.compare.comparability import Comparability, comparability, require_same_metric
-from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant
+from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
@@ -74,26 +74,32 @@ def compare(
     allowed = {limit.metric: limit.percent for limit in limits}
     compared = [known[path] for path in wanted]
     found, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
-    pairings = Pairings(
-        found if RANKED_BY in wanted else differences(matches, [known[RANKED_BY]], over_scenarios=False)[0]
-    )
+    pairings = _pairings(found, matches, known[RANKED_BY]) if single else None
     scored = [
         score
         for cell in cells
         for number, entry in cell.entries.items()
         for score in scores(number, entry, cell.scenario, chosen[cell.scenario, number], pairings)
     ]
+    ranked, rank_differences = ranking(scored, pairings) if pairings else ([], [])
     return Comparison(
         sets=[item.label for item in sets],
         scenarios=[_compared(cell, matches) for cell in cells],
         scores=scored,
         differences=found,
         overall=overall(found) if not single and len(cells) > 1 else [],
-        ranking=ranking(scored, pairings) if single else [],
+        ranking=ranked,
+        rank_differences=rank_differences,
         gates=held(limits, known, found, missing),
         not_compared=missing,
         notes=[*notes, *_notes(cells, matches, chosen, single)],
     )
+
+
+def _pairings(found: Sequence[PairDifference], matches: Sequence[Match], metric: ComparedMetric) -> Pairings:
+    """Which tracker is better where, whatever metrics are compared."""
+    known = any(item.metric == metric.path for item in found)
+    return Pairings(found if known else differences(matches, [metric], over_scenarios=False)[0])
 
 
 def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultSet:
@@ -217,7 +223,7 @@ def _notes(
 ) -> Iterator[str]:
     """What a reader must know beside the differences."""
     if any(entry.result.summary.runs == 1 for cell in cells for entry in cell.entries.values()):
-        yield "one run gives no interval and shows no difference"
+        yield "one run is compared by nothing but its values"
     compared = {
         (match.scenario, entrant) for match in matches for pair in match.pairs for entrant in match.entrants(pair)
     }

@@ -14,11 +14,13 @@ from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import Part
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 #: Metrics that are times of computing: the same results on another machine have others, so no file keeps them.
 TIMES = ("step_time",)
 #: Significant digits that are kept: what differs from machine to machine is far behind them.
 DIGITS = 4
+#: A share of estimates that is smaller by more than this is a loss: errors of fewer moments are no gain.
+COVERAGE = 0.01
 
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
 
@@ -64,8 +66,9 @@ class EntrantScore(Part):
     metrics: dict[str, MetricValue]
     """Those that have a value, by path."""
     diverged_runs: int
-    rank: int | None
-    """By position RMSE among those of its set; None without a score."""
+    rank: float | None
+    """By position RMSE, in a set that is compared alone: one, and one for each tracker that is shown to be better by
+    more than the margin, a half for each where neither is. None without a score, and with several sets."""
     leading: bool
     """Whether it is the best of the scenario, or was not shown to be worse than the best by more than the margin."""
     failure: str = ""
@@ -98,6 +101,8 @@ class PairDifference(Part):
     """Of the hypothesis that the difference is within the margin, corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
+    lost_coverage: float = 0.0
+    """By how much the entrant's share of estimates is smaller than the other's."""
     verdict: str
     """One of :data:`trackbench.metrics.differences.VERDICTS`."""
 
@@ -152,13 +157,12 @@ class RankedTracker(Part):
     scenarios: int
     mean_rank: float
     ci95: tuple[float, float] | None
-    """Of the mean rank, scenarios drawn anew; None for one scenario."""
-    first_share: float | None
-    """Share of the draws in which it has the best mean rank."""
+    """Of the mean rank; None where there are too few scenarios or trackers for one."""
     won: int
     """Pairings with another tracker in a scenario in which its error is shown to be smaller by more than the margin."""
     lost: int
-    undecided: int
+    tied: int
+    """Those in which neither is."""
     consistent_scenarios: int
     """Scenarios in which its covariance is as large as its errors."""
     judged_scenarios: int
@@ -166,6 +170,17 @@ class RankedTracker(Part):
     diverged_runs: int
     failed_scenarios: int
     """Scenarios without a score."""
+
+
+class RankDifference(Part):
+    """The mean rank of one tracker against that of another."""
+
+    a: str
+    b: str
+    p_value: float
+    """Of the hypothesis that both have the same expected rank in a scenario, corrected for the number of pairs."""
+    shown: bool
+    """Whether they are shown to differ."""
 
 
 class GateResult(Part):
@@ -195,6 +210,8 @@ class Comparison(Part):
     """Of several sets."""
     ranking: list[RankedTracker]
     """Of one set, best first."""
+    rank_differences: list[RankDifference]
+    """Of one set over several scenarios: every pair of trackers, in the order of the ranking."""
     gates: list[GateResult]
     not_compared: list[NotCompared]
     notes: list[str]

@@ -2,61 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.log_audit.blocks import Interval
 from trackbench.log_audit.clocks import Clock, clock_of
-from trackbench.log_audit.corrections import corrected, error_changes, sigma_keys
-from trackbench.log_audit.detection import Detections, detections_of
-from trackbench.log_audit.drift import clock_drift
-from trackbench.log_audit.findings import EFFECT, FAMILY, SHAPE, SIGMA_OFF, LogFinding, error_finding
-from trackbench.log_audit.joint_fit import FEWEST_ROWS, JointFit, joint_fit, refit
-from trackbench.log_audit.noise import ComponentNoise, noise_of
+from trackbench.log_audit.corrections import corrected
+from trackbench.log_audit.findings import FAMILY, LogFinding
+from trackbench.log_audit.sensor_audit import SensorAudit, audit_sensor, sensor_findings
 from trackbench.log_audit.sensor_log import SensorLog
-from trackbench.log_audit.simple_findings import (
-    clock_findings,
-    drift_finding,
-    hole_findings,
-    shape_finding,
-    sigma_finding,
-    silence_finding,
-    truth_findings,
-    unit_finding,
-)
+from trackbench.log_audit.simple_findings import clock_findings, hole_findings, truth_findings
 from trackbench.log_audit.truth_check import VelocityCheck, velocity_check
-from trackbench.log_audit.units_check import WrongUnit, wrong_units
 from trackbench.scenario import Scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.truth.recorded import Drive, assemble, read
-from trackbench.truth.recorded.cycles import Cycles
 from trackbench.truth.sources import RecordingTruth
-from trackbench.types import Array, Progress, no_progress
-
-#: A clock drifts if its offset changes by more than this during the log, s.
-DRIFT_S = 0.005
-
-
-@dataclass(frozen=True)
-class SensorAudit:
-    """What the log says of one sensor."""
-
-    log: SensorLog
-    units: tuple[WrongUnit, ...]
-    detections: Detections
-    fit: JointFit | None = None
-    """None where there are too few measurements."""
-    noise: tuple[ComponentNoise, ...] = ()
-    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    """``(m, m)`` of a measurement: the suggested R."""
-    square_before: float | None = None
-    """Mean square of the measurements' errors over the stated sigmas, as logged; 1 is right."""
-    square_after: float | None = None
-    """With the findings put in."""
+from trackbench.types import Progress, no_progress
 
 
 @dataclass(frozen=True)
@@ -75,6 +38,11 @@ class LogAudit:
         """Of the scenario."""
         return self.scenario.config.name
 
+    @property
+    def changes(self) -> dict[str, Any]:
+        """All keys of the scenario that the findings change, with their new values."""
+        return {key: value for finding in self.findings for key, value in finding.changes.items()}
+
 
 def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
     """Audit the recorded sensors of a scenario.
@@ -86,29 +54,38 @@ def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
     Raises:
         InputError: the truth is not recorded, no sensor is, or a file is damaged.
     """
+    # What is too large or too small to be computed gives no number, and that is said.
+    with np.errstate(all="ignore"):
+        return _with_squares(_audited(loaded, progress))
+
+
+def _audited(loaded: Scenario, progress: Progress) -> LogAudit:
     truth, drive = _read(loaded)
+    velocities = _velocities(truth, drive)
+    of_truth = list(truth_findings(truth, velocities))
+    units = [finding for finding in of_truth if finding.changes]
+    if units:
+        # Range rates are judged by the truth's velocity, so that is put right first.
+        fixed = _audited(scenario_of(corrected(loaded, units), loaded.path), progress)
+        return replace(fixed, scenario=loaded, velocities=tuple(velocities), findings=(*units, *fixed.findings))
     clipped = drive.clipped()
     looked = assemble.scan_cycles(clipped)
     clocks = [clock_of("truth", np.concatenate([m.time for m in drive.motions.values()]), drive.order)]
-    found: list[LogFinding] = []
     sensors: dict[str, SensorAudit] = {}
     for number, (name, log) in enumerate(drive.logs.items()):
         progress(number, len(drive.logs))
-        inside = clipped.logs[name]
+        inside, config = clipped.logs[name], loaded.config.sensors[name]
         clocks.append(clock_of(name, log.scans, log.order, len(log.time) - len(inside.time)))
-        config = loaded.config.sensors[name]
         sensor = SensorLog(name, config, inside, drive, truth, np.ones(len(config.components)))
-        sensors[name] = _audited(sensor, looked[name])
-    velocities = _velocities(truth, drive)
-    found += [unit_finding(item.log, wrong) for item in sensors.values() for wrong in item.units]
-    found += clock_findings(clocks)
-    found += truth_findings(truth, velocities)
-    found += hole_findings(drive.motions)
-    level = 1 - (1 - FAMILY) / max(1, sum(_tests(item) for item in sensors.values()))
-    for item in sensors.values():
-        found += _sensor_findings(item, level)
-    sensors = _with_squares(loaded, sensors, found)
+        sensors[name] = audit_sensor(sensor, looked[name])
     progress(len(sensors), len(sensors))
+    level = 1 - (1 - FAMILY) / max(1, sum(item.tests for item in sensors.values()))
+    found = [
+        *of_truth,
+        *hole_findings(drive.motions),
+        *clock_findings(clocks, {name: cycles.period for name, cycles in looked.items()}),
+        *(finding for item in sensors.values() for finding in sensor_findings(item, level)),
+    ]
     duration = max(float(m.time[-1]) for m in drive.motions.values())
     return LogAudit(loaded, sensors, tuple(clocks), tuple(velocities), tuple(found), duration)
 
@@ -122,26 +99,12 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
     try:
         drive = read(truth, kinds, loaded.path.resolve().parent)
         if not drive.logs:
-            raise InputError(
-                "no sensor's measurements are recorded, so there is nothing to audit", key="truth.readings"
-            )
+            message = "no sensor's measurements are recorded, so there is nothing to audit"
+            raise InputError(message, key="truth.readings")
         assemble.require_measurements(drive, drive.clipped())
     except InputError as error:
         raise loaded.locate(error) from None
     return truth, drive
-
-
-def _audited(log: SensorLog, looked: Cycles) -> SensorAudit:
-    units = tuple(wrong_units(log))
-    for wrong in units:
-        log = log.with_factor(log.components.index(wrong.component), wrong.factor)
-    if len(log.log.time) < FEWEST_ROWS:
-        return SensorAudit(log, units, detections_of(log, looked, {}))
-    fit = joint_fit(log)
-    if fit.inlier.sum() < FEWEST_ROWS:
-        return SensorAudit(log, units, detections_of(log, looked, {}))
-    noise, covariance = noise_of(log, fit)
-    return SensorAudit(log, units, detections_of(log, looked, fit.errors), fit, tuple(noise), covariance)
 
 
 def _velocities(truth: RecordingTruth, drive: Drive) -> list[VelocityCheck]:
@@ -153,62 +116,39 @@ def _velocities(truth: RecordingTruth, drive: Drive) -> list[VelocityCheck]:
     return [check for check in checks if check is not None]
 
 
-def _tests(item: SensorAudit) -> int:
-    """How many errors, noises and shapes of a sensor are judged."""
-    shapes = sum(noise.exponent is not None for noise in item.noise)
-    return 0 if item.fit is None else 1 + len(item.fit.estimates) + len(sigma_keys(item.log)) + shapes
-
-
-def _sensor_findings(item: SensorAudit, level: float) -> Iterator[LogFinding]:
-    if item.detections.silent_from_s is not None:
-        yield silence_finding(item.log.name, item.detections)
-    if item.fit is None:
-        return
-    drift = clock_drift(item.log, item.fit)
-    if drift is not None and drift.excludes(0.0, level) and abs(drift.value) > DRIFT_S:
-        yield drift_finding(item.log, drift)
-    wrong = [
-        name
-        for name, estimate in item.fit.estimates.items()
-        if estimate.effect >= EFFECT and estimate.interval.excludes(0.0, level)
-    ]
-    changes = error_changes(item.log, refit(item.log, wrong, item.fit.errors))
-    for name in wrong:
-        yield error_finding(item.log.name, item.fit.estimates[name], changes[name])
-    for key, components in sigma_keys(item.log).items():
-        noises = [item.noise[i] for i in components]
-        ratio = _ratio(noises)
-        if ratio.excludes(0.0, level) and abs(ratio.value) > np.log(SIGMA_OFF):
-            yield sigma_finding(item.log, key, noises, ratio)
-    for noise in item.noise:
-        shape = noise.exponent
-        if shape is not None and shape.excludes(0.0, level) and noise.spread ** abs(shape.value) > SHAPE:
-            yield shape_finding(item.log.name, noise, shape)
-
-
-def _ratio(noises: list[ComponentNoise]) -> Interval:
-    """Logarithm of the standard deviation found over the stated one, the mean of several components."""
-    logs = [np.log(max(noise.sigma.value, 1e-300) / noise.stated) for noise in noises]
-    relative = [noise.sigma.sigma / max(noise.sigma.value, 1e-300) for noise in noises]
-    freedom = min(noise.sigma.freedom for noise in noises)
-    return Interval(float(np.mean(logs)), float(np.hypot.reduce(relative)) / len(noises), freedom)
-
-
-def _with_squares(
-    loaded: Scenario, sensors: dict[str, SensorAudit], findings: list[LogFinding]
-) -> dict[str, SensorAudit]:
-    """The sensors with the mean square of their errors, before and after the findings are put in."""
-    before = _squares(loaded)
-    after = before
-    if any(finding.changes for finding in findings):
-        after = _squares(scenario_of(corrected(loaded, findings), loaded.path))
-    return {
+def _with_squares(audit: LogAudit) -> LogAudit:
+    """The audit with the mean square of the errors before and after the findings are put in, as far as they can be."""
+    findings = audit.findings
+    if audit.changes and _refused(audit.scenario, findings):
+        findings = tuple(_possible(audit.scenario, finding) for finding in findings)
+        audit = replace(audit, findings=findings)
+    before = after = _squares(audit.scenario)
+    if audit.changes:
+        after = _squares(scenario_of(corrected(audit.scenario, findings), audit.scenario.path))
+    sensors = {
         name: replace(item, square_before=before.get(name), square_after=after.get(name))
-        for name, item in sensors.items()
+        for name, item in audit.sensors.items()
     }
+    return replace(audit, sensors=sensors)
+
+
+def _possible(loaded: Scenario, finding: LogFinding) -> LogFinding:
+    if not finding.changes or not _refused(loaded, (finding,)):
+        return finding
+    return replace(finding, changes={}, fix="No sensor is so: look for what else is wrong with the log first.")
+
+
+def _refused(loaded: Scenario, findings: tuple[LogFinding, ...]) -> bool:
+    """Whether the scenario with findings put in is not valid."""
+    try:
+        scenario_of(corrected(loaded, findings), loaded.path)
+    except InputError:
+        return True
+    return False
 
 
 def _squares(loaded: Scenario) -> dict[str, float]:
+    """By sensor, the mean square of measurement minus truth over the stated sigmas."""
     truth, drive = _read(loaded)
     found = {}
     for name, log in drive.clipped().logs.items():
@@ -219,8 +159,3 @@ def _squares(loaded: Scenario) -> dict[str, float]:
         if square.size:
             found[name] = float(square.mean())
     return found
-
-
-def finding_changes(audit: LogAudit) -> dict[str, Any]:
-    """All keys of the scenario that the findings change, with their new values."""
-    return {key: value for finding in audit.findings for key, value in finding.changes.items()}

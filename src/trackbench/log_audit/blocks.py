@@ -21,7 +21,7 @@ DRAWS = 400
 SEED = 20261
 
 
-class Interval(NamedTuple):
+class BlockInterval(NamedTuple):
     """An estimate with its uncertainty."""
 
     value: float
@@ -48,7 +48,7 @@ class Blocks:
     cuts: tuple[Indices, ...]
     """Each ``(rows,)`` the number of the block of each row."""
 
-    def intervals(self, terms: Array, finish: Callable[[Array], Array]) -> list[Interval]:
+    def intervals(self, terms: Array, finish: Callable[[Array], Array]) -> list[BlockInterval]:
         """Intervals of statistics that are functions of sums over rows, by a bootstrap that draws whole blocks.
 
         Of the two ways to cut, the one with the wider interval counts. Source: Kuensch (1989), "The jackknife and the
@@ -74,7 +74,7 @@ class Blocks:
         for i, of in enumerate(value.tolist()):
             known = [(float(sigma[i]), freedom) for sigma, freedom in found if np.isfinite(sigma[i])]
             wide = max(known, key=lambda one: one[0] * stats.t.ppf(0.975, one[1]), default=(np.inf, 1))
-            result.append(Interval(of, *wide))
+            result.append(BlockInterval(of, *wide))
         return result
 
 

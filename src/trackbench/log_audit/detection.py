@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from trackbench.log_audit.blocks import Interval, blocks_of
+from trackbench.log_audit.blocks import BlockInterval, blocks_of
 from trackbench.log_audit.noise import Band, band_edges
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.truth.recorded.cycles import Cycles
@@ -18,6 +18,8 @@ from trackbench.types import Array, Indices, Mask
 OUTSIDE = 0.02
 #: A sensor was silent if chance leaves so many detections out in fewer logs than this share.
 UNLIKELY = 1e-4
+#: And for more than so many cycles.
+SILENT = 5
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Detections:
     """Cycles a second, of the median interval; None where the detections have no regular one."""
     chances: int
     """Pairs of a cycle and an object in the field of view."""
-    share: Interval
+    share: BlockInterval
     bands: tuple[Band, ...]
     """The share by range."""
     seen_half_angle: float
@@ -84,6 +86,7 @@ def _silence(starts: Array, chance: Mask, detected: Mask) -> tuple[float | None,
     """Begin and length of the longest run of cycles that detected nothing of many chances."""
     share = float(detected[chance].mean()) if chance.any() else 1.0
     best: tuple[float | None, float] = (None, 0.0)
+    shortest = SILENT * float(np.median(np.diff(starts))) if len(starts) > 1 else np.inf
     begin, unlikely = 0, 0.0
     for cycle, (chances, hits) in enumerate(zip(chance.sum(axis=1), np.asarray(detected.any(axis=1)), strict=True)):
         if hits:
@@ -91,15 +94,15 @@ def _silence(starts: Array, chance: Mask, detected: Mask) -> tuple[float | None,
             continue
         unlikely += float(chances) * np.log(max(1 - share, 1e-3))
         length = float(starts[cycle] - starts[begin])
-        if unlikely < np.log(UNLIKELY / len(starts)) and length > best[1]:
+        if unlikely < np.log(UNLIKELY / len(starts)) and length > max(best[1], shortest):
             best = float(starts[begin]), length
     return best
 
 
-def _share(time: Array, owner: Indices, hit: Mask) -> Interval:
+def _share(time: Array, owner: Indices, hit: Mask) -> BlockInterval:
     count = len(hit)
     if count < 2:
-        return Interval(float(hit.mean()) if count else 0.0, np.inf, 1)
+        return BlockInterval(float(hit.mean()) if count else 0.0, np.inf, 1)
     value = float(hit.mean())
     if 0 < value < 1:
         blocks = blocks_of(time, owner, np.asarray(hit - value, dtype=np.float64)[None])
@@ -107,7 +110,7 @@ def _share(time: Array, owner: Indices, hit: Mask) -> Interval:
         if found.sigma > 0:
             return found
     # All or none: as far as the rule of three reaches (Clopper and Pearson 1934, one-sided).
-    return Interval(value, 3.0 / count / float(stats.norm.ppf(0.975)), np.inf)
+    return BlockInterval(value, 3.0 / count / float(stats.norm.ppf(0.975)), np.inf)
 
 
 def _bands(time: Array, owner: Indices, distance: Array, hit: Mask) -> list[Band]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.joint_fit import JointFit, residual_scale
 from trackbench.log_audit.sensor_log import SensorLog
 
 
-def clock_drift(log: SensorLog, fit: JointFit) -> Interval | None:
+def clock_drift(log: SensorLog, fit: JointFit) -> BlockInterval | None:
     """The change of the time offset from the start of the log to its end, s; None where the log shows no time offset.
 
     The slope over time of what the fit leaves, against what a time offset does.

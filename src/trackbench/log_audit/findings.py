@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.joint_fit import ErrorEstimate
 
 #: A finding changes a measurement by at least this share of the standard deviation of its noise.
@@ -43,9 +43,14 @@ class LogFinding:
     """What puts it right in the scenario, by dotted key; empty where the log itself has to be changed."""
 
 
+#: The units in which angles and times are read.
+_READ = {"rad": (180 / np.pi, "°"), "s": (1e3, " ms")}
 _WORDS = {
     "time_offset": ("time stamps are {} late", "time stamps are {} early"),
-    "mount_yaw": ("mount is turned {} clockwise of what is stated", "mount is turned {} counter-clockwise of it"),
+    "mount_yaw": (
+        "mount is turned {} to the right of what is stated",
+        "mount is turned {} to the left of what is stated",
+    ),
     "mount_x": ("mount is {} behind where it is stated", "mount is {} in front of where it is stated"),
     "mount_y": ("mount is {} to the right of where it is stated", "mount is {} to the left of where it is stated"),
 }
@@ -60,14 +65,22 @@ def spelt(name: str) -> str:
 
 def shown(value: float, unit: str, *, signed: bool = False) -> str:
     """A value in the unit in which it is read: degrees for angles, ms for times."""
-    factor, name = {"rad": (180 / np.pi, "°"), "s": (1e3, " ms")}.get(unit, (1.0, f" {unit}"))
+    factor, name = _READ.get(unit, (1.0, f" {unit}"))
     return f"{value * factor:{'+' if signed else ''}.3g}{name}"
 
 
-def between(interval: Interval, unit: str) -> str:
+def between(interval: BlockInterval, unit: str) -> str:
     """The 95 % interval in words."""
-    low, high = interval.bounds()
-    return f"95 %: {shown(low, unit)} to {shown(high, unit)}"
+    return f"95 %: {bounds_shown(interval.bounds(), unit)}"
+
+
+def bounds_shown(bounds: tuple[float, float], unit: str) -> str:
+    """ "0.48 to 0.52 m"."""
+    factor, name = _READ.get(unit, (1.0, f" {unit}"))
+    low, high = (bound * factor for bound in bounds)
+    width = abs(high - low)
+    places = int(np.clip(1 - np.floor(np.log10(width)), 0, 6)) if np.isfinite(width) and width > 0 else 3
+    return f"{low:.{places}f} to {high:.{places}f}{name}"
 
 
 def describe_error(estimate: ErrorEstimate) -> str:

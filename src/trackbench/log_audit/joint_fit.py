@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
-from trackbench.log_audit.blocks import Blocks, Interval, blocks_of
+from trackbench.log_audit.blocks import BlockInterval, Blocks, blocks_of
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.types import Array, Mask
+from trackbench.units import wrap_angle
 
 #: Rows with a residual beyond this many standard deviations are outliers and not used.
 OUTLIER = 4.0
@@ -34,7 +35,7 @@ class ErrorEstimate:
 
     name: str
     unit: str
-    interval: Interval
+    interval: BlockInterval
     effect: float
     """RMS of what it does to a measurement, in standard deviations of its noise."""
     same_as: dict[str, float] = field(default_factory=dict)
@@ -62,6 +63,8 @@ class JointFit:
     """``(p, m, rows)`` of the estimates, in their order."""
     inlier: Mask
     """``(rows,)``."""
+    outlier: Mask
+    """``(rows,)``; rows at the edge of the truth's time are neither."""
     blocks: Blocks
     """Of the inliers."""
 
@@ -197,6 +200,8 @@ def _converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> 
             # Further than this the truth is no straight line.
             step[names.index("time_offset")] = np.clip(step[names.index("time_offset")], -0.5, 0.5)
         errors = {name: errors[name] + float(change) for name, change in zip(names, step, strict=True)}
+        if "mount_yaw" in errors:
+            errors["mount_yaw"] = float(wrap_angle(np.array(errors["mount_yaw"])))
         if np.abs(columns.T @ step).max(initial=0.0) < 1e-4:
             break
     return errors
@@ -256,7 +261,15 @@ def _finished(
         )
     condition = float(np.linalg.cond(correlation)) if size else 1.0
     return JointFit(
-        estimates, unidentified, condition, clipped_sigma(residual[:, inlier]), residual, derivatives, inlier, blocks
+        estimates,
+        unidentified,
+        condition,
+        clipped_sigma(residual[:, inlier]),
+        residual,
+        derivatives,
+        inlier,
+        ~inlier & np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1)),
+        blocks,
     )
 
 

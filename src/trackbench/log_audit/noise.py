@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.joint_fit import KEPT, JointFit
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.types import Array, Mask
@@ -24,30 +24,30 @@ class Band:
     from_m: float
     to_m: float
     count: int
-    interval: Interval
+    interval: BlockInterval
 
 
 @dataclass(frozen=True)
-class ComponentNoise:
+class ResidualNoise:
     """The noise of one component of a measurement."""
 
     name: str
     unit: str
-    mean: Interval
+    mean: BlockInterval
     """Of measurement minus truth as logged, before anything is corrected."""
-    sigma: Interval
+    sigma: BlockInterval
     """After the errors that were found are taken out."""
     stated: float
     """The standard deviation that the scenario states."""
     bands: tuple[Band, ...]
     """The standard deviation by range."""
-    exponent: Interval | None
+    exponent: BlockInterval | None
     """The standard deviation is proportional to this power of the range; None where the range hardly changes."""
     spread: float
     """Range at the 90 % quantile of the measurements over that at the 10 %."""
 
 
-def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ComponentNoise], Array]:
+def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ResidualNoise], Array]:
     """The noise of each component, and the covariance ``(m, m)`` of a measurement."""
     inlier = fit.inlier
     logged = log.residual({})[:, inlier]
@@ -61,9 +61,7 @@ def noise_of(log: SensorLog, fit: JointFit) -> tuple[list[ComponentNoise], Array
     return found, np.asarray(np.atleast_2d(correlation) * np.outer(sigma, sigma))
 
 
-def _component(
-    log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array
-) -> ComponentNoise:
+def _component(log: SensorLog, fit: JointFit, i: int, logged: Array, residual: Array, distance: Array) -> ResidualNoise:
     known = np.isfinite(logged)
     counted = np.where(known, logged, 0.0)
     mean = fit.blocks.intervals(np.stack([counted, known.astype(float)]), lambda sums: sums[:1] / sums[1:])[0]
@@ -71,7 +69,7 @@ def _component(
     spread = float(high / max(low, 1e-6))
     sigma = _sigma(fit, residual, np.ones(len(residual), dtype=bool))
     exponent = _exponent(fit, residual, distance, sigma.value) if spread > 1.2 else None
-    return ComponentNoise(
+    return ResidualNoise(
         name=log.components[i],
         unit=log.config.units[i],
         mean=mean,
@@ -83,7 +81,7 @@ def _component(
     )
 
 
-def _sigma(fit: JointFit, residual: Array, chosen: Mask) -> Interval:
+def _sigma(fit: JointFit, residual: Array, chosen: Mask) -> BlockInterval:
     """The standard deviation of some of the rows, from those within three of it of their middle."""
     values = residual[chosen]
     middle = float(np.median(values)) if len(values) else 0.0
@@ -100,7 +98,7 @@ def _sigma(fit: JointFit, residual: Array, chosen: Mask) -> Interval:
         np.stack([square, inside.astype(float)]),
         lambda sums: 0.5 * np.log(np.maximum(sums[:1], 1e-300) / np.maximum(sums[1:], 1e-300)),
     )[0]
-    return Interval(sigma, found.sigma * share * sigma, found.freedom)
+    return BlockInterval(sigma, found.sigma * share * sigma, found.freedom)
 
 
 def _edge() -> float:
@@ -109,7 +107,7 @@ def _edge() -> float:
     return 0.5 * (2 * 27 * density / (inside * KEPT) - 6 * density / inside)
 
 
-def _exponent(fit: JointFit, residual: Array, distance: Array, sigma: float) -> Interval:
+def _exponent(fit: JointFit, residual: Array, distance: Array, sigma: float) -> BlockInterval:
     """The slope of the logarithm of the residual's size over that of the range."""
     size = np.log(np.maximum(np.abs(residual), 1e-3 * max(sigma, 1e-300)))
     along = np.log(np.maximum(distance, 1e-6))

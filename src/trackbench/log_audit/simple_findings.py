@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
-from trackbench.log_audit.blocks import Interval
+from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.clocks import Clock
 from trackbench.log_audit.detection import Detections
-from trackbench.log_audit.findings import LogFinding, between, shown
-from trackbench.log_audit.noise import ComponentNoise
+from trackbench.log_audit.findings import LogFinding, between, bounds_shown, shown
+from trackbench.log_audit.noise import ResidualNoise
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.log_audit.truth_check import VelocityCheck
 from trackbench.log_audit.units_check import WrongUnit
@@ -20,6 +20,8 @@ from trackbench.words import counted
 
 #: Rows of one object of the truth that are further apart than this leave a hole, s, and in usual intervals.
 HOLE_S, HOLE = 1.0, 5.0
+#: More rows than this share without truth are no matter of the first and the last ones.
+OUTSIDE = 0.1
 
 
 def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
@@ -49,7 +51,7 @@ def unit_finding(log: SensorLog, wrong: WrongUnit) -> LogFinding:
     )
 
 
-def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio: Interval) -> LogFinding:
+def sigma_finding(log: SensorLog, key: str, noises: list[ResidualNoise], ratio: BlockInterval) -> LogFinding:
     """That the noise is not what is stated."""
     stated = float(getattr(log.config, key))
     value = stated * float(np.exp(ratio.value))
@@ -63,8 +65,8 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio:
         kind="sigma",
         sensor=log.name,
         title=f"{log.name}: the noise of {names} is {np.exp(ratio.value):.2f} times what is stated",
-        evidence=f"Standard deviation {shown(value * factor, unit)} (95 %: {shown(low * factor, unit)} to "
-        f"{shown(high * factor, unit)}), stated {shown(stated * factor, unit)}.",
+        evidence=f"Standard deviation {shown(value * factor, unit)} (95 %: "
+        f"{bounds_shown((low * factor, high * factor), unit)}), stated {shown(stated * factor, unit)}.",
         fix=f"Set sensors.{log.name}.{key}: {new}.",
         value=value * factor,
         ci95=(low * factor, high * factor),
@@ -74,7 +76,7 @@ def sigma_finding(log: SensorLog, key: str, noises: list[ComponentNoise], ratio:
     )
 
 
-def shape_finding(sensor: str, noise: ComponentNoise, shape: Interval) -> LogFinding:
+def shape_finding(sensor: str, noise: ResidualNoise, shape: BlockInterval) -> LogFinding:
     """That the noise depends on the range."""
     name = noise.name.replace("_", " ")
     near, far = noise.bands[0], noise.bands[-1]
@@ -93,12 +95,25 @@ def shape_finding(sensor: str, noise: ComponentNoise, shape: Interval) -> LogFin
     )
 
 
-def clock_findings(clocks: Iterable[Clock]) -> Iterator[LogFinding]:
-    """Rows out of order and repetitions."""
+def clock_findings(clocks: Iterable[Clock], periods: Mapping[str, float | None]) -> Iterator[LogFinding]:
+    """Rows out of order, repetitions, and rows at other times than the truth.
+
+    Args:
+        clocks: of the truth and of the sensors.
+        periods: of the sensors, s; within half of one, rows of several objects may stand in any order.
+    """
     for clock in clocks:
         sensor = None if clock.name == "truth" else clock.name
         order = clock.order
-        if order.backwards:
+        if clock.outside > OUTSIDE * order.rows:
+            yield LogFinding(
+                kind="outside",
+                sensor=sensor,
+                title=f"{clock.name}: many rows are at times without truth",
+                evidence=f"{clock.outside} of {counted(order.rows, 'row')} lie outside the time of the truth.",
+                fix="Check the units of time of the files, and whether their clocks begin alike.",
+            )
+        if order.backwards and order.largest_step_back > 0.5 * (periods.get(clock.name) or 0.0):
             back = shown(order.largest_step_back, "s")
             yield LogFinding(
                 kind="clock",
@@ -133,14 +148,28 @@ def silence_finding(sensor: str, detections: Detections) -> LogFinding:
     )
 
 
-def drift_finding(log: SensorLog, change: Interval) -> LogFinding:
+def outlier_finding(sensor: str, outliers: int, rows: int) -> LogFinding:
+    """That more measurements are far from the truth than noise explains."""
+    return LogFinding(
+        kind="outliers",
+        sensor=sensor,
+        title=f"{sensor}: {100 * outliers / rows:.1f} % of its measurements are outliers",
+        evidence=f"{outliers} of {rows} are further than four sigma from the truth, where normal noise leaves less "
+        "than one in a thousand.",
+        fix="They are clutter, reflections or of another object: look at the figure. They are left out here, but not "
+        "in a run.",
+    )
+
+
+def drift_finding(log: SensorLog, change: BlockInterval) -> LogFinding:
     """That the clock drifts or was set."""
     return LogFinding(
         kind="clock_drift",
         sensor=log.name,
         title=f"{log.name}: its time offset changes by {shown(change.value, 's', signed=True)} during the log",
         evidence=f"{between(change, 's')}, from the first measurement to the last.",
-        fix="Its clock drifts or was set while it ran: compare it with that of the truth, or split the log.",
+        fix="Its clock drifts or was set while it ran: compare it with that of the truth, or split the log, and audit "
+        "again: until then the noise that is found is not the sensor's alone.",
         value=change.value,
         ci95=change.bounds(),
         unit="s",
@@ -148,29 +177,12 @@ def drift_finding(log: SensorLog, change: Interval) -> LogFinding:
 
 
 def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> Iterator[LogFinding]:
-    """A velocity that contradicts the motion, and jumps."""
-    columns = truth.columns
+    """Velocities that contradict the motion, of all objects of one wrong unit together, and jumps."""
+    alike: dict[str | None, list[VelocityCheck]] = {}
     for check in checks:
         if check.contradicts:
-            changes = {}
-            of_observer = check.name == "observer"
-            if check.unit is not None and columns is not None and not of_observer:
-                keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
-                changes = {f"truth.columns.units.{key}": check.unit for key in keys}
-            fits = f": it fits {check.unit}" if check.unit else ""
-            yield LogFinding(
-                kind="truth_velocity",
-                sensor=None,
-                title=f"truth: the velocity of {check.name} is not that of its displacement{fits}",
-                evidence=f"They differ by {check.difference:.2g} m/s (median over windows of half a second); the "
-                f"displacement is {check.scale:.3g} times what the velocity says.",
-                fix="; ".join(f"Set {key}: {value}" for key, value in changes.items())
-                or "Check unit, frame and sign of the velocity, or leave it to the differences of the position.",
-                value=check.difference,
-                unit="m/s",
-                component=check.name,
-                changes=changes,
-            )
+            own = check.unit if check.unit is not None and check.name != "observer" else None
+            alike.setdefault(own, []).append(check)
         elif check.jumps:
             yield LogFinding(
                 kind="truth_jumps",
@@ -181,6 +193,27 @@ def truth_findings(truth: RecordingTruth, checks: Iterable[VelocityCheck]) -> It
                 fix="Cut the log there, or repair the positions.",
                 component=check.name,
             )
+    columns = truth.columns
+    for unit, found in alike.items():
+        changes = {}
+        if unit is not None and columns is not None:
+            keys = ["speed"] if columns.speed is not None else ["vx", "vy"]
+            changes = {f"truth.columns.units.{key}": unit for key in keys}
+        names, worst = ", ".join(check.name for check in found), max(found, key=lambda check: check.difference)
+        yield LogFinding(
+            kind="truth_velocity",
+            sensor=None,
+            title=f"truth: the velocity of {names} is " + (f"in {unit}" if unit else "not that of the displacement"),
+            evidence=f"They differ by {worst.difference:.2g} m/s (median over windows of half a second, {worst.name}); "
+            f"the displacement is {worst.scale:.3g} times what the velocity says.",
+            fix="; ".join(f"Set {key}: {value}" for key, value in changes.items()) + "."
+            if changes
+            else "Check unit, frame, sign and time of the velocity; range rates cannot be judged by it.",
+            value=worst.difference,
+            unit="m/s",
+            component=worst.name,
+            changes=changes,
+        )
 
 
 def hole_findings(motions: Mapping[str, Motion]) -> Iterator[LogFinding]:

@@ -1,15 +1,15 @@
-"""Scores by manoeuvre, by range band and by age."""
+"""Scores by condition."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, MANOEUVRES, SHAPE
-from trackbench.metrics.intervals import positive_ends, reach_of_ratio
+from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
+from trackbench.metrics.intervals import TOO_SHORT, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
 from trackbench.types import Array, Indices
@@ -26,20 +26,21 @@ FIELDS = {
 #: Degrees of freedom of the parts of the NEES.
 DOF = {"nees": 4, "nees_position": 2, "nees_velocity": 2}
 
-# Columns of the sums: all estimates, each manoeuvre, each band, each age, each manoeuvre in each band.
+# Columns of the sums: all estimates, each manoeuvre, band, age, and jump or none, and each manoeuvre in each band.
 _MANOEUVRE = 1
 _BAND = _MANOEUVRE + len(MANOEUVRES)
 _AGE = _BAND + BANDS
-_CELL = _AGE + len(AGES)
+_JUMP = _AGE + len(AGES)
+_CELL = _JUMP + len(JUMPS)
 _COLUMNS = _CELL + len(MANOEUVRES) * BANDS
 _COMBINED = np.array([[float(row in rows) for row in ERROR_FIELDS] for rows in FIELDS.values()])
 
 
 def columns(classes: Indices) -> Indices:
     """``(columns, classes)`` those in which the estimates of each class count."""
-    manoeuvre, band, age = np.unravel_index(classes, SHAPE)
-    cell = manoeuvre * BANDS + band
-    return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _CELL + cell])
+    manoeuvre, band, age, jump = np.unravel_index(classes, SHAPE)
+    cell = _CELL + manoeuvre * BANDS + band
+    return np.stack([np.zeros_like(cell), _MANOEUVRE + manoeuvre, _BAND + band, _AGE + age, _JUMP + jump, cell])
 
 
 def combined(errors: Array) -> Array:
@@ -70,19 +71,22 @@ def class_sums(cells: Cells, parts: int) -> ClassSums:
 def breakdown(sums: ClassSums) -> Breakdown:
     """The scores of one tracker by condition; what did not occur is left out."""
     if not sums.total[0, 0]:
-        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={}, age={})
+        return Breakdown(all=ConditionScores(count=0, runs=0), manoeuvre={}, range={}, age={}, jump={})
     occurred = np.flatnonzero(sums.total[0])
+
+    def each(names: Sequence[str], first: int) -> dict[str, ConditionScores]:
+        return {name: _scores(sums, column) for column, name in enumerate(names, first) if column in occurred}
+
     return Breakdown(
         all=_scores(sums, 0),
-        manoeuvre={
-            name: _scores(sums, column) for column, name in enumerate(MANOEUVRES, _MANOEUVRE) if column in occurred
-        },
+        manoeuvre=each(MANOEUVRES, _MANOEUVRE),
         range={
             band_name(band): _scores(sums, _BAND + band, *_edges(band))
             for band in range(BANDS)
             if _BAND + band in occurred
         },
-        age={name: _scores(sums, column) for column, name in enumerate(AGES, _AGE) if column in occurred},
+        age=each(AGES, _AGE),
+        jump=each(JUMPS, _JUMP),
     )
 
 
@@ -151,5 +155,5 @@ def _value(sums: ClassSums, row: int, column: int, name: str) -> MetricValue:
 
 def _with_reach(value: float, reach: float, **more: Any) -> MetricValue:
     if math.isnan(reach):
-        return MetricValue(value=value, reason="fewer than two runs give no interval", **more)
+        return MetricValue(value=value, reason=TOO_SHORT, **more)
     return MetricValue(value=value, ci95=positive_ends(value, reach), **more)

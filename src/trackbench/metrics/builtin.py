@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import ONE_RUN, Interval, ratio, root, scaled
+from trackbench.metrics.intervals import TOO_SHORT, Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
 from trackbench.metrics.verdicts import (
@@ -105,7 +105,11 @@ class Nees(BuiltInMetric):
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
         Field("steps_inside_bounds", "share of the steps at which its mean is inside the 95 % bounds"),
-        Field("verdict", "whether the errors are as large as stated, under each condition", (*CONSISTENCY, "mixed")),
+        Field(
+            "verdict",
+            "whether the errors are as large as stated; mixed: larger or smaller, depending on the condition",
+            (*CONSISTENCY, "mixed"),
+        ),
     )
 
     def finish(self, sums: Scores) -> Outcome:
@@ -113,9 +117,10 @@ class Nees(BuiltInMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
-        found = _chi_square(ratio(total, count, positive=True), 4, inside)
+        mean = ratio(total, count, positive=True)
+        found = _chi_square(mean, 4, inside)
         conditions = judged(breakdown(sums.classes))
-        word = together(found.verdict or "undecided", conditions)
+        word = together(mean.value, found.verdict or "undecided", conditions)
         return found.model_copy(update={"verdict": word, "conditions": tuple(conditions)})
 
     def no_value(self, reason: str) -> MetricValue:
@@ -273,7 +278,7 @@ def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
         unit="1",
         dof=dof,
         ci95=mean.ci95,
-        reason=None if mean.ci95 else ONE_RUN,
+        reason=None if mean.ci95 else TOO_SHORT,
         steps_inside_bounds=steps_inside,
         verdict=verdict(mean.ci95, dof),
     )

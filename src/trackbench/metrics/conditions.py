@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.sensing.scans import IdealSensor
+from trackbench.truth.jumps import after_jump
 from trackbench.types import Array, Indices, Mask, Truth
 
 #: An object is in one of these at each instant: the last that applies.
@@ -29,8 +30,10 @@ BANDS = len(BAND_EDGES) + 1
 #: Time since a sensor could first see the object.
 AGES = ("first second", "later")
 FIRST = 1.0
-#: A class is a manoeuvre, a range band and an age: its place in an array of this shape.
-SHAPE = (len(MANOEUVRES), BANDS, len(AGES))
+#: Whether the velocity of the truth jumped shortly before.
+JUMPS = ("elsewhere", "after a velocity jump")
+#: A class is one of each: its place in an array of this shape.
+SHAPE = (len(MANOEUVRES), BANDS, len(AGES), len(JUMPS))
 #: Of times, relative.
 ROUNDING = 1e-9
 
@@ -66,7 +69,8 @@ def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], 
         of_runs(truth.py)[instants] - observer.py[instants, None, None],
     )
     later = truth.time[instants][:, None, None] - _first_seen(seen) >= FIRST * (1 - ROUNDING)
-    parts = np.broadcast_arrays(manoeuvre, np.digitize(distance, BAND_EDGES), later.astype(int))
+    jumped = of_runs(after_jump(truth))[instants]
+    parts = np.broadcast_arrays(manoeuvre, np.digitize(distance, BAND_EDGES), later.astype(int), jumped.astype(int))
     return np.ravel_multi_index(parts, SHAPE).astype(np.int16)
 
 

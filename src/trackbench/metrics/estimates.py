@@ -49,7 +49,9 @@ class _Summing:
         self._scope = scope
         instants = len(scope.target.time)
         # Of a single run, each stretch of time has classes of its own.
-        stretch = stretches(instants) if scope.single else np.zeros(instants, dtype=np.intp)
+        time = scope.target.time
+        self._duration = float(time[-1] - time[0])
+        stretch = stretches(instants, self._duration) if scope.single else np.zeros(instants, dtype=np.intp)
         self._stretches = int(stretch[-1]) + 1
         classes = scope.classes.astype(np.intp) * self._stretches + stretch[:, None, None]
         self._found, found = np.unique(classes, return_inverse=True)
@@ -122,6 +124,7 @@ class _Summing:
             repaired=self._repaired,
             nis={name: item.scores() for name, item in self._innovations.items()},
             spread=self._spread,
+            duration=self._duration,
             seconds=self._seconds,
             steps=self._steps,
         )

@@ -13,7 +13,7 @@ from trackbench.types import Array
 
 #: Relative difference of two values below which it is one of arithmetic, not of what was measured.
 ROUNDING = 1e-9
-ONE_RUN = "one run gives no interval"
+TOO_SHORT = "too short for an interval"
 
 
 class Interval(NamedTuple):
@@ -44,7 +44,7 @@ class Interval(NamedTuple):
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
         ci95 = self.ci95
-        return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=ONE_RUN if ci95 is None else None)
+        return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=TOO_SHORT if ci95 is None else None)
 
 
 def ratio(total: Array, count: Array, *, positive: bool = False) -> Interval:

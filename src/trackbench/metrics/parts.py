@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackbench.metrics.breakdown import class_sums
-from trackbench.metrics.sums import STRETCHES, BlockScores, Givers, NisScores, Scores
+from trackbench.metrics.sums import SHORTEST, STRETCHES, BlockScores, Givers, Scores
 from trackbench.types import Array, Indices
 
 
@@ -29,8 +29,8 @@ def scores_of(merged: BlockScores, givers: Givers, scene: Indices) -> Scores:
         cells = replace(cells, part=scene[cells.part])
         nis = {name: replace(item, per_run=_added(item.per_run, scene)) for name, item in nis.items()}
     elif runs == 1:
-        per_part = _added(sums.per_step, stretches(sums.per_step.shape[1]))
-        nis = {name: _in_stretches(item) for name, item in nis.items()}
+        per_part = _in_stretches(sums.per_step, merged.duration)
+        nis = {name: replace(item, per_run=_in_stretches(item.per_step, merged.duration)) for name, item in nis.items()}
     return Scores(
         per_step=sums.per_step,
         per_part=per_part,
@@ -46,13 +46,14 @@ def scores_of(merged: BlockScores, givers: Givers, scene: Indices) -> Scores:
     )
 
 
-def stretches(instants: int) -> Indices:
-    """``(instants,)`` number of the stretch of each instant."""
-    return np.arange(instants) * min(STRETCHES, instants) // max(instants, 1)
+def stretches(instants: int, duration: float) -> Indices:
+    """``(instants,)`` number of the stretch of each of the instants of so many seconds."""
+    count = min(STRETCHES, max(1, int(duration / SHORTEST)))
+    return np.arange(instants) * count // max(instants, 1)
 
 
-def _in_stretches(nis: NisScores) -> NisScores:
-    return replace(nis, per_run=_added(nis.per_step, stretches(nis.per_step.shape[1])))
+def _in_stretches(per_step: Array, duration: float) -> Array:
+    return _added(per_step, stretches(per_step.shape[1], duration))
 
 
 def _added(sums: Array, part: Indices) -> Array:

@@ -15,9 +15,12 @@ from trackbench.sensing.scans import IdealSensor
 from trackbench.types import Array, Indices, Mask, Truth
 
 #: Standard deviation of the position before the first measurement, m: no information.
-UNKNOWN_POSITION = 1e6
+UNKNOWN_POSITION = 1e4
 #: Eigenvalues of an information below this share of the largest are rounding.
 NEGLIGIBLE = 1e-12
+#: Largest information of a component: one millimetre, of a target in a radar's own place too. Beyond it the unknown
+#: position before the first measurement would be lost in rounding.
+LARGEST = 1e6
 #: Of targets that enter at rest it is not known that they are; least standard deviation of their velocity, m/s.
 LEAST_VELOCITY = 1.0
 
@@ -72,9 +75,11 @@ def information(sensor: IdealSensor, truth: Truth) -> Information:
     """
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])
     each = np.stack([_information(sensor, k, target[:, step]) for k, step in enumerate(sensor.steps)])
+    # A radar has no Jacobian of a target at its own place, and is taken to tell nothing of it.
+    each = np.where(np.isfinite(each).all(axis=(-2, -1), keepdims=True), each, 0.0)
     # Semidefinite: a measurement tells nothing of some directions.
     values, vectors = np.linalg.eigh(each)
-    values = np.where(values > NEGLIGIBLE * values[..., -1:], values, 0.0)
+    values = np.where(values > NEGLIGIBLE * values[..., -1:], np.minimum(values, LARGEST), 0.0)
     rank = max(1, int((values > 0.0).sum(axis=-1).max(initial=0)))
     root = np.sqrt(values)[..., -rank:, None] * np.swapaxes(vectors, -1, -2)[..., -rank:, :]
     return Information(sensor.steps, np.ascontiguousarray(root.transpose(0, 2, 3, 1)))

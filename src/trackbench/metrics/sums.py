@@ -36,8 +36,9 @@ LAG_FIELDS = ("pairs", "product", "square")
 ERROR, NIS = ({name: row for row, name in enumerate(names)} for names in (ERROR_FIELDS, NIS_FIELDS))
 #: Lags of the autocorrelation, in measurements.
 LAGS = 20
-#: A single run is cut into so many stretches of time, whose sums are taken for independent.
-STRETCHES = 20
+#: A single run is cut into at most so many stretches of time, none shorter than this, s, whose sums are taken for
+#: independent: an error is forgotten within a few measurements.
+STRETCHES, SHORTEST = 20, 1.0
 
 Givers = frozenset[str]
 
@@ -95,6 +96,8 @@ class BlockScores:
     """By sensor."""
     spread: Array
     """``(2, instants)`` 10th and 90th percentile of the position error over the runs of the first block."""
+    duration: float
+    """From the first instant to the last, s."""
     seconds: float
     """Time spent in the tracker."""
     steps: int
@@ -188,6 +191,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
             for name in first.nis
         },
         spread=first.spread,
+        duration=max(block.duration for block in blocks),
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
+from trackbench.metrics.conditions import AGES
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict
 
 CONSISTENCY = ("consistent", "optimistic", "pessimistic", "undecided")
@@ -54,21 +55,34 @@ def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
 def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
     """The conditions with enough estimates: each manoeuvre, each range band, and the first second."""
     found = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
-    found.pop("later", None)
+    found.pop(AGES[1], None)
     return list(_judged(found.items(), breakdown.all.count))
 
 
-def together(whole: str, conditions: Iterable[ConditionVerdict]) -> str:
+def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) -> str:
     """The verdict on a covariance from that over all estimates and those under each condition.
 
-    ``consistent``: so over all estimates and under each condition. ``mixed``: off under some condition, and consistent
-    over all estimates or off to the other side elsewhere. ``optimistic`` and ``pessimistic``: off to that side alone.
+    ``consistent``: so over all estimates and under each condition. ``optimistic`` and ``pessimistic``: off over all
+    estimates or under some conditions, to that side alone. ``mixed``: off to both sides; or off under some condition
+    and consistent over all estimates; or consistent under some condition, with a mean that differs from that over all
+    estimates by more than is allowed for under a condition. The first second does not count for the last: it rests on
+    the covariance that a track starts from, and may be right where the process noise is wrong everywhere.
+
+    Args:
+        mean: over all estimates.
+        whole: the verdict on it.
+        conditions: those that are judged.
     """
     found = {whole, *(condition.verdict for condition in conditions)}
     off = found & {"optimistic", "pessimistic"}
-    if len(off) > 1 or (off and whole == "consistent"):
-        return "mixed"
-    return off.pop() if off else "undecided" if "undecided" in found else "consistent"
+    if not off:
+        return "undecided" if "undecided" in found else "consistent"
+    apart = any(
+        _side(condition.ci95, mean * (1 - BELOW), mean * (1 + ABOVE)) in (-1, 1)
+        for condition in conditions
+        if condition.verdict == "consistent" and condition.name != AGES[0]
+    )
+    return "mixed" if len(off) > 1 or whole == "consistent" or apart else off.pop()
 
 
 def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> Iterator[ConditionVerdict]:

@@ -91,7 +91,6 @@ def _ranked(result: Result, width: int) -> list[Text]:
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
         _Column("/ref", _values(trackers, "position_over_reference")),
         _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
-        *([_Column("coverage %", _coverage(trackers))] if any(map(_silent, trackers)) else []),
         _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
         _Column("µs/step", _values(trackers, "step_time", 2)),
     ]
@@ -125,12 +124,11 @@ def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) 
     return [Text(_short(m.value, places) + (_spread(m, places) if path == "position_rmse" else "")) for m in metrics]
 
 
-def _coverage(trackers: Sequence[TrackerResult]) -> list[Text]:
-    return [Text(fixed(100 * (metric_of(tracker, "coverage").value or 0.0), 1)) for tracker in trackers]
-
-
-def _silent(tracker: TrackerResult) -> bool:
-    return (metric_of(tracker, "coverage").value or 0.0) < 0.9995
+def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
+    """How much some trackers gave of what they should."""
+    shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
+    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 0.9995]
+    return [f"coverage: {', '.join(part)}; of the others 100 %"] if part else []
 
 
 def _short(value: float | None, places: int) -> str:
@@ -158,6 +156,7 @@ def _notes(result: Result) -> list[str]:
     notes = [
         f"±: 95 %, {basis_of_intervals(result)}",
         f"/ref: over the {summary.reference.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
+        *_coverage(trackers),
         *([common(result).strip()] if common(result) else []),
     ]
     if not _groups(result):
@@ -170,8 +169,8 @@ def _notes(result: Result) -> list[str]:
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]
     mixed = [(name, found) for name, found in nees if found.verdict == "mixed"]
     if mixed:
-        notes.append("mixed: errors larger or smaller than stated, depending on the condition")
-        notes += [f"  {name}: {conditions_off(found)} where {found.dof} is right" for name, found in mixed]
+        notes.append("mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):")
+        notes += [f"  {name}: {conditions_off(found, 3)}" for name, found in mixed]
     repaired = [(tracker.name, tracker.health.repaired_covariances) for tracker in trackers]
     notes += [f"{name}: {counted(count, 'covariance')} repaired" for name, count in repaired if count]
     for path in ("velocity_rmse", "position_over_reference", "nees"):

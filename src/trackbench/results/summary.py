@@ -238,6 +238,8 @@ class Breakdown(Part):
     range: dict[str, ConditionScores]
     age: dict[str, ConditionScores]
     """By time since a sensor could first see the object."""
+    jump: dict[str, ConditionScores]
+    """By whether the velocity of the truth jumped within the second before."""
 
 
 class TrackerResult(Part):

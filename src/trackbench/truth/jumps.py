@@ -25,7 +25,8 @@ def after_jump(truth: Truth) -> Mask:
     jumped = velocity_jumps(truth)
     time = truth.time[:, None, None]
     ends = np.where(jumped, time[1:], -np.inf)
-    latest = np.maximum.accumulate(np.concatenate([np.full_like(ends[:1], -np.inf), ends]), axis=0)
+    begin = np.full((1, *jumped.shape[1:]), -np.inf)
+    latest = np.maximum.accumulate(np.concatenate([begin, ends]), axis=0)
     # Times are rounded.
     return np.asarray(time - latest <= AFTERMATH_S * (1 + 1e-9))
 

@@ -24,33 +24,6 @@ _SATURATED, _LEAST = 2.0, 2.0
 _ON_LIGHT = "#1c2126"
 
 
-def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
-    """Mean rank of each tracker with its interval."""
-    ordered = comparison.ranking[::-1]
-
-    def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel="mean rank over the scenarios, 1 is best")
-        for y, item in enumerate(ordered):
-            low, high = item.ci95 or (item.mean_rank, item.mean_rank)
-            axes.plot([low, high], [y, y], color=colours[item.tracker], linewidth=5, alpha=0.35)
-            axes.plot([item.mean_rank], [y], marker="o", markersize=8, color=colours[item.tracker])
-        axes.set_yticks(range(len(ordered)), [item.tracker for item in ordered])
-        axes.set(xlim=(0.8, len(ordered) + 0.2), ylim=(-0.6, len(ordered) - 0.4))
-        axes.grid(visible=False, axis="y")
-
-    means = ", ".join(f"{item.tracker} {fixed(item.mean_rank, 1)}" for item in comparison.ranking)
-    return Figure(
-        name="ranks",
-        title="Overall ranking",
-        caption="Dots are mean ranks, bars their 95 % intervals. Where bars overlap, other scenarios could turn the "
-        "order round.",
-        alternative=f"Mean rank of each tracker with its 95 % interval: {means}",
-        paint=paint,
-        height=50 + _ROW * len(ordered),
-        width=_WIDTH,
-    )
-
-
 def reference_figure(comparison: Comparison) -> Figure:
     """Position RMSE over that of the reference, scenarios down and trackers across."""
     names = [item.tracker for item in comparison.ranking]

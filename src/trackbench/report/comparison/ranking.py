@@ -6,21 +6,20 @@ from collections.abc import Callable, Iterator, Mapping
 
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore
-from trackbench.compare.ranking import RESAMPLES
+from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.metrics.verdict_words import conditions_off
-from trackbench.report.comparison.figures import rank_figure, reference_figure
-from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
+from trackbench.report.comparison.figures import reference_figure
+from trackbench.report.comparison.rank_figure import rank_figure
+from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
 from trackbench.words import counted
 
-#: Mean ranks with a lead at least this frequent are called certain.
-_CERTAIN = 0.95
 #: A verdict's colour.
 _TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn", "mixed": "warn"}
 
 _POSITION = (
-    "With half of its 95 % interval. Bold: the best of the scenario, and every tracker from which no difference to "
-    "the best was shown (paired over runs, Holm)."
+    "With half of its 95 % interval. Bold: the best of the scenario, and every tracker that was not shown to be worse "
+    "than it by more than the margin (paired over runs, Holm)."
 )
 _NEES = (
     "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
@@ -39,9 +38,21 @@ def lead(comparison: Comparison) -> str:
         return compared
     first, second = ranking[:2]
     ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
-    text = f"{compared}{first.tracker} has the best mean rank, {ranks}. "
-    certainty = "certain" if (first.first_share or 0.0) >= _CERTAIN else "not certain"
-    return f"{text}That lead is {certainty}: it holds in {percent(first.first_share)} of the draws of scenarios."
+    return f"{compared}{first.tracker} has the best mean rank, {ranks}. {_certainty(comparison)}"
+
+
+def _certainty(comparison: Comparison) -> str:
+    """Whether the lead is shown."""
+    ranking, scenarios = comparison.ranking, len(comparison.scenarios)
+    wanted = fewest_scenarios(len(ranking))
+    if scenarios < wanted:
+        trackers = counted(len(ranking), "tracker")
+        return f"Too few scenarios for a claim: with {trackers} it takes {wanted}."
+    rivals = [item for item in comparison.rank_differences if ranking[0].tracker in (item.a, item.b)]
+    p_value = f"p = {fixed(max(item.p_value for item in rivals), 3)}"
+    return (
+        f"That lead is shown ({p_value})." if all(i.shown for i in rivals) else f"That lead is not shown ({p_value})."
+    )
 
 
 def blocks(
@@ -72,17 +83,19 @@ def blocks(
 
 
 _METHOD = (
-    "Rank by position RMSE within each scenario, averaged. Won, lost and undecided count the pairings with every "
-    "other tracker in every scenario: won where the error is smaller by a difference that is real (paired over "
-    "runs, 5 % level after Holm), undecided where no difference was shown. The interval of the mean rank and the share "
-    f"of draws in which a tracker is first come from {RESAMPLES:,} draws of as many scenarios with replacement: they "
-    "tell how much the order hangs on the choice of scenarios."
+    "Rank by position RMSE within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
+    "by more than the margin (paired over runs, 5 % level after Holm), a half for each where neither is. Won, lost and "
+    "tied count the same pairings. The interval, and the p-value of the lead, are about scenarios of this kind, each "
+    "with as many runs: both the choice of scenarios and the noise within them are in the spread of the ranks. Two "
+    "mean ranks differ where few choices of the signs of their differences in the scenarios give as large a sum (exact "
+    f"sign-flip test, Holm over the pairs). No interval with fewer than {FEWEST_SCENARIOS} scenarios or "
+    f"{FEWEST_TRACKERS} trackers."
 )
 
 
 def _overall(comparison: Comparison) -> Table:
     """Every tracker over all scenarios, best first."""
-    headings = ("mean rank", "95 % interval", "first in draws", "won", "lost", "undecided", "consistent")
+    headings = ("mean rank", "95 % interval", "won", "lost", "tied", "consistent")
     columns = [Column("", left=True), Column("tracker", left=True), *(Column(text) for text in headings)]
     columns += [Column("diverged runs"), Column("scenarios")]
     rows = [
@@ -91,10 +104,9 @@ def _overall(comparison: Comparison) -> Table:
             Cell(item.tracker, tracker=item.tracker),
             Cell(fixed(item.mean_rank, 2)),
             Cell(interval(item.ci95, 2) or NOT_AVAILABLE),
-            Cell(percent(item.first_share)),
             Cell(str(item.won)),
             Cell(str(item.lost)),
-            Cell(str(item.undecided)),
+            Cell(str(item.tied)),
             Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"),
             Cell(str(item.diverged_runs)),
             Cell(str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()),

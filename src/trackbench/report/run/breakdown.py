@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics.conditions import JUMPS
 from trackbench.report.calibration import Quantity, calibration
 from trackbench.report.conditions import TITLE, UNIT, By, classes, conditions, rmse
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent
@@ -49,6 +50,24 @@ def shares(tracker: TrackerResult, by: By) -> str:
     total = 0 if tracker.breakdown is None else tracker.breakdown.all.count
     said = [f"{name} {_share(scores.count / total)}" for name, scores in conditions(tracker, by).items()]
     return f"Of the estimates of {tracker.name}: {', '.join(said)}."
+
+
+def after_jumps(trackers: Sequence[TrackerResult]) -> str:
+    """How much of the velocity errors belongs to velocity jumps of the truth; nothing where there are none."""
+    known = [(tracker, tracker.breakdown) for tracker in trackers if tracker.breakdown]
+    found = [(tracker.name, of.jump[JUMPS[1]], of.all) for tracker, of in known if JUMPS[1] in of.jump]
+    if not found:
+        return ""
+    _, near, every = found[0]
+    said = [f"{name} {_share(_squares(near) / _squares(every))}" for name, near, every in found]
+    begin = f"{_share(near.count / every.count)} of the estimates are within a second after a velocity jump"
+    return f"{begin}. Of the squared velocity errors are there: {', '.join(said)}."
+
+
+def _squares(scores: ConditionScores) -> float:
+    """Sum of the squared velocity errors."""
+    error = None if scores.velocity_rmse is None else scores.velocity_rmse.value
+    return scores.count * (error or 0.0) ** 2
 
 
 def _share(share: float) -> str:

@@ -27,7 +27,7 @@ from trackbench.report.margin import margin_words
 from trackbench.report.numbers import percent
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
-from trackbench.report.run.breakdown import calibrations, errors, shares
+from trackbench.report.run.breakdown import after_jumps, calibrations, errors, shares
 from trackbench.report.run.figures.autocorrelation import autocorrelation
 from trackbench.report.run.figures.breakdown import errors_by_class
 from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
@@ -205,6 +205,8 @@ def _figures(
 def _truth(result: Result) -> Iterator[Block]:
     for sentence in audit_sentences(result.summary.truth):
         yield Paragraph(sentence)
+    if shares_of_jumps := after_jumps(result.scored):
+        yield Paragraph(shares_of_jumps)
     yield tables.sensors(result)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase, ascii_uppercase
 
+from trackbench.report.groups import groups_of
 from trackbench.results import Difference
 
 _LETTERS = ascii_lowercase + ascii_uppercase
@@ -51,16 +52,7 @@ def _verdict(found: Difference, name: str) -> str:
 def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
     """Letters such that two trackers share one exactly when neither was shown to be better.
 
-    The insert-and-absorb algorithm of Piepho, "An algorithm for a letter-based representation of all-pairwise
-    comparisons", J. Comput. Graph. Stat. 13(2), 2004. ``names`` are in order of rank, so "a" is the best.
+    ``names`` are in order of rank, so "a" is the best.
     """
-    found = [frozenset(names)]
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            if not pairs.differ(a, b):
-                continue
-            split = [part for g in found for part in ((g - {a}, g - {b}) if {a, b} <= g else (g,))]
-            unique = list(dict.fromkeys(split))
-            found = [g for g in unique if not any(g < other for other in unique)]
-    found.sort(key=lambda g: sorted(names.index(name) for name in g))
+    found = groups_of(names, pairs.differ)
     return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(found) if name in g) for name in names}

@@ -140,10 +140,12 @@ def require_measurements(drive: Drive, clipped: Drive) -> None:
     Raises:
         InputError: one has none.
     """
+    spans = [drive.span(number) for number in range(len(drive.motions))]
     for name, log in drive.logs.items():
         if len(clipped.logs[name].time):
             continue
-        spans = [drive.span(number) for number in range(len(drive.motions))]
+        if drive.observer is not None and all(first > last for first, last in spans):
+            grid(drive, {})
         known = f"from {min(first for first, _ in spans):g} to {max(last for _, last in spans):g} s"
         own = f"from {log.time[0]:g} to {log.time[-1]:g} s"
         message = f"no measurement of {name} ({own}) lies within the time of its object's truth ({known})"

@@ -17,6 +17,8 @@ from trackbench.truth.recorded.files import read_text
 from trackbench.types import Array
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+#: Nanoseconds since 1970 are 2e18, and squares of this are still numbers.
+LARGEST = 1e30
 
 
 class Rows(NamedTuple):
@@ -67,6 +69,8 @@ class Rows(NamedTuple):
             number = float(value) if isinstance(value, int | float | Decimal) else math.nan
         if not math.isfinite(number):
             raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
+        if abs(number) > LARGEST:
+            raise self.error(row, f"{column} is too large to be meant: {str(value)[:20]!r}")
         return number
 
 

@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import MUTED
 from trackbench.document.styles import legend_of, tooltips_of
+from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.run.figures.columns import column, where
 from trackbench.types import Array
 
@@ -46,7 +47,7 @@ def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle]
         title,
         f"Correlation between innovations of {sensor} that are so many measurements apart. If the filter's models "
         "fit, the innovations are white: 95 % of the points are in the grey band. Points above it: the filter follows "
-        "too slowly; below it: it overreacts.",
+        f"too slowly; below it: it overreacts. Within {WHITENESS_TOLERANCE} of zero it is without consequence.",
         f"{title} at lags of 1 to {int(lines[0][1].max())} measurements. Largest: {largest}.",
         paint,
         220,

@@ -1,0 +1,138 @@
+"""Mean ranks over scenarios"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
+from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, interval, sign_flip
+from trackbench.compare.ranking import RANKED_BY, Pairings, ranking
+from trackbench.metrics import BUILT_IN
+from trackbench.metrics.differences import LEVEL, differences
+from trackbench.metrics.intervals import holm, ratio, root
+from trackbench.results import Difference
+from trackbench.results.summary import MarginSummary
+
+from .claim import Claim, rate
+
+TRIALS = 2000
+#: Trials that give the expected ranks.
+MANY = 40_000
+MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
+#: Of the errors' logarithms: what suits a tracker in a scenario, and the standard error from its runs.
+SUITS = 1.0
+NOISES = (0.05, 0.5)
+SCENARIOS = (2, 3, 5, 13)
+#: Mean logarithms of the errors, in units of what suits a tracker in a scenario.
+FIELDS = {
+    "six equal trackers": [0.0] * 6,
+    "six trackers a little apart": [0.0, 0.2, 0.4, 0.6, 0.8, 1.0],
+    "six trackers far apart": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+    "thirteen trackers": [0.25 * i for i in range(13)],
+}
+
+
+def claims() -> Iterator[Claim]:
+    random = np.random.default_rng(1)
+    for trackers in (2, 6):
+        for scenarios in SCENARIOS:
+            shown = [_lead_shown(random, trackers, scenarios) for _ in range(TRIALS // 4)]
+            yield rate(f"{trackers} equal trackers, {scenarios} scenarios: the lead of one shown", shown, 0.0, LEVEL)
+    for trackers in (2, 6):
+        for noise in NOISES:
+            for scenarios in SCENARIOS:
+                ranks = _ranks(random, TRIALS, scenarios, np.zeros(trackers), noise)
+                what = f"{trackers} equal trackers, {scenarios} scenarios, noise {noise:g}: a difference of ranks shown"
+                yield rate(what, [_any_shown(one) for one in ranks], 0.0, LEVEL)
+    # Two trackers of the same expected rank that are not alike: one seldom much worse, the other often a little.
+    for scenarios in SCENARIOS:
+        ranks = _ranks(
+            random, TRIALS, scenarios, np.array([0.0, 0.0, -9.0, 9.0]), 0.5, spread=np.array([1.0, 4.0, 1.0, 1.0])
+        )
+        shown = [_any_shown(one[:, :2]) for one in ranks]
+        yield rate(
+            f"2 trackers of equal expected rank, unlike, {scenarios} scenarios: a difference shown", shown, 0.0, LEVEL
+        )
+    for name, means in FIELDS.items():
+        for noise in NOISES:
+            expected = _ranks(random, MANY, 1, np.array(means), noise).mean(axis=(0, 1))
+            for scenarios in (count for count in SCENARIOS if count >= FEWEST_SCENARIOS):
+                ranks = _ranks(random, TRIALS, scenarios, np.array(means), noise)
+                inside = [_covered(one, expected) for one in ranks]
+                what = f"{name}, {scenarios} scenarios, noise {noise:g}: interval of a mean rank covers"
+                yield rate(what, [float(np.mean(one)) for one in inside], 0.93, 1.0)
+
+
+def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int) -> bool:
+    """Of trackers each of which suits some scenarios better than others, by their errors in 20 runs of each."""
+    names = "abcdef"[:trackers]
+    found: list[PairDifference] = []
+    for scenario in range(scenarios):
+        suits, common = 0.3 * random.normal(size=trackers), 0.3 * random.normal(size=20)
+        errors = {
+            name: {RANKED_BY: root(ratio(np.exp(common + suit + 0.3 * random.normal(size=20)), np.ones(20)))}
+            for name, suit in zip(names, suits, strict=True)
+        }
+        found += [_difference(str(scenario), item) for item in differences(errors, BUILT_IN, MARGIN)]
+    pairings = Pairings(found)
+    places = [(str(scenario), name) for scenario in range(scenarios) for name in names]
+    scored = [_score(scenario, name, pairings.rank(scenario, name, names)) for scenario, name in places]
+    ranked, pairs = ranking(scored, pairings)
+    return bool(pairs) and all(item.shown for item in pairs if ranked[0].tracker in (item.a, item.b))
+
+
+def _difference(scenario: str, item: Difference) -> PairDifference:
+    verdict = {item.a: "better", item.b: "worse"}.get(item.better or "", item.verdict)
+    return PairDifference(
+        scenario=scenario,
+        metric=item.metric,
+        unit=item.unit,
+        entrant=Entrant(tracker=item.a),
+        against=Entrant(tracker=item.b),
+        value=item.value,
+        reference=0.0,
+        difference=item.value,
+        ci95=item.ci95,
+        margin=item.margin,
+        p_value=item.p_value,
+        paired_runs=20,
+        verdict=verdict,
+    )
+
+
+def _score(scenario: str, name: str, rank: float) -> EntrantScore:
+    entrant = Entrant(tracker=name)
+    return EntrantScore(scenario=scenario, entrant=entrant, metrics={}, diverged_runs=0, rank=rank, leading=False)
+
+
+def _ranks(
+    random: np.random.Generator,
+    trials: int,
+    scenarios: int,
+    means: np.ndarray,
+    noise: float,
+    spread: float | np.ndarray = SUITS,
+) -> np.ndarray:
+    """``(trials, scenarios, trackers)`` ranks: who is better is shown where two estimates are far enough apart."""
+    size = trials, scenarios, len(means)
+    errors = means + spread * random.normal(size=size) + noise * random.normal(size=size)
+    apart = errors[..., :, None] - errors[..., None, :]
+    shown = np.abs(apart) > 2.0 * np.sqrt(2.0) * noise
+    ranks: np.ndarray = 0.5 + np.where(shown, apart > 0, 0.5).sum(axis=-1)
+    return ranks
+
+
+def _any_shown(ranks: np.ndarray) -> bool:
+    first, second = np.triu_indices(ranks.shape[1], 1)
+    return min(holm(sign_flip((ranks[:, first] - ranks[:, second]).T).tolist())) < LEVEL
+
+
+def _covered(ranks: np.ndarray, expected: np.ndarray) -> list[bool]:
+    """Whether the interval of each tracker holds its expected rank, but for what that itself is not known by."""
+    found = [interval(own, ranks.shape[1]) for own in ranks.T]
+    return [
+        ends is not None and ends[0] - 0.01 <= value <= ends[1] + 0.01
+        for ends, value in zip(found, expected, strict=True)
+    ]

@@ -1,0 +1,119 @@
+"""Traffic that steers at a finite rate"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from highway_env.vehicle.controller import ControlledVehicle
+
+from trackbench.errors import InputError
+from trackbench.scenario import load_scenario
+from trackbench.truth import highway
+from trackbench.truth.jumps import IMPOSSIBLE_MPS2
+from trackbench.truth.recorder import Recorder
+from trackbench.truth.sources import HighwayTruth
+
+from .claim import Claim
+
+SCENARIOS = ("highway", "highway_dense", "merge", "two_way", "intersection", "racetrack", "u_turn", "roundabout")
+SEEDS = range(100, 105)
+RATE_DEGPS = 30
+
+
+class Driven(NamedTuple):
+    """How the traffic of several scenes drove."""
+
+    jumps: int
+    peak: float
+    """m/s^2."""
+    offset: float
+    """RMS distance of a car from the middle of its lane, while it does not change lanes, m."""
+    lane_changes: int
+    collided: int
+    cars: int
+
+
+class Observed(Recorder):
+    """Notes also where every car is in its lane."""
+
+    offsets: list[float]
+    lane_changes: int
+    bodies: dict[int, Any]
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        self.offsets, self.bodies, self.lane_changes = [], {}, 0
+        self._lanes: dict[int, Any] = {}
+        made.append(self)
+
+    def __call__(self, dt: float) -> None:
+        for car in self._env.road.vehicles:
+            if isinstance(car, ControlledVehicle) and not car.crashed:
+                self.bodies[id(car)] = car
+                lane, before = car.target_lane_index, self._lanes.get(id(car))
+                self.lane_changes += before is not None and before[:2] == lane[:2] and before != lane
+                self._lanes[id(car)] = lane
+                if lane == car.lane_index:
+                    self.offsets.append(car.lane.local_coordinates(car.position)[1])
+        super().__call__(dt)
+
+
+made: list[Observed] = []
+
+
+def claims() -> Iterator[Claim]:
+    highway.Recorder = Observed  # type: ignore[misc]
+    both: list[tuple[Driven, Driven]] = []
+    for name in SCENARIOS:
+        instant, finite = driven(name, None), driven(name, RATE_DEGPS)
+        scenes = f"{name}, {len(SEEDS)} scenes, {RATE_DEGPS} degrees/s"
+        yield Claim(
+            f"{scenes}: velocity jumps above {IMPOSSIBLE_MPS2:g} m/s^2",
+            f"{finite.jumps}, largest acceleration {finite.peak:.1f} m/s^2 "
+            f"(instant steering: {instant.jumps}, {instant.peak:.0f} m/s^2)",
+            "none",
+            finite.jumps == 0,
+        )
+        yield Claim(
+            f"{scenes}: RMS distance from the middle of the lane",
+            f"{finite.offset:.2f} m (instant steering: {instant.offset:.2f} m)",
+            "at most 0.5 m more",
+            finite.offset < instant.offset + 0.5,
+        )
+        both.append((instant, finite))
+    cars = sum(finite.cars for _, finite in both)
+    changes = [sum(run[steering].lane_changes for run in both) for steering in (0, 1)]
+    collided = [sum(run[steering].collided for run in both) for steering in (0, 1)]
+    yield _as_often("lane changes", *changes, 0.3 * changes[0])
+    yield _as_often(f"collisions of {cars} cars", *collided, 0.02 * cars)
+
+
+def _as_often(what: str, instant: int, finite: int, limit: float) -> Claim:
+    measured = f"{finite} (instant steering: {instant})"
+    return Claim(f"all of them: {what}", measured, f"at most {limit:.0f} apart", abs(finite - instant) <= limit)
+
+
+def driven(name: str, rate: float | None) -> Driven:
+    """What the traffic of a scenario does with one steering, in several scenes."""
+    config = load_scenario(name).config.truth
+    assert isinstance(config, HighwayTruth)
+    made.clear()
+    audits = []
+    for seed in SEEDS:
+        changed = {"seed": seed, "steering_rate_degps": rate, "targets": "all"}
+        try:
+            audits.append(highway.simulate(config.model_copy(update=changed)).audit["velocity_jumps"])
+        except InputError:
+            # A collision in the first steps, by the choice of the start.
+            continue
+    bodies = [car for recorder in made for car in recorder.bodies.values()]
+    return Driven(
+        jumps=sum(audit["count"] for audit in audits),
+        peak=max(audit["peak_acceleration_mps2"] for audit in audits),
+        offset=float(np.sqrt(np.mean(np.square(np.concatenate([recorder.offsets for recorder in made]))))),
+        lane_changes=sum(recorder.lane_changes for recorder in made),
+        collided=sum(car.crashed for car in bodies),
+        cars=len(bodies),
+    )

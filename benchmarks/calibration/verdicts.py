@@ -1,0 +1,117 @@
+"""Verdicts on a covariance"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+import trackbench as tb
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE
+
+from .claim import Claim, rate
+
+SEEDS = 200
+#: Scenarios whose truth moves as the trackers assume, with the trackers whose assumptions are right.
+SOUND = {"scripted/own_model": ("kf_lidar", "ekf"), "scripted/own_model_ctrv": ("ukf", "ckf")}
+SIGMA = "trackers.kf_lidar.acceleration_sigma_mps2"
+#: That of the truth.
+TRUE_SIGMA = 2.0
+#: Trackers on simulated traffic whose mean NEES over all estimates is within 10 % of 4.
+RIGHT_ON_AVERAGE = {
+    "highway": ("ekf_cv", "kf_cv"),
+    "highway_dense": ("ukf_ctrv",),
+    "fusion": ("ekf_cv",),
+    "radar_only": ("ekf_cv", "ekf_ca"),
+    "sensor_dropout": ("ekf_cv", "ekf_ca"),
+}
+
+
+def claims() -> Iterator[Claim]:
+    """Sound filters are consistent, filters that are off are not, and no verdict turns round with more runs."""
+    for scenario, trackers in SOUND.items():
+        found = _verdicts(scenario, trackers, {}, 100)
+        for name in trackers:
+            hits = [verdicts[name] == "consistent" for verdicts in found]
+            yield rate(f"{scenario} {name}, 100 runs: consistent", hits, 0.95, 1.0)
+    yield from _nearly_right()
+    for factor, word in ((1.4, "pessimistic"), (1 / 1.4, "optimistic")):
+        found = _verdicts("scripted/own_model", ("kf_lidar",), {SIGMA: TRUE_SIGMA * factor}, 100, SEEDS // 2)
+        hits = [verdicts["kf_lidar"] == word for verdicts in found]
+        yield rate(f"process noise sigma times {factor:.2f}, 100 runs: {word}", hits, 0.95, 1.0)
+    yield from _bias()
+    for scenario, trackers in RIGHT_ON_AVERAGE.items():
+        result = tb.run(tb.load(scenario, runs=100))
+        for name in trackers:
+            nees = result[name].nees
+            off = [f"{item.name} {item.mean:.1f}" for item in nees.conditions or () if item.verdict != "consistent"]
+            measured = f"{nees.verdict} ({nees.value:.2f}; {', '.join(off)})"
+            yield Claim(f"{scenario} {name}, NEES by condition", measured, "mixed", nees.verdict == "mixed")
+
+
+def _verdicts(
+    scenario: str, trackers: tuple[str, ...], changes: Mapping[str, Any], runs: int, seeds: int = SEEDS
+) -> list[dict[str, str | None]]:
+    """By tracker, with each seed."""
+    results = (tb.run(tb.load(scenario, changes, runs=runs, seed=seed, trackers=trackers)) for seed in range(seeds))
+    return [{name: result[name].nees.verdict for name in trackers} for result in results]
+
+
+def _nearly_right() -> Iterator[Claim]:
+    """A process noise variance 20 % too large: a mean NEES 6 % too small, which is without consequence."""
+    changes, seeds = {SIGMA: TRUE_SIGMA * 1.2**0.5}, SEEDS // 2
+    # The runs of a seed are the first of those of more runs.
+    by_runs = {
+        runs: [item["kf_lidar"] for item in _verdicts("scripted/own_model", ("kf_lidar",), changes, runs, seeds)]
+        for runs in (50, 100, 400)
+    }
+    for runs, found in by_runs.items():
+        counted = Counter(found)
+        measured = ", ".join(f"{word} {100 * counted[word] / seeds:.0f} %" for word in sorted(map(str, counted)))
+        off = counted["pessimistic"] + counted["optimistic"] + counted["mixed"]
+        what = f"process noise variance times 1.2, {runs} runs: consistent or undecided"
+        yield Claim(what, f"{measured} of {seeds}", "at least 95 %", off <= 0.05 * seeds)
+    decided = [[word for word in words if word != "undecided"] for words in zip(*by_runs.values(), strict=True)]
+    turned = [len(set(words)) > 1 for words in decided]
+    yield rate("the same: one verdict at 50, 100 or 400 runs and another one at more", turned, 0.0, 0.05)
+
+
+def _bias() -> Iterator[Claim]:
+    """The mean NEES of sound filters under each condition, which depends on what their truth did."""
+    found: list[tuple[float, str]] = []
+    for speed, sigma, lidar in product((5, 15, 30), (0.5, 2, 5), (0.05, 0.15, 1.0)):
+        noise = {"acceleration_sigma_mps2": sigma}
+        found += _means("own_model", "kf_lidar", "cv", noise, speed, lidar, 300)
+    for speed, sigma, yaw, lidar in product((10, 25), (1, 3), (0.05, 0.3, 1.0), (0.15, 1.0)):
+        noise = {"acceleration_sigma_mps2": sigma, "yaw_acceleration_sigma_radps2": yaw}
+        found += _means("own_model_ctrv", "ukf", "ctrv", noise, speed, lidar, 200)
+    (least, where_least), (most, where_most) = min(found), max(found)
+    wanted = f"{4 * (1 - BELOW):g} to {4 * (1 + ABOVE):g}"
+    for what, mean, where in (("smallest", least, where_least), ("largest", most, where_most)):
+        within = 4 * (1 - BELOW) <= mean <= 4 * (1 + ABOVE)
+        yield Claim(
+            f"{what} mean NEES of a sound filter under a condition with {100 * SMALLEST_SHARE:g} % of the estimates, "
+            f"of {len(found)}",
+            f"{mean:.2f} ({where})",
+            wanted,
+            within,
+        )
+
+
+def _means(
+    scenario: str, tracker: str, motion: str, noise: Mapping[str, float], speed: float, lidar: float, runs: int
+) -> Iterator[tuple[float, str]]:
+    """Of each condition that is judged, with its name."""
+    changes: dict[str, Any] = {"sensors.lidar.position_sigma_m": lidar}
+    for body in ("ahead", "left"):
+        changes[f"truth.objects.{body}.pieces"] = [{"white": {"motion": motion, **noise}}]
+        changes[f"truth.objects.{body}.start.speed_mps"] = speed
+    changes |= {f"trackers.{tracker}.{key}": value for key, value in noise.items()}
+    result = tb.run(tb.load(f"scripted/{scenario}", changes, runs=runs, seed=3, trackers=(tracker,)))
+    label = ", ".join(f"{value:g}" for value in noise.values())
+    for item in result[tracker].nees.conditions or ():
+        if np.isfinite(item.mean):
+            yield item.mean, f"{item.name}, {motion} sigma {label}, {speed} m/s, lidar {lidar:g} m"

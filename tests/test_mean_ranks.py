@@ -1,0 +1,98 @@
+"""Mean ranks over scenarios: their intervals, and which of them differ."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from trackbench.compare.comparison import Entrant, EntrantScore
+from trackbench.compare.mean_ranks import ALL_SIGNS, fewest_scenarios, interval, sign_flip
+from trackbench.compare.ranking import Pairings, ranking
+
+
+def test_the_p_value_is_that_of_scipy() -> None:
+    random = np.random.default_rng(3)
+    differences = random.integers(-4, 5, (5, 9)) / 2
+    for row, p_value in zip(differences, sign_flip(differences), strict=True):
+        found = stats.permutation_test((row, -row), lambda a, b, axis: a.mean(axis) - b.mean(axis),
+                                       permutation_type="samples", n_resamples=np.inf, vectorized=True)  # fmt: skip
+        assert p_value == pytest.approx(found.pvalue)
+
+
+def test_no_smaller_p_value_than_the_number_of_scenarios_allows() -> None:
+    for scenarios in (1, 2, 3, 5, ALL_SIGNS):
+        assert sign_flip(np.ones((1, scenarios)))[0] == pytest.approx(2.0 ** (1 - scenarios))
+    assert sign_flip(np.zeros((1, 5)))[0] == 1.0
+    assert 0 < sign_flip(np.ones((1, ALL_SIGNS + 8)))[0] < 0.001
+
+
+def test_drawn_signs_agree_with_all_of_them() -> None:
+    row = np.random.default_rng(1).integers(-2, 4, ALL_SIGNS + 1) / 2
+    signs = np.array([*product((1.0, -1.0), repeat=len(row))])
+    exact = (np.abs(signs @ row) >= abs(row.sum())).mean()
+    assert sign_flip(row[None])[0] == pytest.approx(exact, abs=0.01)
+
+
+def test_a_scenario_in_which_both_are_alike_changes_nothing() -> None:
+    row = np.array([[1.0, -1.0, 2.0, 1.0, 1.0]])
+    assert sign_flip(np.hstack([row, [[0.0]]])) == pytest.approx(sign_flip(row))
+
+
+@pytest.mark.parametrize(("trackers", "fewest"), [(2, 6), (3, 7), (4, 8), (6, 10), (13, 12)])
+def test_fewest_scenarios(trackers: int, fewest: int) -> None:
+    pairs = trackers * (trackers - 1) / 2
+    assert fewest_scenarios(trackers) == fewest
+    assert pairs * sign_flip(np.ones((1, fewest)))[0] < 0.05
+    assert pairs * sign_flip(np.ones((1, fewest - 1)))[0] >= 0.05
+
+
+@given(st.lists(st.floats(1, 6), min_size=3, max_size=30))
+def test_an_interval_holds_the_mean_and_stays_among_the_ranks(ranks: list[float]) -> None:
+    found = interval(np.array(ranks), 6)
+    assert found is not None
+    assert 1.0 <= found[0] <= np.mean(ranks) + 1e-9
+    assert np.mean(ranks) - 1e-9 <= found[1] <= 6.0
+
+
+def test_always_first_is_not_known_to_be_always_first() -> None:
+    few, many = (interval(np.ones(scenarios), 6) for scenarios in (5, 50))
+    assert few is not None
+    assert many is not None
+    assert few[0] == many[0] == 1.0
+    assert few[1] > many[1] > 1.0
+
+
+@pytest.mark.parametrize(("scenarios", "trackers"), [(2, 6), (13, 3)])
+def test_no_interval_from_too_few(scenarios: int, trackers: int) -> None:
+    assert interval(np.linspace(1, trackers, scenarios), trackers) is None
+
+
+def test_ranks_of_a_scenario_add_up_whoever_has_a_score() -> None:
+    def score(scenario: str, name: str, rank: float | None) -> EntrantScore:
+        return EntrantScore(
+            scenario=scenario,
+            entrant=Entrant(tracker=name),
+            metrics={},
+            diverged_runs=0,
+            rank=rank,
+            leading=False,
+            failure="" if rank else "none",
+        )
+
+    scored = [score("one", name, rank) for name, rank in zip("abcd", (1.5, 1.5, None, None), strict=True)]
+    scored += [score("two", name, rank) for name, rank in zip("abcd", (2, 1, 4, 3), strict=True)]
+    found, pairs = ranking(scored, Pairings([]))
+    assert {item.tracker: item.mean_rank for item in found} == {"b": 1.25, "a": 1.75, "d": 3.25, "c": 3.75}
+    assert [(item.a, item.b) for item in pairs] == [
+        ("b", "a"),
+        ("b", "d"),
+        ("b", "c"),
+        ("a", "d"),
+        ("a", "c"),
+        ("d", "c"),
+    ]
