@@ -236,7 +236,7 @@ def test_the_page_has_one_legend(text: str) -> None:
     ]
     assert "observer" in own
     assert "10th to 90th percentile" in own
-    assert not {*RMSE, "Cramér-Rao bound"} & set(own)
+    assert not {*RMSE, "reference"} & set(own)
 
 
 def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
