@@ -145,7 +145,8 @@ def test_without_a_driver_it_says_what_to_install(cli: Cli, folder: Path, monkey
 def test_the_report_and_inspect_name_the_same_worst_moments(cli: Cli, folder: Path) -> None:
     worst = json.loads(cli("inspect", "results/tiny", "--worst", "--json").out)["worst"]
     report = (folder / "report.md").read_text(encoding="utf-8")
-    rows = [line for line in report.partition("## Worst moments")[2].splitlines() if line.startswith("| **")]
+    section = report.partition("## Worst moments")[2].partition("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| **")]
     told = {row.split("**")[1]: [cell.strip() for cell in row.split("|")[2:5]] for row in rows}
     assert {name: cells[:2] for name, cells in told.items()} == {
         name: [f"{moments[0]['time_s']:.2f}", moments[0]["object"]] for name, moments in worst.items()
