@@ -118,6 +118,21 @@ def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str)
         assert (item.paired_runs, item.ci95) == (None, unpaired(own, other).ci95)
 
 
+def test_runs_of_several_scenes_are_paired_scene_by_scene(keep: Keep) -> None:
+    """A run is the same whatever the number of runs in each scene; the scenes are what is independent."""
+    scenes = "truth.seeds=3"
+    base, longer = keep(scenes, "monte_carlo.runs=4"), keep(scenes, "monte_carlo.runs=6", WORSE_EKF)
+    assert how(base, longer).reason == "over the 12 runs of 18 here and 12 there with equal fingerprints"
+    found = by_tracker(compare([base, longer]))
+    assert found["raw"].identical
+    same_length = by_tracker(compare([base, keep(scenes, "monte_carlo.runs=4", WORSE_EKF)]))["ekf"]
+    assert (found["ekf"].paired_runs, found["ekf"].scenes) == (12, 3)
+    assert found["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
+    own = base.entries[0].interval("ekf", POSITION)
+    assert own is not None
+    assert len(own.influence) == 3
+
+
 def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
     """The run with a number is the same however many there are."""
     longer = keep("monte_carlo.runs=20", WORSE_EKF)
@@ -551,10 +566,11 @@ def test_every_pair_is_there_once(keep: Keep) -> None:
 def test_estimates_that_are_missing_fail_a_gate(keep: Keep, tmp_path: Path) -> None:
     """However small the errors of those that are left."""
     base = keep()
-    metrics = [dict(entry) for entry in base.entries[0].result.json()["trackers"]]
-    for entry in metrics:
-        entry["metrics"] = {**entry["metrics"], "coverage": {"value": 0.95, "unit": "1"}}
-    later = find(changed(base, tmp_path / "silent", trackers=metrics))
+    trackers = [dict(entry) for entry in base.entries[0].result.json()["trackers"]]
+    stated = {entry["name"]: entry["metrics"]["coverage"]["value"] for entry in trackers}
+    for entry in trackers:
+        entry["metrics"] = {**entry["metrics"], "coverage": {"value": stated[entry["name"]] - 0.05, "unit": "1"}}
+    later = find(changed(base, tmp_path / "silent", trackers=trackers, score={"min_coverage": 0.5}))
     found = compare([base, later], limits=[Limit("position_rmse", 5.0)])
     assert {item.outcome for item in found.gates} == {"failed"}
     assert all("5 % of the estimates that the baseline has are missing" in item.text for item in found.gates)

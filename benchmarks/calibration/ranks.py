@@ -98,6 +98,7 @@ def _difference(scenario: str, item: Difference) -> PairDifference:
         margin=item.margin,
         p_value=item.p_value,
         paired_runs=20,
+        scenes=1,
         verdict=verdict,
     )
 

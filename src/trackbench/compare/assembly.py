@@ -213,7 +213,7 @@ def _result(number: int, entry: Entry, how: Comparability | None) -> ComparedRes
         seed=summary.seed,
         expectations=len(summary.expectations),
         expectations_met=sum(item.passed for item in summary.expectations),
-        shared_runs=None if how is None or how.shared is None else len(how.shared),
+        shared_runs=None if how is None or how.shared is None else len(how.shared[0]),
         reason="" if how is None else how.reason,
     )
 

@@ -28,11 +28,16 @@ FEWEST = 2
 class Comparability:
     """How two results are compared."""
 
-    shared: IntArray | None
-    """Numbers of the runs with the same measurements in both, over which they are paired; None for two independent
-    samples."""
+    shared: tuple[IntArray, IntArray] | None
+    """Numbers of the runs with the same measurements in both, over which they are paired: in the baseline, and in the
+    later result. None for two independent samples."""
     reason: str
     """Why."""
+
+    @classmethod
+    def of_all(cls, runs: int, reason: str) -> Comparability:
+        """All runs of both, number by number."""
+        return cls((np.arange(runs), np.arange(runs)), reason)
 
 
 def comparability(baseline: Entry, later: Entry) -> Comparability:
@@ -48,12 +53,15 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
     ours, theirs = baseline.result.summary.fingerprints, later.result.summary.fingerprints
     if ours == theirs:
-        return Comparability(np.arange(len(ours)), "the fingerprints of all measurements are equal")
-    shared = np.flatnonzero([a == b for a, b in zip(ours, theirs, strict=False)])
-    if len(shared) < FEWEST:
+        return Comparability.of_all(len(ours), "the fingerprints of all measurements are equal")
+    places = {place: number for number, place in enumerate(_places(later))}
+    found = [(number, places[place]) for number, place in enumerate(_places(baseline)) if place in places]
+    equal = [(here, there) for here, there in found if ours[here] == theirs[there]]
+    if len(equal) < FEWEST:
         return Comparability(None, _noise(baseline, later))
-    which = f"{counted(len(shared), 'run')} of {len(theirs)} here and {len(ours)} there"
-    return Comparability(shared, f"over the {which} with equal fingerprints")
+    which = f"{counted(len(equal), 'run')} of {len(theirs)} here and {len(ours)} there"
+    here, there = np.array(equal).T
+    return Comparability((here, there), f"over the {which} with equal fingerprints")
 
 
 def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
@@ -66,6 +74,13 @@ def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
     for key, before, now in _differing(ours, theirs) if ours and theirs else ():
         reason = f"another metric {path}: {key} is {_shown(now)} here and {_shown(before)} there"
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
+
+
+def _places(entry: Entry) -> list[tuple[int, int]]:
+    """The scene of each run, and its number in it."""
+    summary = entry.result.summary
+    in_scene = summary.runs // max(1, len(summary.truth.scenes))
+    return [divmod(number, in_scene) for number in range(summary.runs)]
 
 
 def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:

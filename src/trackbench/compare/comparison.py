@@ -103,6 +103,8 @@ class PairDifference(Part):
     """Number of runs over which it is paired; None for two independent samples."""
     lost_coverage: float = 0.0
     """By how much the entrant's share of estimates is smaller than the other's."""
+    scenes: int
+    """Number of scenes that the runs are of; with several, the scenes are what is independent."""
     verdict: str
     """One of :data:`trackbench.metrics.differences.VERDICTS`."""
 

@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-import numpy as np
-
 from trackbench.compare.comparability import Comparability
 from trackbench.compare.comparison import COVERAGE, Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
@@ -36,8 +34,8 @@ class Match:
 
 def within(entry: Entry, trackers: Sequence[str]) -> Match:
     """The trackers of one result, pair by pair, best first."""
-    runs = Comparability(np.arange(entry.result.summary.runs), "")
-    return Match(entry.result.name, entry, entry, 0, runs, tuple(combinations(trackers, 2)))
+    how = Comparability.of_all(entry.result.summary.runs, "")
+    return Match(entry.result.name, entry, entry, 0, how, tuple(combinations(trackers, 2)))
 
 
 def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -87,11 +85,11 @@ class _Found:
 
 def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Iterator[_Found | NotCompared]:
     """The pairs of one match."""
-    runs = match.how.shared
+    shared = match.how.shared
     known: dict[tuple[int, str], Interval | None] = {}
     for pair in match.pairs:
         sides = (match.entry, pair[0]), (match.against, pair[1])
-        for entry, tracker in sides:
+        for (entry, tracker), runs in zip(sides, shared[::-1] if shared else (None, None), strict=True):
             if (id(entry), tracker) not in known:
                 known[id(entry), tracker] = entry.interval(tracker, metric, runs)
         own, other = (known[id(entry), tracker] for entry, tracker in sides)
@@ -110,7 +108,7 @@ def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Itera
         margin = margin_between(own, other, metric.unit, metric.better, match.against.result.summary.score.margin)
         if limit is not None:
             margin = min(margin, limit / 100 * abs(other.value))
-        result = (unpaired if runs is None else paired)(own, other, margin)
+        result = (unpaired if shared is None else paired)(own, other, margin)
         item = PairDifference(
             scenario=match.scenario,
             metric=metric.path,
@@ -123,8 +121,9 @@ def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Itera
             ci95=result.ci95,
             margin=result.margin,
             p_value=result.p_value,
-            paired_runs=None if runs is None else len(runs),
             lost_coverage=match.against.coverage(pair[1]) - match.entry.coverage(pair[0]),
+            paired_runs=None if shared is None else len(shared[0]),
+            scenes=max(1, len(match.against.result.summary.truth.scenes)),
             verdict=UNDECIDED,
         )
         # The rest of rounding is another on each machine.

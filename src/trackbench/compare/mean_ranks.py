@@ -8,8 +8,6 @@ noise within each.
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from trackbench.metrics.differences import LEVEL
@@ -61,7 +59,7 @@ def sign_flip(differences: Array) -> Array:
     """
     scenarios = differences.shape[1]
     if scenarios <= ALL_SIGNS:
-        signs = np.array([*product((1.0, -1.0), repeat=scenarios)])
+        signs = 1.0 - 2.0 * (np.arange(2**scenarios)[:, None] >> np.arange(scenarios) & 1)
     else:
         drawn = np.random.default_rng(0).choice([1.0, -1.0], (DRAWN_SIGNS, scenarios))
         signs = np.vstack([np.ones(scenarios), drawn])

@@ -70,8 +70,8 @@ def _how(result: ComparedResult) -> str:
 
 
 def _explanation(items: Sequence[PairDifference]) -> str:
-    paired = sorted({item.paired_runs for item in items if item.paired_runs is not None})
-    ways = [f"paired over {' or '.join(map(str, paired))} runs"] if paired else []
+    paired = sorted({(item.paired_runs, item.scenes) for item in items if item.paired_runs is not None})
+    ways = [f"paired over {' or '.join(_runs(*found) for found in paired)}"] if paired else []
     ways += ["unpaired (Welch's test)"] if any(item.paired_runs is None for item in items) else []
     corrected = ", corrected for their number (Holm)" if len(items) > 1 else ""
     return (
@@ -79,6 +79,10 @@ def _explanation(items: Sequence[PairDifference]) -> str:
         f"Differences are {' or '.join(ways)}. Better and worse, larger and smaller: shown to differ by more "
         f"than the margin, at a level of 5 %{corrected}; equivalent: interval within the margin; undecided: neither."
     )
+
+
+def _runs(runs: int, scenes: int) -> str:
+    return f"{scenes} scenes of {counted(runs // scenes, 'run')}" if scenes > 1 else counted(runs, "run")
 
 
 def _differences(comparison: Comparison, metric: str, items: Sequence[PairDifference]) -> Table:
