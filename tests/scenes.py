@@ -11,7 +11,7 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.results import MetricValue
 from trackbench.runner.block import Block, run_block
-from trackbench.runner.work import Piece, Scene, Work
+from trackbench.runner.work import BlockRuns, Scene, Work
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -152,7 +152,7 @@ def work(
 
 def block_of(whole: Work, runs: range) -> Block:
     """Some runs of a single scene."""
-    return run_block(whole, Piece(0, runs))
+    return run_block(whole, BlockRuns(0, runs))
 
 
 def values(scores: BlockScores) -> dict[str, MetricValue]:

@@ -83,6 +83,15 @@ def test_inspect_prints_moments(cli: Cli, folder: Path) -> None:
         (["snapshot", "tiny.yaml", "--at", "1", "a.png"], "tiny.yaml: not a Rerun recording (.rrd)"),
         (["snapshot", "results/tiny", "--at", "9", "a.png"], "--at: 9 s is not in the recording"),
         (["snapshot", "results/tiny", "--at", "1", "a.jpg"], "name it a.png, not a.jpg"),
+        (["snapshot", "results/tiny", "a.png"], "a picture needs a time: give --at or --worst"),
+        (["snapshot", "results/tiny", "--at", "1", "--worst", "a.png"], "--at and --worst are two times"),
+        (["snapshot", "results/tiny", "--worst", "--vehicle", "v9", "a.png"], "--vehicle: no vehicle 'v9' in this"),
+        (["snapshot", "results/tiny", "--worst", "--tracker", "efk", "a.png"], "did you mean 'ekf'?"),
+        (["snapshot", "results/tiny", "--worst", "999", "a.png"], "--worst: only "),
+        (["view", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
+        (["view", "results/tiny", "--vehicle", "vv1"], "did you mean 'v1'?"),
+        (["inspect", "results/tiny", "--worst", "--vehicle", "v9"], "--vehicle: no vehicle 'v9' in this"),
+        (["inspect", "results/tiny", "--vehicle", "v1"], "give --worst with it"),
         (["inspect", "results/tiny", "--open"], "--open needs a time"),
         (["inspect", "results/tiny", "--tracker", "ekf"], "give --worst with it"),
         (["inspect", "results/tiny", "--worst", "1", "--tracker", "efk"], "did you mean 'ekf'?"),
@@ -112,8 +121,9 @@ def test_a_recording_of_another_version_is_read_from_the_tables_beside_it(cli: C
 
 
 @pytest.mark.viewer
-def test_a_picture_of_a_recording(cli: Cli, folder: Path) -> None:
-    done = cli("snapshot", "results/tiny/recording.rrd", "--at", "1", "a.png")
+@pytest.mark.parametrize("moment", [["--at", "1"], ["--worst", "--vehicle", "v1"]])
+def test_a_picture_of_a_recording(cli: Cli, folder: Path, moment: list[str]) -> None:
+    done = cli("snapshot", "results/tiny/recording.rrd", *moment, "a.png")
     assert (done.status, done.out, done.err) == (0, "a.png\n", "")
     content = (folder.parents[1] / "a.png").read_bytes()
     assert content.startswith(b"\x89PNG")
@@ -130,6 +140,20 @@ def test_without_a_driver_it_says_what_to_install(cli: Cli, folder: Path, monkey
     assert "apt-get install mesa-vulkan-drivers" in done.err
     assert len(done.err.splitlines()) == 1
     assert not (folder.parents[1] / "a.png").exists()
+
+
+def test_the_report_and_inspect_name_the_same_worst_moments(cli: Cli, folder: Path) -> None:
+    worst = json.loads(cli("inspect", "results/tiny", "--worst", "--json").out)["worst"]
+    report = (folder / "report.md").read_text(encoding="utf-8")
+    section = report.partition("## Worst moments")[2].partition("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| **")]
+    told = {row.split("**")[1]: [cell.strip() for cell in row.split("|")[2:5]] for row in rows}
+    assert {name: cells[:2] for name, cells in told.items()} == {
+        name: [f"{moments[0]['time_s']:.2f}", moments[0]["object"]] for name, moments in worst.items()
+    }
+    for name, (moment,) in worst.items():
+        assert float(told[name][2]) == pytest.approx(moment["position_error_m"], rel=0.01)
+    assert "trackbench view . --worst --tracker ekf" in report
 
 
 @pytest.mark.viewer

@@ -561,3 +561,16 @@ def test_every_pair_is_there_once(keep: Keep) -> None:
     found = compare([keep(TWIN)])
     pairs = [frozenset((d.entrant.tracker, d.against.tracker)) for d in found.differences]
     assert sorted(map(sorted, pairs)) == sorted(map(sorted, combinations(("ekf", "raw", "twin"), 2)))
+
+
+def test_estimates_that_are_missing_fail_a_gate(keep: Keep, tmp_path: Path) -> None:
+    """However small the errors of those that are left."""
+    base = keep()
+    trackers = [dict(entry) for entry in base.entries[0].result.json()["trackers"]]
+    stated = {entry["name"]: entry["metrics"]["coverage"]["value"] for entry in trackers}
+    for entry in trackers:
+        entry["metrics"] = {**entry["metrics"], "coverage": {"value": stated[entry["name"]] - 0.05, "unit": "1"}}
+    later = find(changed(base, tmp_path / "silent", trackers=trackers, score={"min_coverage": 0.5}))
+    found = compare([base, later], limits=[Limit("position_rmse", 5.0)])
+    assert {item.outcome for item in found.gates} == {"failed"}
+    assert all("5 % of the estimates that the baseline has are missing" in item.text for item in found.gates)

@@ -14,7 +14,7 @@ from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
-from trackbench.runner.work import Piece, Scene
+from trackbench.runner.work import BlockRuns, Scene
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.config import PluginConfig
 
@@ -142,12 +142,12 @@ def test_scenes_are_what_is_independent():
 
 def test_a_scene_s_runs_do_not_depend_on_the_other_scenes_nor_on_their_number():
     three, one = scenes(3, 4), scenes(1, 6)
-    first = run_block(three, Piece(0, range(4)))
-    longer = run_block(one, Piece(0, range(6)))
+    first = run_block(three, BlockRuns(0, range(4)))
+    longer = run_block(one, BlockRuns(0, range(6)))
     assert first.digests == longer.digests[:4]
-    second, third = (run_block(three, Piece(k, range(4))) for k in (1, 2))
+    second, third = (run_block(three, BlockRuns(k, range(4))) for k in (1, 2))
     assert not set(second.digests) & {*first.digests, *third.digests}
-    again = run_block(replace(three, runs=9), Piece(1, range(9)))
+    again = run_block(replace(three, runs=9), BlockRuns(1, range(9)))
     assert again.digests[:4] == second.digests
 
 
@@ -168,7 +168,7 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     whole = work(of, SENSORS, TWO, 1)
     (scores,) = (block_of(whole, range(1)).scores[name] for name in ("ekf",))
     parts = scores_of(scores, frozenset({"ekf"}), np.zeros(1, dtype=np.intp))
-    assert parts.per_part.shape == (len(ERROR), 10), "ten seconds, none shorter than one"
+    assert parts.per_part.shape == (len(ERROR), 5), "ten seconds, none shorter than two"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
     stretch = stretches(len(whole.scenes[0].instants()), 10.0)
     expected = np.bincount(stretch, errors(scores).per_step[ERROR["px"]])

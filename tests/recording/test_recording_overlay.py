@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rerun.chunk import RrdReader
 
 from trackbench import recording
 from trackbench.errors import InputError
-from trackbench.recording.focus import Focus, Opening
+from trackbench.metrics.moments import worst
+from trackbench.metrics.recorded_run import recorded_run
+from trackbench.recording.focus import Focus, Opening, focus_of
 from trackbench.recording.overlay import labels, laid_over, same_traffic
 from trackbench.recording.play import playable
 from trackbench.recording.reader import read
@@ -100,9 +103,63 @@ def test_what_the_viewer_gets(
         pass
 
 
+def shown_views(file: Path) -> set[str]:
+    reader = RrdReader(file)
+    return {
+        name
+        for store in reader.blueprints()
+        for chunk in reader.stream(store=store)
+        if "ViewBlueprint:display_name" in (batch := chunk.to_record_batch()).schema.names
+        for (name,) in batch.column("ViewBlueprint:display_name").to_pylist()
+    }
+
+
+def test_a_recording_opens_where_the_error_is(pair: dict[str, Result], tmp_path: Path, read_file: Any) -> None:
+    result = pair["old"]
+    recording.write(result, tmp_path / "run.rrd")
+    run = recorded_run(result)
+    (first, second) = worst(run, ["raw", "ekf"], 2)
+    for number, moment in enumerate((first, second), start=1):
+        with playable([tmp_path / "run.rrd"], Opening(worst=number)) as ready:
+            assert ready.time_s == moment.time_s
+            assert f"Seen from above, around {moment.object}" in shown_views(ready.files[0])
+            assert read_file(ready.files[0]).entities() == read_file(tmp_path / "run.rrd").entities()
+    (of_ekf,) = worst(run, ["ekf"], 1, "v2")
+    with playable([tmp_path / "run.rrd"], Opening(worst=1, vehicle="v2", tracker="ekf")) as ready:
+        assert ready.time_s == of_ekf.time_s
+        assert "Seen from above, around v2" in shown_views(ready.files[0])
+    with playable([tmp_path / "run.rrd"], Opening(vehicle="v2")) as ready:
+        assert ready.time_s is None
+        assert "Seen from above, around v2" in shown_views(ready.files[0])
+
+
+def test_the_worst_moment_of_runs_that_are_laid_over_is_that_of_any(
+    pair: dict[str, Result], run_tiny: Callable[..., Result], tmp_path: Path
+) -> None:
+    for name, result in pair.items():
+        result.save(tmp_path / name, {})
+    moments = [worst(recorded_run(result), ["raw", "ekf"], 1)[0] for result in pair.values()]
+    largest = max(moments, key=lambda moment: moment.position_error_m or 0.0)
+    with playable([tmp_path / name for name in pair], Opening(worst=1)) as ready:
+        assert ready.time_s == largest.time_s
+    run_tiny("truth.seed=5").save(tmp_path / "other", {})
+    with (
+        pytest.raises(InputError, match="do not show the same traffic"),
+        playable([tmp_path / "old", tmp_path / "other"], Opening(worst=1)),
+    ):
+        pass
+
+
+def test_a_vehicle_that_is_not_there_yet_is_said(result: Result) -> None:
+    with pytest.raises(InputError, match="v4 is not there at 2 s: it is there from 5 s to 20 s"):
+        focus_of([result], Opening(at_s=2.0, vehicle="v4"))
+
+
 def test_an_examination_is_opened_as_it_is(tmp_path: Path) -> None:
     (tmp_path / "examination.json").write_text("{}", encoding="utf-8")
     (tmp_path / "recording.rrd").write_bytes(b"RRF2")
     for path in (tmp_path, tmp_path / "recording.rrd"):
         with playable([path], Opening()) as ready:
             assert ready.files == [tmp_path / "recording.rrd"]
+    with pytest.raises(InputError, match="one target"), playable([tmp_path], Opening(worst=1)):
+        pass

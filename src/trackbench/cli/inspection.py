@@ -29,6 +29,9 @@ def print_inspection(found: Inspection, console: Console) -> None:
         _scene(found.at, console)
     if found.worst is not None:
         _worst(found.worst, console)
+        for tracker in list(found.worst)[:1]:
+            command = f"trackbench view {found.recorded.file} --worst --tracker {tracker}"
+            console.print(Text(f"\n{command}", style="dim"), highlight=False, soft_wrap=True)
     if found.at is None and found.worst is None:
         _contents(found, console)
         _scores(found, console)

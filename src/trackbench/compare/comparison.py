@@ -19,6 +19,8 @@ SCHEMA_VERSION = 3
 TIMES = ("step_time",)
 #: Significant digits that are kept: what differs from machine to machine is far behind them.
 DIGITS = 4
+#: A share of estimates that is smaller by more than this is a loss: errors of fewer moments are no gain.
+COVERAGE = 0.01
 
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
 
@@ -99,6 +101,8 @@ class PairDifference(Part):
     """Of the hypothesis that the difference is within the margin, corrected for the number of differences."""
     paired_runs: int | None
     """Number of runs over which it is paired; None for two independent samples."""
+    lost_coverage: float = 0.0
+    """By how much the entrant's share of estimates is smaller than the other's."""
     scenes: int
     """Number of scenes that the runs are of; with several, the scenes are what is independent."""
     verdict: str

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from trackbench.compare.comparability import Comparability
-from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
+from trackbench.compare.comparison import COVERAGE, Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
-
-#: Shares of steps with an estimate that differ by more than this belong to errors of different moments.
-COVERAGE = 0.01
 
 
 @dataclass(frozen=True)
@@ -124,6 +121,7 @@ def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Itera
             ci95=result.ci95,
             margin=result.margin,
             p_value=result.p_value,
+            lost_coverage=match.against.coverage(pair[1]) - match.entry.coverage(pair[0]),
             paired_runs=None if shared is None else len(shared[0]),
             scenes=max(1, len(match.against.result.summary.truth.scenes)),
             verdict=UNDECIDED,
@@ -162,16 +160,13 @@ def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
 
 
 def coverage_notes(matches: Sequence[Match]) -> Iterator[str]:
-    """Pairs whose errors are of different moments."""
+    """Pairs of which one gave fewer estimates."""
     for match in matches:
         for a, b in match.pairs:
-            own, other = (
-                entry.result[name].metrics.get("coverage") for entry, name in ((match.entry, a), (match.against, b))
-            )
-            if own is None or other is None or own.value is None or other.value is None:
-                continue
-            if abs(own.value - other.value) > COVERAGE:
+            own, other = match.entry.coverage(a), match.against.coverage(b)
+            if abs(own - other) > COVERAGE:
+                same = match.entry is match.against
+                which = "errors count where both gave one" if same else "their errors are of different moments"
                 yield (
-                    f"{a} gave an estimate at {100 * own.value:.0f} % of the steps of {match.scenario}, "
-                    f"{b} at {100 * other.value:.0f} %: their errors are of different moments"
+                    f"{a} gave {100 * own:.0f} % of its estimates in {match.scenario}, {b} {100 * other:.0f} %: {which}"
                 )

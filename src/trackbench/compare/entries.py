@@ -73,6 +73,11 @@ class Entry:
         """Why a tracker is not held against others, if it is not."""
         return self.result.why_unscored(self.result[tracker]) or None
 
+    def coverage(self, tracker: str) -> float:
+        """Share of the estimates that a tracker should give that it gave; 0 where it has none."""
+        found = self.result[tracker].metrics.get("coverage")
+        return (found.value if found else None) or 0.0
+
     def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 

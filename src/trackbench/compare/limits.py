@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
+from trackbench.compare.comparison import COVERAGE, Entrant, GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
 
@@ -57,10 +57,10 @@ def held(
 ) -> list[GateResult]:
     """Each limit held against each tracker of each later set in each scenario.
 
-    It fails where the estimate is worse by more than the limit, and is shown to be worse by more than the margin, which
-    is not more than the limit, after the correction for their number. So chance alone does not fail a build, and a
-    regression that the runs show does not pass because the interval still touches the limit. Where it does not fail,
-    but the interval reaches beyond the limit, it is undecided.
+    It fails where estimates are missing that the baseline has, and where the value is worse by more than the limit, and
+    shown to be worse by more than the margin, which is not more than the limit, after the correction for their number.
+    So chance alone does not fail a build, and a regression that the runs show does not pass because the interval still
+    touches the limit. Where it does not fail, but the interval reaches beyond the limit, it is undecided.
     """
     return [result for limit in limits for result in _held(limit, metrics[limit.metric], differences, missing)]
 
@@ -84,6 +84,8 @@ def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome,
 
 
 def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> GateOutcome:
+    if item.lost_coverage > COVERAGE:
+        return "failed"
     if item.percent is None:
         # Nothing is a percentage of zero: any worsening that is shown is more.
         return "failed" if item.verdict == "worse" else "passed"
@@ -96,6 +98,8 @@ def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> Gate
 
 def _text(item: PairDifference, limit: Limit) -> str:
     allowed = f"{limit.percent:g} % allowed"
+    if item.lost_coverage > COVERAGE:
+        return f"{100 * item.lost_coverage:.0f} % of the estimates that the baseline has are missing"
     if item.identical:
         return f"the same in every run; {allowed}"
     if item.percent is None:

@@ -177,9 +177,7 @@ def _updated(covariance: Array, root: Array, seen: Mask) -> Array:
     cross = linalg.matmul(root, covariance)
     s = linalg.matmul_transposed(cross, root) + np.eye(len(root))[:, :, None, None]
     gain = linalg.cholesky(s).whiten(cross)
-    left = covariance - linalg.gram(gain if seen.all() else np.where(seen, gain, 0.0))
-    # Of a target at the sensor itself an azimuth tells more than double precision holds.
-    return linalg.ensure_definite(left).covariance
+    return covariance - linalg.gram(gain if seen.all() else np.where(seen, gain, 0.0))
 
 
 def _first(prior: Array, root: Array) -> Array:

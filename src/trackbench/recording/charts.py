@@ -30,6 +30,7 @@ class ChartLine(NamedTuple):
     value: Array
     """NaN where there is none."""
     width: float = 1.5
+    """Pixels."""
 
 
 @dataclass(frozen=True)

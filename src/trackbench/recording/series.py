@@ -24,6 +24,8 @@ VEHICLES = "vehicles"
 SINGLE = "95 % of single innovations"
 BOUNDS = "95 % bounds"
 
+#: Of the lines of a single run, which are less smooth than means, pixels.
+SINGLE_WIDTH = 1.0
 #: Lines that differ by less than this share are one line.
 SAME = 1e-6
 
@@ -113,14 +115,14 @@ def recorded_run(
             (*place, f"{quantity.lower()}_error"),
             f"{quantity} error",
             unit,
-            _lines(_rms(rows, f"{quantity.lower()}_error_{suffix}"), "value", colours),
+            _lines(_rms(rows, f"{quantity.lower()}_error_{suffix}"), "value", colours, SINGLE_WIDTH),
         )
         for quantity, unit, suffix in (("Position", "m", "m"), ("Velocity", "m/s", "mps"))
     )
     dof = _degrees_of_freedom(nis)
     means = {name: _mean_with_bounds(of, "nees", len(COMMON_STATE)) for name, of in rows.items()}
     bounds = _bounds(BOUNDS, means, ("low", "high"), colours)
-    nees = Chart((*place, "nees"), "NEES", "", _lines(means, "value", colours), bounds)
+    nees = Chart((*place, "nees"), "NEES", "", _lines(means, "value", colours, SINGLE_WIDTH), bounds)
     sensors = tuple(
         _nis(
             place,
@@ -192,9 +194,9 @@ def _with_line(rows: Columns, dof: int) -> Columns:
     return {**rows, "line": np.full(len(rows["time_s"]), point95(dof))}
 
 
-def _lines(rows: ByTracker, value: str, colours: Mapping[str, str]) -> tuple[ChartLine, ...]:
+def _lines(rows: ByTracker, value: str, colours: Mapping[str, str], width: float = 1.5) -> tuple[ChartLine, ...]:
     return tuple(
-        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value))
+        ChartLine((tracker,), tracker, colour, *_broken(rows[tracker], value), width)
         for tracker, colour in colours.items()
         if tracker in rows
     )

@@ -19,7 +19,7 @@ from trackbench.results import Failure
 from trackbench.runner.adapters import TrackFault, adapt, cause_of, masked
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.targets import Targets
-from trackbench.runner.work import Piece, Work
+from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.streams import stream
 from trackbench.trackers.filtered import FilterTracker
@@ -55,7 +55,7 @@ OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
 class Block:
     """What a block of runs leaves behind."""
 
-    piece: Piece
+    piece: BlockRuns
     sums: dict[str, Sums | Failure]
     """By tracker."""
     recorded: dict[str, RecordedEstimates]
@@ -73,7 +73,7 @@ class Block:
 
 
 def run_block(
-    work: Work, piece: Piece, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
+    work: Work, piece: BlockRuns, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
 ) -> Block:
     """Synthesise the measurements of some runs and take every tracker through them.
 
@@ -133,7 +133,7 @@ class TrackerRun:
         self,
         work: Work,
         name: str,
-        piece: Piece,
+        piece: BlockRuns,
         measurements: Measurements,
         targets: Targets,
         kept: int | None,

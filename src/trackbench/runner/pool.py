@@ -14,7 +14,7 @@ from trackbench.errors import TrackbenchError
 from trackbench.interruption import allow_termination, uninterrupted
 from trackbench.plugins import searched
 from trackbench.runner.block import Block, OnRecordedRun, run_block
-from trackbench.runner.work import Piece, Work
+from trackbench.runner.work import BlockRuns, Work
 from trackbench.types import Progress, no_progress
 
 #: Least time between two words on how far a block is, s.
@@ -24,7 +24,7 @@ DIED = "a worker process died; --workers 1 may show what it died of"
 
 def run_blocks(
     work: Work,
-    pieces: Sequence[Piece],
+    pieces: Sequence[BlockRuns],
     workers: int,
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
@@ -78,7 +78,7 @@ def run_blocks(
 
 
 def _share_out(
-    pieces: Sequence[Piece], pipes: Sequence[Connection], progress: Progress, on_recorded_run: OnRecordedRun | None
+    pieces: Sequence[BlockRuns], pipes: Sequence[Connection], progress: Progress, on_recorded_run: OnRecordedRun | None
 ) -> Iterator[Block]:
     """A piece for every worker that waits for one, and the blocks in the order of the pieces."""
     todo = iter(enumerate(pieces))

@@ -6,7 +6,7 @@ import numpy as np
 
 from trackbench.metrics import Target
 from trackbench.metrics.reference import BoundStart, conditional_bound
-from trackbench.runner.work import Piece, Work
+from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Array, Mask
@@ -15,7 +15,7 @@ from trackbench.types import Array, Mask
 class Targets:
     """The target of each tracker; its parts are computed once for all trackers that share them."""
 
-    def __init__(self, work: Work, piece: Piece, measurements: Measurements) -> None:
+    def __init__(self, work: Work, piece: BlockRuns, measurements: Measurements) -> None:
         self._work, self._piece = work, piece
         self._scene = work.scenes[piece.scene]
         truth, instants = self._scene.truth, self._scene.instants()

@@ -39,7 +39,7 @@ class Scene:
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
 
 
-class Piece(NamedTuple):
+class BlockRuns(NamedTuple):
     """Some runs of one scene."""
 
     scene: int
@@ -74,13 +74,13 @@ class Work:
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[BlockRuns]:
         """The runs in blocks, which depend on the scenes and the number of runs alone."""
         found = []
         for number, scene in enumerate(self.scenes):
             size = max(1, BATCH_SIZE // max(1, len(scene.truth.ids)))
             starts = range(0, self.runs, size)
-            found += [Piece(number, range(start, min(start + size, self.runs))) for start in starts]
+            found += [BlockRuns(number, range(start, min(start + size, self.runs))) for start in starts]
         return found
 
     def noise_of(self, scene: int) -> str:
