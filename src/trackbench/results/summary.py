@@ -40,6 +40,7 @@ class SceneSummary(Part):
     """What tells it from the others, such as ``seed 13``."""
     objects: list[str]
     duration_s: float
+    audit: Audit
     position_rmse: dict[str, float]
     """Of each ranked tracker with an estimate in it, m."""
 
@@ -47,8 +48,6 @@ class SceneSummary(Part):
     def order(self) -> list[str]:
         """The trackers by their error in this scene, the best first."""
         return sorted(self.position_rmse, key=self.position_rmse.__getitem__)
-
-    audit: Audit = None
 
 
 class TruthSummary(Part):

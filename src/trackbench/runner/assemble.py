@@ -215,6 +215,7 @@ def _scenes(truths: Sequence[LoadedTruth], sources: Sequence[TruthSource], found
             name=source.scene_name or f"scene {number + 1}",
             objects=list(item.truth.ids),
             duration_s=float(item.truth.time[-1]),
+            audit=item.truth.audit,
             position_rmse={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
         )
         for number, (item, source) in enumerate(zip(truths, sources, strict=True))
