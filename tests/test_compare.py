@@ -267,7 +267,7 @@ def test_rounding_is_no_difference() -> None:
         ({"runs": 0}, "result.json: not the result of a run: runs: "),
         ({"runs": 11}, "runs.parquet does not hold the 11 runs of"),
         ({"ranking": ["raw"]}, "not the result of a run: ranking does not name its trackers"),
-        ({"schema_version": 1}, "schema_version is not 2: this result is of another version"),
+        ({"schema_version": 1}, "schema_version is not 3: this result is of another version"),
     ],
 )
 def test_a_foreign_result_is_refused_in_one_line(
@@ -548,7 +548,7 @@ def test_a_comparison_is_kept_and_loaded(keep: Keep, versions: tuple[Path, Path]
     assert found.scores[0].value("step_time") is not None
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"schema_version": 1}', '{"schema_version": 2}', "[" * 100_000])
+@pytest.mark.parametrize("text", ["", "[]", '{"schema_version": 1}', '{"schema_version": 3}', "[" * 100_000])
 def test_what_is_no_comparison_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
     file = tmp_path / "comparison.json"
     file.write_text(text, encoding="utf-8")

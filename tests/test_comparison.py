@@ -19,7 +19,7 @@ from trackbench.document.markdown import to_markdown
 from trackbench.palette import tracker_colours
 from trackbench.report.comparison import batch_files, comparison_files, document
 from trackbench.report.comparison.rank_figure import rank_figure
-from trackbench.results import Result
+from trackbench.results import SCHEMA_VERSION, Result
 
 RUNS = 20
 COLOURS = tracker_colours(["good", "fair", "poor", "mine"])
@@ -73,7 +73,7 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
     ]
     stated = {"tracker": "good", "metric": "position_rmse", "operator": "below", "limit": 1.0, "value": 0.5}
     summary = {
-        "schema_version": 2,
+        "schema_version": SCHEMA_VERSION,
         "scenario": {"name": name, "description": f"the {name} one", "file": "x", "text": "", "overrides": []},
         "seed": 7,
         "runs": RUNS,

@@ -13,14 +13,12 @@ from tests.recorded_log import OBJECTS, STRAIGHT, Errors, write_log
 from tests.udacity import data_folder
 
 from trackbench.api.audit import ReportableAudit, audit
+from trackbench.api.run import run
 from trackbench.errors import InputError
 from trackbench.log_audit.blocks import Blocks
 from trackbench.log_audit.joint_fit import clipped_sigma
-from trackbench.results import Result
-from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
-from trackbench.scenario.truth import truth_of
 
 #: What is wrong with a radar, and its names in an audit.
 RADAR = Errors(
@@ -90,7 +88,7 @@ def test_the_effect_of_what_is_put_in(faulty: list[ReportableAudit], tmp_path: P
     item.save(tmp_path / "out")
     fixed = load_scenario(tmp_path / "out" / "scenario.yaml")
     check(fixed)
-    before, after = (result_of(loaded).summary.trackers[0].metrics for loaded in (item.scenario, fixed))
+    before, after = (run(loaded).summary.trackers[0].metrics for loaded in (item.scenario, fixed))
     # Of a radar, 3 is right; of the state, 4.
     assert before["nis.radar"].mean > 5
     assert after["nis.radar"].mean == pytest.approx(3, abs=0.3)
@@ -98,10 +96,6 @@ def test_the_effect_of_what_is_put_in(faulty: list[ReportableAudit], tmp_path: P
     assert after["position_rmse"].value < 0.7 * before["position_rmse"].value
     # And an audit of it finds nothing more.
     assert audit(fixed).findings == ()
-
-
-def result_of(loaded: Any) -> Result:
-    return run(loaded, truth_of(loaded))
 
 
 def test_degrees_for_radians(tmp_path: Path) -> None:

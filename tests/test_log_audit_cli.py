@@ -46,6 +46,13 @@ def test_json_is_all_that_is_printed(cli: CLI, log: Path) -> None:
     assert found["clocks"][1]["outside"] > 0
 
 
+def test_trackers_beside_the_scenario_come_with_it(cli: CLI, log: Path) -> None:
+    (log.parent / "mine.py").write_text("class Mine:\n    def step(self, state, scan):\n        return None, None\n")
+    log.write_text(log.read_text().replace("monte_carlo:", "  mine: {use: 'mine:Mine'}\nmonte_carlo:"))
+    assert cli("audit", log, "--out", "far/away").status == 1
+    assert cli("check", "far/away/scenario.yaml").out == "far/away/scenario.yaml: ok\n"
+
+
 def test_nothing_else_is_replaced(cli: CLI, log: Path, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.tex").write_text("")

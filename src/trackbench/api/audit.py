@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
@@ -15,7 +16,7 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.log_audit import LogAudit, audit_log
 from trackbench.log_audit.as_json import to_json
-from trackbench.log_audit.corrections import corrected
+from trackbench.log_audit.corrections import corrected, own_modules
 from trackbench.report.log_audit import log_audit_document, log_audit_summary
 from trackbench.scenario import Scenario
 from trackbench.types import Progress, no_progress
@@ -55,6 +56,9 @@ class ReportableAudit(LogAudit):
             "report.md": partial(results.write_file, to_markdown(document)),
             "scenario.yaml": partial(results.write_file, corrected(self.scenario, self.findings, place)),
         }
+        # Trackers are looked for beside the scenario that names them.
+        for module in own_modules(self.scenario):
+            files[module.name] = partial(shutil.copyfile, module)
         results.save_files(files, place, AUDIT)
         return list(files)
 

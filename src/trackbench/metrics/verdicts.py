@@ -14,10 +14,10 @@ WHITENESS = ("white", "coloured", "undecided")
 #: covariance that is 10 % too large or too small is one whose standard deviations are 5 % off.
 TOLERANCE = 0.1
 #: The same under one condition, below and above. A condition is chosen by what the truth did, which the error has to do
-#: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and elsewhere
-#: up to 7 % below (results/calibration.md).
+#: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and on
+#: straights up to 17 % below, as the calibration measures.
 BELOW, ABOVE = 0.25, 0.5
-#: A condition is judged where it has this share of the estimates, from so many runs.
+#: A condition is judged where it has this share of the estimates, from so many runs or scenes.
 SMALLEST_SHARE = 0.02
 FEWEST_RUNS = 5
 #: How far an autocorrelation may be from zero. Predicting each innovation from the one before then saves 0.05^2, a

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
 from trackbench.results.truth_audit import TruthAudit
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 Metrics = Annotated[
     dict[str, MetricValue],
