@@ -244,6 +244,7 @@ def test_the_interval_of_a_mean_is_that_of_the_textbook() -> None:
     assert found.sigma == pytest.approx(means.std(ddof=1) / np.sqrt(40), rel=0.1)
 
 
+@pytest.mark.slow
 def test_correlated_errors_have_wide_intervals(tmp_path: Path) -> None:
     file, random = write_log(tmp_path), np.random.default_rng(6)
     # An error of the range that stays for two seconds.
@@ -287,6 +288,7 @@ def test_few_measurements_are_said_to_be_few(tmp_path: Path) -> None:
         assert item.json()["sensors"]["radar"]["reason"]
 
 
+@pytest.mark.slow
 def test_a_fast_observer_and_slow_truth(tmp_path: Path) -> None:
     file = write_log(tmp_path, truth_hz=10)
     head, *rows = [line.split(",") for line in (tmp_path / "ego.csv").read_text().splitlines()]
@@ -311,6 +313,7 @@ def test_a_fast_observer_and_slow_truth(tmp_path: Path) -> None:
         ("ego", "yaw", lambda row, v: 1e9 * math.sin(float(row[0]))),
     ],
 )
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_nonsense_ends_in_a_report_or_one_message(tmp_path: Path, name: str, column: str, change: Any) -> None:
     file = write_log(tmp_path, objects={"car": OBJECTS["car"]})

@@ -76,8 +76,9 @@ def test_the_wrong_noise_is_told_from_the_right_one(sigma: float, verdict: str) 
 def test_few_runs_are_not_taken_for_consistency() -> None:
     """One run, and ten short ones, of a filter whose noise is right: nothing is shown either way."""
     ekf = by_name(result("own_model", "monte_carlo.runs=1"))["ekf"]
-    verdicts = {ekf.nees.verdict, *(nis.verdict for nis in ekf.of_sensors("nis").values())}
-    assert verdicts == {"undecided"}
+    assert ekf.nees.verdict == "undecided"
+    # Of 400 innovations in one run, the NIS may be shown to be right already.
+    assert {nis.verdict for nis in ekf.of_sensors("nis").values()} <= {"undecided", "consistent"}
     short = by_name(result("own_model", "monte_carlo.runs=10", "truth.duration_s=2"))["ekf"]
     assert short.nees.verdict == "undecided"
 

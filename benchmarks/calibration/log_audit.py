@@ -10,11 +10,13 @@ import numpy as np
 from tests.recorded_log import Errors, write_log
 
 from trackbench.log_audit import LogAudit, audit_log
+from trackbench.log_audit.blocks import blocks_of
 from trackbench.scenario import load_scenario
 
 from .claim import Claim, rate
 
 LOGS = 100
+CORRELATED = 1000
 #: What is wrong with the radar of a log, in SI units and radians.
 WRONG = {
     "time_offset": -0.06,
@@ -53,6 +55,7 @@ def claims() -> Iterator[Claim]:
     yield rate("all six errors of a radar are found", found, 0.95, 1)
     after = np.array([a.sensors["radar"].square_after for a in wrong])
     before = np.array([a.sensors["radar"].square_before for a in wrong])
+    yield from correlated()
     yield Claim(
         "mean square of the errors over the stated sigmas: with the findings put in",
         f"{after.mean():.3f} (worst {after.max():.3f}), as logged {before.mean():.2f}",
@@ -78,6 +81,24 @@ def _coverage(
         for noise, value in zip(item.noise, sigmas.values(), strict=True)
     ]
     yield rate(f"{name}: a sigma within its 95 % interval", noises, 0.93, 0.97)
+
+
+def correlated() -> Iterator[Claim]:
+    """The mean of errors that stay alike for a second, of logs of 30 s with few and with many objects."""
+    random, rho, rows = np.random.default_rng(7), 0.9, 600
+    for objects in (1, 3, 10):
+        hits = []
+        for _ in range(CORRELATED):
+            values = random.normal(size=(rows, objects))
+            for k in range(1, rows):
+                values[k] = rho * values[k - 1] + np.sqrt(1 - rho**2) * values[k]
+            flat = values.reshape(-1)
+            time, owner = np.repeat(0.05 * np.arange(rows), objects), np.tile(np.arange(objects), rows)
+            blocks = blocks_of(time, owner, (flat - flat.mean())[None])
+            terms = np.stack([flat, np.ones_like(flat)])
+            hits.append(_covers(blocks.intervals(terms, lambda sums: sums[:1] / sums[1:])[0].bounds(), 0.0))
+        what = f"errors correlated by .9 at 20 Hz, {objects} objects: the mean within its 95 % interval"
+        yield rate(what, hits, 0.92, 0.98)
 
 
 def _covers(bounds: tuple[float, float], value: float) -> bool:

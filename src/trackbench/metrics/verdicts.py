@@ -15,7 +15,7 @@ WHITENESS = ("white", "coloured", "undecided")
 TOLERANCE = 0.1
 #: The same under one condition, below and above. A condition is chosen by what the truth did, which the error has to do
 #: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and on
-#: straights up to 17 % below, as the calibration measures.
+#: straights up to 15 % below, as the calibration measures.
 BELOW, ABOVE = 0.25, 0.5
 #: A condition is judged where it has this share of the estimates, from so many runs or scenes.
 SMALLEST_SHARE = 0.02

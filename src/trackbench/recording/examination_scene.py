@@ -16,6 +16,8 @@ from trackbench.types import Array
 
 #: Colour of the tracker and of the reference, as in the report.
 COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}
+#: Of their paths, pixels: the tracker is drawn on top of the reference.
+WIDTHS = {"reference": 1.5, "tracker": 0.5}
 
 
 def frame(drive: str) -> tuple[str, ...]:
@@ -47,7 +49,7 @@ def send_scene(stream: Stream, run: EvidenceRun, colours: Mapping[str, str]) -> 
     for name, (mean, covariance) in tracks.items():
         known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
         time, at, p = run.time[known], mean[:2, known], covariance[:, :, known]
-        _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0)
+        _send_path(stream, (*world, name), time, at, COLOURS[name], 4.0, WIDTHS[name])
         send_ellipses(stream, path(*world, name, "covariance"), time, at, p, COLOURS[name], 15.0)
     for sensor, colour in colours.items():
         scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
@@ -56,8 +58,10 @@ def send_scene(stream: Stream, run: EvidenceRun, colours: Mapping[str, str]) -> 
         send_points(stream, path(*measurements(run.drive, sensor)), time, at, colour, 2.0, 10.0)
 
 
-def _send_path(stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float) -> None:
-    """The position over time, and the whole path."""
+def _send_path(
+    stream: Stream, place: tuple[str, ...], time: Array, position: Array, colour: str, size: float, width: float = 0.75
+) -> None:
+    """The position over time, and the whole path; narrow paths are on top."""
     send_points(stream, path(*place), time, position, colour, size, 20.0)
-    line = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(0.75), draw_order=5.0)
+    line = rr.LineStrips2D([position.T], colors=rgba(colour), radii=pixels(width), draw_order=5.0 - width)
     stream.static(path(*place, "path"), line)

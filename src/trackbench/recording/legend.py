@@ -60,7 +60,7 @@ def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:
 
 def height(shown: list[NamedColour]) -> float:
     """Pixels that the rows take."""
-    return max(y for _, _, y in _placed(shown)) + 0.8 * ROW
+    return max(y for _, _, y in _placed(shown)) + 0.9 * ROW
 
 
 def _placed(shown: list[NamedColour]) -> Iterator[tuple[NamedColour, float, float]]:
