@@ -80,9 +80,9 @@ def write_log(
 ) -> Path:
     """Write a log, and a scenario that knows nothing of the errors; returns the scenario's file."""
     truth = _truth(duration_s, json.dumps(objects), moving)
-    every = 100 // truth_hz
+    every, vx, vy = 100 // truth_hz, truth.vx, truth.vy
     rows = [
-        [truth.time[k], name, truth.px[k, i, 0], truth.py[k, i, 0], truth.vx[k, i, 0], truth.vy[k, i, 0]]
+        [truth.time[k], name, truth.px[k, i, 0], truth.py[k, i, 0], vx[k, i, 0], vy[k, i, 0]]
         for k in range(0, len(truth.time), every)
         for i, name in enumerate(truth.ids)
     ]
