@@ -48,8 +48,8 @@ BAD = [
         "env: highway-v0",
         "env: highway-v0\n  speed_kmh: 90",
         [
-            "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, observer, "
-            "targets, ego, audit"
+            "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, seeds, "
+            "observer, targets, ego, steering_rate_degps, audit"
         ],
     ),
     ("{nearest: 4}", "{nearst: 4}", ["9: truth.targets: write all, {nearest: 4} or {ids: [v1, v2]}"]),
@@ -151,7 +151,7 @@ BAD = [
         "score: 2",
         [
             "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, divergence_m, min_coverage, "
-            "reference, metrics)"
+            "margin, reference, metrics)"
         ],
     ),
     ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),
@@ -324,7 +324,7 @@ BAD = [
         "metric: nees.verdict, below: 5",
         [
             "27: expect.0.below: nees.verdict is a word, not a number; "
-            "use is: consistent | optimistic | pessimistic | undecided"
+            "use is: consistent | optimistic | pessimistic | undecided | mixed"
         ],
     ),
     (

@@ -48,8 +48,8 @@ def test_every_help_fits_its_terminal_and_has_an_example(
     assert lines[0].startswith(" ".join(["Usage: trackbench", *path]))
     assert max(map(len, lines)) <= columns
     assert not any(line.endswith("...") for line in lines[1:]), "a text is cut off"
-    heading = next(i for i, line in enumerate(lines) if line.strip() in ("Example:", "Examples:"))
-    assert any(f"trackbench {' '.join(path)}".rstrip() in line for line in lines[heading + 1 :])
+    heading = next(i for i, line in enumerate(lines) if line.strip().startswith(("Example:", "Examples:")))
+    assert any(f"trackbench {' '.join(path)}".rstrip() in line for line in lines[heading:])
 
 
 def test_the_first_help_fits_a_screen(cli: Cli) -> None:

@@ -46,8 +46,7 @@ def cli() -> None:
     """
     \b
     Run vehicle trackers on the same truth and noise, and compare their errors.
-    Example:
-      trackbench run highway
+    Example:  trackbench run highway
     """
 
 

@@ -22,7 +22,7 @@ def snapshot_command(
     vehicle: str | None,
     tracker: str | None,
 ) -> None:
-    """Save a picture of a run in the viewer, at a time or at the worst moment.
+    """Save a picture of a run, at a time or at its worst moment.
 
     It needs no screen, but a Vulkan driver. RUN is a recording (.rrd) or the folder of a run; several of the same
     traffic are laid over each other.

@@ -97,20 +97,23 @@ def run_block(
     if observe is not None and scans is not None:
         observe(scans)
     instants = len(scene.instants())
-    chunk = next(iter(trackers.values())).chunk
+    chunk, done = next(iter(trackers.values())).chunk, 0
     for first in range(0, instants, chunk):
         here = range(first, min(first + chunk, instants))
-        if observe is None:
-            # One tracker after the other: its state stays in the processor's cache.
-            for tracker in trackers.values():
-                for _ in here:
-                    tracker.advance()
-        else:
-            for instant in here:
-                each = {name: tracker.advance() for name, tracker in trackers.items()}
-                observe(RecordedInstant(instant, {name: found for name, found in each.items() if found is not None}))
+        # One tracker after the other where nobody looks on: its state stays in the processor's cache.
+        stretches = [here] if observe is None else [range(instant, instant + 1) for instant in here]
+        for stretch in stretches:
+            found: dict[str, Gaussian] = {}
+            for name, tracker in trackers.items():
+                for _ in stretch:
+                    estimate = tracker.advance()
+                    if estimate is not None:
+                        found[name] = estimate
+                    done += 1
+                    progress(done / (instants * len(trackers)) * len(runs), len(runs))
+            if observe is not None:
+                observe(RecordedInstant(stretch.start, found))
         _score(list(trackers.values()))
-        progress(here.stop / instants * len(runs), len(runs))
     sums = {name: tracker.close() for name, tracker in trackers.items()}
     recorded = {name: tracker.recorded for name, tracker in trackers.items() if tracker.recorded is not None}
     return Block(piece, sums, recorded, scans, measurements.detections, measurements.digests)
