@@ -95,7 +95,7 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
         time=truth.time,
         state=np.stack([truth.px, truth.py, truth.vx, truth.vy]),
         alive=truth.alive,
-        start=np.zeros((1, of.runs)),
+        due=np.ones((of.steps, 1, of.runs), dtype=bool),
         divergence=20.0,
         reference=np.zeros((2, of.steps, 1, 1)),
     )

@@ -252,6 +252,7 @@ def make_summary() -> dict[str, Any]:
         "score": {
             "settle_s": 1.0,
             "divergence_m": 20.0,
+            "lost_after_s": 5.0,
             "min_coverage": 0.9,
             "common_share": 1.0,
             "from_s": 0.0,
@@ -323,6 +324,7 @@ def make_tables() -> dict[str, pa.Table]:
                     "position_error_m": np.hypot(*noise),
                     "velocity_error_mps": 2.1 * np.hypot(*noise),
                     "nees": np.full(TIME.size, NEES[name] or np.nan),
+                    "due": (TIME >= 1.0).astype(float),
                 }
             )
     bodies = {**paths, "observer": np.stack([21 * TIME, np.full(TIME.size, 4.0)])}

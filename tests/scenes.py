@@ -147,7 +147,9 @@ def work(
 ) -> Work:
     """What ``run_block`` takes."""
     scene = Scene(of, ideal_sensors(of, sensors))
-    return Work("test", seed, runs, [scene], trackers, None, settle, divergence, 0, 0, acceleration, velocity_sigma)
+    return Work(
+        "test", seed, runs, [scene], trackers, None, settle, divergence, 5.0, 0, 0, acceleration, velocity_sigma
+    )
 
 
 def block_of(whole: Work, runs: range) -> Block:

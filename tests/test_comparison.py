@@ -101,6 +101,7 @@ def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), fail
         "score": {
             "settle_s": 0.0,
             "divergence_m": 10.0,
+            "lost_after_s": 5.0,
             "min_coverage": 0.9,
             "common_share": 1.0,
             "from_s": 0.0,

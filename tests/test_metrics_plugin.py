@@ -392,7 +392,7 @@ WRITES = [
     ("chunk", "chunk.innovations['radar'] = []"),
     ("chunk", "chunk.innovations['radar'].clear()"),
     ("scope", "scope.target.state[:] = 0"),
-    ("scope", "scope.target.start[:] = 9"),
+    ("scope", "scope.target.due[:] = False"),
     ("scope", "scope.classes[:] = 0"),
     ("scope", "scope.measurements['radar'] = 1"),
 ]

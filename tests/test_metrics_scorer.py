@@ -30,11 +30,13 @@ def target(state, runs, *, alive=None, start=0.0, divergence=10.0, reference=(0.
     """Of a truth ``(4, instants, objects)`` that is the same in every run."""
     state = np.asarray(state, dtype=float)[..., None]
     _, instants, objects, _ = state.shape
+    there = np.ones((instants, objects), dtype=bool) if alive is None else np.asarray(alive)
+    late = np.arange(instants)[:, None] >= start
     return Target(
         time=np.arange(instants) * 1.0,
         state=state,
-        alive=np.ones((instants, objects), dtype=bool) if alive is None else np.asarray(alive),
-        start=np.full((objects, runs), start),
+        alive=there,
+        due=np.broadcast_to((there & late)[..., None], (instants, objects, runs)),
         divergence=divergence,
         reference=np.broadcast_to(np.reshape(reference, (2, 1, 1, 1)), (2, instants, objects, 1)),
     )

@@ -4,14 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.scenes import block_of, random_walk, scan, values, work
+from tests.scenes import block_of, random_walk, scan, truth, values, work
 from tests.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, scored_together, target
 
-from trackbench.metrics import evaluate
+from trackbench.metrics import Interval, evaluate
+from trackbench.metrics.builtin import PositionRmse
+from trackbench.metrics.differences import differences
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.parts import scores_of, stretches
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.base import Dropout
+from trackbench.results.summary import MarginSummary
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.work import BlockRuns, Scene
@@ -161,6 +165,41 @@ def test_scenes_of_different_length_are_added_instant_by_instant():
         count[: short.spread.shape[1]], errors(short).per_step[0] + errors(long).per_step[0][: short.spread.shape[1]]
     )
     assert both.due.shape == (4,)
+
+
+def test_the_first_scene_may_be_the_shortest():
+    whole = scenes(2, 2)
+    both = merge([run_block(whole, piece).scores["raw"] for piece in whole.pieces()])
+    assert both.spread.shape == (2, len(whole.scenes[1].instants()))
+    assert np.isnan(both.spread[:, -1]).all()
+
+
+def test_nobody_is_better_who_leaves_out_what_the_other_gives():
+    spread = 1e-3 * (-1.0) ** np.arange(50)
+    found = {name: {"position_rmse": Interval(value, spread)} for name, value in (("a", 0.1), ("b", 0.2))}
+    margin = MarginSummary(percent=1, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
+    for coverage, better in ((1.0, "a"), (0.995, "a"), (0.97, None)):
+        (item,) = differences(found, [PositionRmse()], margin, {"a": coverage, "b": 1.0})
+        assert item.better == better
+
+
+def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():
+    # Away from the sensor at 20 m/s, out of range from 2 s on.
+    time = np.arange(60) * 0.1
+    of = truth(time, *(values[:, None, None] for values in (10 + 20 * time, 0 * time, 20 + 0 * time, 0 * time)))
+    near = {"lidar": SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": 1.0})}
+    for lost_after, last in ((1.0, 3.0), (2.5, 4.5)):
+        whole = replace(work(of, near, {"ekf": TWO["ekf"]}, 2), lost_after=lost_after)
+        count = errors(block_of(whole, range(2)).scores["ekf"]).per_step[ERROR["count"]]
+        assert time[np.flatnonzero(count)[-1]] == pytest.approx(last)
+
+
+def test_silence_of_a_sensor_is_no_excuse():
+    time = np.arange(60) * 0.1
+    of = truth(time, *(values[:, None, None] for values in (10 + 2 * time, 0 * time, 2 + 0 * time, 0 * time)))
+    silent = {"lidar": SENSORS["lidar"].model_copy(update={"dropouts": (Dropout(from_s=2, to_s=5),)})}
+    count = errors(block_of(work(of, silent, {"ekf": TWO["ekf"]}, 2), range(2)).scores["ekf"]).per_step[ERROR["count"]]
+    assert (count[5:] == 2).all()
 
 
 def test_a_single_run_is_cut_into_stretches_of_time():

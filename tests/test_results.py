@@ -55,6 +55,7 @@ SMALL = Result.from_json(
         "score": {
             "settle_s": 0,
             "divergence_m": 20,
+            "lost_after_s": 5.0,
             "min_coverage": 0.9,
             "common_share": 1.0,
             "from_s": 0.0,

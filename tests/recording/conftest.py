@@ -214,6 +214,7 @@ def _summary() -> Summary:
         score=ScoreSummary(
             settle_s=0.0,
             divergence_m=10.0,
+            lost_after_s=5.0,
             min_coverage=0.5,
             common_share=1.0,
             from_s=0.0,

@@ -81,6 +81,9 @@ def _prepare(scenario: Scenario, plan: Plan, listener: Listener, place: str) -> 
         from trackbench.runner.until import first_look
 
         scenario = first_look(scenario, plan.precision[1])
+        if len(scenario.config.truth.scenes()) > 1:
+            problem = "more runs of the same scenes do not narrow an interval over scenes; take more scenes"
+            raise InputError(problem, file=scenario.path, key="--runs-until")
         if len(scenario.config.trackers) < 2:
             problem = "needs two trackers, whose difference it is about"
             raise InputError(problem, file=scenario.path, key="--runs-until")

@@ -154,6 +154,8 @@ def _noise(baseline: Entry, later: Entry) -> str:
         )
         if ours != theirs
     ]
+    if baseline.result.summary.fingerprints[0] == later.result.summary.fingerprints[0]:
+        found.append("fewer than two runs in common")
     return (
         "; ".join(found)
         or _changed(a.versions, b.versions)

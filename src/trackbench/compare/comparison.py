@@ -19,8 +19,6 @@ SCHEMA_VERSION = 3
 TIMES = ("step_time",)
 #: Significant digits that are kept: what differs from machine to machine is far behind them.
 DIGITS = 4
-#: A share of estimates that is smaller by more than this is a loss: errors of fewer moments are no gain.
-COVERAGE = 0.01
 
 GateOutcome = Literal["passed", "failed", "undecided", "error"]
 

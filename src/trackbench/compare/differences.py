@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from trackbench.compare.comparability import Comparability
-from trackbench.compare.comparison import COVERAGE, Entrant, NotCompared, OverallChange, PairDifference
+from trackbench.compare.comparability import Comparability, IntArray
+from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.compare.metrics import ComparedMetric
-from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
+from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
 
 
@@ -105,6 +105,17 @@ def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Itera
                 of_entrant=other is not None,
             )
             continue
+        if match.entry is not match.against and not _same_moments(match, pair, shared):
+            yield NotCompared(
+                scenario=match.scenario,
+                metric=metric.path,
+                entrant=entrant,
+                against=against,
+                reason=f"{pair[0]} is scored at other instants than {pair[1]}: other trackers stood beside it, "
+                "which did not give all estimates; run both versions with the same trackers",
+                of_entrant=True,
+            )
+            continue
         margin = margin_between(own, other, metric.unit, metric.better, match.against.result.summary.score.margin)
         if limit is not None:
             margin = min(margin, limit / 100 * abs(other.value))
@@ -131,12 +142,27 @@ def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Itera
         yield _Found(item.model_copy(update=update), result)
 
 
+def _same_moments(match: Match, pair: tuple[str, str], shared: tuple[IntArray, IntArray] | None) -> bool:
+    """Whether the errors of both are of as many estimates, where they saw the same measurements."""
+    if shared is None:
+        return True
+    own, other = match.entry.estimates(pair[0], shared[1]), match.against.estimates(pair[1], shared[0])
+    lost = match.against.coverage(pair[1]) - match.entry.coverage(pair[0])
+    return abs(own - other) <= (SILENCE + abs(lost)) * max(own, other)
+
+
 def _corrected(family: Sequence[_Found], metric: ComparedMetric) -> list[PairDifference]:
     corrected = holm([found.item.p_value for found in family])
     return [
-        found.item.model_copy(update={"p_value": p, "verdict": verdict(found.contrast, p, metric.better)})
+        found.item.model_copy(update={"p_value": p, "verdict": _verdict(found, p, metric)})
         for found, p in zip(family, corrected, strict=True)
     ]
+
+
+def _verdict(found: _Found, p_value: float, metric: ComparedMetric) -> str:
+    """Nobody is better who leaves out estimates that the other gives: they may be the hard ones."""
+    word, lost = verdict(found.contrast, p_value, metric.better), found.item.lost_coverage
+    return UNDECIDED if (word == "better" and lost > SILENCE) or (word == "worse" and lost < -SILENCE) else word
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
@@ -164,7 +190,7 @@ def coverage_notes(matches: Sequence[Match]) -> Iterator[str]:
     for match in matches:
         for a, b in match.pairs:
             own, other = match.entry.coverage(a), match.against.coverage(b)
-            if abs(own - other) > COVERAGE:
+            if abs(own - other) > SILENCE:
                 same = match.entry is match.against
                 which = "errors count where both gave one" if same else "their errors are of different moments"
                 yield (

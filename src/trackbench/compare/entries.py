@@ -78,6 +78,11 @@ class Entry:
         found = self.result[tracker].metrics.get("coverage")
         return (found.value if found else None) or 0.0
 
+    def estimates(self, tracker: str, runs: NDArray[np.intp]) -> float:
+        """Number of estimates of some runs that are scored."""
+        table = self.table("runs")
+        return float(self._column(table.filter(pc.equal(table["tracker"], tracker)), "count")[runs].sum())
+
     def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 

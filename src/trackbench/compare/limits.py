@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from trackbench.compare.comparison import COVERAGE, Entrant, GateOutcome, GateResult, NotCompared, PairDifference
+from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.errors import InputError
+from trackbench.metrics.differences import SILENCE
 
 OPTION = "--fail-on-regression"
 
@@ -84,7 +85,7 @@ def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome,
 
 
 def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> GateOutcome:
-    if item.lost_coverage > COVERAGE:
+    if item.lost_coverage > SILENCE:
         return "failed"
     if item.percent is None:
         # Nothing is a percentage of zero: any worsening that is shown is more.
@@ -98,7 +99,7 @@ def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> Gate
 
 def _text(item: PairDifference, limit: Limit) -> str:
     allowed = f"{limit.percent:g} % allowed"
-    if item.lost_coverage > COVERAGE:
+    if item.lost_coverage > SILENCE:
         return f"{100 * item.lost_coverage:.0f} % of the estimates that the baseline has are missing"
     if item.identical:
         return f"the same in every run; {allowed}"

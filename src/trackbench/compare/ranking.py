@@ -12,7 +12,6 @@ from trackbench.compare.entries import Entry
 from trackbench.compare.mean_ranks import interval, sign_flip
 from trackbench.metrics.differences import LEVEL
 from trackbench.metrics.intervals import holm
-from trackbench.types import Array
 
 #: The metric that trackers are ranked by.
 RANKED_BY = "position_rmse"
@@ -101,25 +100,25 @@ def ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[Ra
             )
         )
     found.sort(key=lambda item: (item.mean_rank, item.tracker))
-    order = [names.index(item.tracker) for item in found]
-    return found, _rank_differences([names[i] for i in order], ranks[:, order]) if len(by_scenario) > 1 else []
+    order = [item.tracker for item in found]
+    return found, _rank_differences(order, [*by_scenario.values()], pairings) if len(by_scenario) > 1 else []
 
 
-def _rank_differences(names: Sequence[str], ranks: Array) -> list[RankDifference]:
-    """Every pair of trackers.
+def _rank_differences(
+    names: Sequence[str], scenarios: Sequence[dict[str, EntrantScore]], pairings: Pairings
+) -> list[RankDifference]:
+    """Every pair of trackers, by the pairings of these two alone: others in the field change nothing.
 
-    Args:
-        names: of the trackers.
-        ranks: ``(scenarios, trackers)``, NaN where a tracker did not take part.
+    Source: Benavoli, Corani and Mangili (2016), "Should we really use post-hoc tests based on mean-ranks?"
     """
-    pairs = [*combinations(range(len(names)), 2)]
+    pairs = [*combinations(names, 2)]
     if not pairs:
         return []
-    first, second = np.array(pairs).T
-    corrected = holm(sign_flip(np.nan_to_num(ranks[:, first] - ranks[:, second]).T).tolist())
+    won = {"won": -1.0, "tied": 0.0, "lost": 1.0}
+    outcomes = np.array([[won[_outcome(scenario, a, b, pairings)] for scenario in scenarios] for a, b in pairs])
     return [
-        RankDifference(a=names[i], b=names[j], p_value=p_value, shown=p_value < LEVEL)
-        for (i, j), p_value in zip(pairs, corrected, strict=True)
+        RankDifference(a=a, b=b, p_value=p_value, shown=p_value < LEVEL)
+        for (a, b), p_value in zip(pairs, holm(sign_flip(outcomes).tolist()), strict=True)
     ]
 
 
@@ -137,14 +136,18 @@ def _ranks(scenario: dict[str, EntrantScore], names: Sequence[str]) -> list[floa
 
 
 def _outcomes(scenario: dict[str, EntrantScore], name: str, pairings: Pairings) -> Iterator[str]:
-    """A tracker's pairings in a scenario; one without a score loses against one that has one."""
-    own = scenario.get(name)
-    for other in scenario.values() if own is not None else ():
-        assert own is not None
-        if other is own:
-            continue
-        if (own.rank is None) != (other.rank is None):
-            yield "won" if other.rank is None else "lost"
-            continue
-        better = pairings.better(own.scenario, name, other.entrant.tracker)
-        yield "tied" if better is None else "won" if better == name else "lost"
+    """A tracker's pairings in a scenario that it takes part in."""
+    for other in scenario if name in scenario else ():
+        if other != name:
+            yield _outcome(scenario, name, other, pairings)
+
+
+def _outcome(scenario: dict[str, EntrantScore], name: str, against: str, pairings: Pairings) -> str:
+    """One without a score loses against one that has one; nothing is decided where one takes no part."""
+    own, other = scenario.get(name), scenario.get(against)
+    if own is None or other is None:
+        return "tied"
+    if (own.rank is None) != (other.rank is None):
+        return "won" if other.rank is None else "lost"
+    better = pairings.better(own.scenario, name, against)
+    return "tied" if better is None else "won" if better == name else "lost"

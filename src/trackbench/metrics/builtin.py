@@ -16,6 +16,7 @@ from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
 from trackbench.metrics.verdicts import (
     CONSISTENCY,
+    LEAST_COVERAGE,
     WHITENESS,
     WHITENESS_TOLERANCE,
     judged,
@@ -148,7 +149,10 @@ class Nis(BuiltInMetric):
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
         found = _chi_square(ratio(total, count, positive=True), nis.dof, inside)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
-        return found.model_copy(update={"inside95": share, "coverage": _share(count.sum(), expected)})
+        coverage = _share(count.sum(), expected)
+        # The innovations that are missing may be the large ones.
+        word = found.verdict if coverage >= LEAST_COVERAGE else "undecided"
+        return found.model_copy(update={"inside95": share, "coverage": coverage, "verdict": word})
 
 
 class Whiteness(BuiltInMetric):

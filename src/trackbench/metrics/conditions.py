@@ -95,13 +95,24 @@ def _first_seen(sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
     return first
 
 
-def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Mask:
-    """Where no sensor could have seen the object for too long; chance misses do not count."""
+def out_of_view(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Array:
+    """``(instants, objects, runs or 1)`` for how long no sensor could see the object, s; infinite where none could yet.
+
+    Args:
+        time: of the truth's steps, s.
+        instants: indices of those that are wanted.
+        sensors: each with where it can see the objects, ``(measurements, objects, runs or 1)``.
+    """
     latest: Array = np.array(-np.inf)
     for sensor, visible in sensors:
         seen = np.maximum.accumulate(np.where(visible, sensor.time[:, None, None], -np.inf), axis=0)
         measurement = np.searchsorted(sensor.steps, instants, side="right") - 1
         latest = np.maximum(latest, np.where(measurement[:, None, None] < 0, -np.inf, seen[measurement]))
+    return np.asarray(time[instants][:, None, None] - latest)
+
+
+def _in_gap(time: Array, instants: Indices, sensors: Sequence[tuple[IdealSensor, Mask]]) -> Mask:
+    """Where no sensor could have seen the object for too long; chance misses do not count."""
     periods = [float(np.median(np.diff(sensor.time))) if len(sensor.time) > 1 else np.inf for sensor, _ in sensors]
     limit = GAP_PERIODS * max(periods) * (1 + ROUNDING)
-    return np.asarray(time[instants][:, None, None] - latest > limit)
+    return out_of_view(time, instants, sensors) > limit

@@ -12,13 +12,18 @@ from trackbench.results.summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05
+#: A tracker whose share of estimates is smaller by more than this is not called better.
+SILENCE = 0.01
 EQUIVALENT, UNDECIDED = "equivalent", "undecided"
 #: Of the first of two; ``larger`` and ``smaller`` where neither is better.
 VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 
 def differences(
-    trackers: Mapping[str, Mapping[str, Interval]], metrics: Sequence[Metric], margin: MarginSummary
+    trackers: Mapping[str, Mapping[str, Interval]],
+    metrics: Sequence[Metric],
+    margin: MarginSummary,
+    coverage: Mapping[str, float],
 ) -> list[Difference]:
     """Every pair of trackers by every metric that is compared, the p-values of each metric corrected for their number.
 
@@ -26,14 +31,25 @@ def differences(
         trackers: by name, the metrics that are means over runs, by path.
         metrics: all that there are.
         margin: what does not matter.
+        coverage: by name, the share of the estimates that it should give that a tracker gave.
     """
-    return [
+    found = [
         difference
         for metric in metrics
         if metric.compared and metric.better is not None
         for path in _paths(metric, trackers)
         for difference in _of(path, metric.unit, metric.better, trackers, margin)
     ]
+    return [_unless_silent(item, coverage) for item in found]
+
+
+def _unless_silent(item: Difference, coverage: Mapping[str, float]) -> Difference:
+    """Nobody is better who leaves out estimates that the other gives: they may be the hard ones."""
+    if item.better is None:
+        return item
+    (other,) = {item.a, item.b} - {item.better}
+    silent = coverage[item.better] < coverage[other] - SILENCE
+    return item.model_copy(update={"better": None, "verdict": UNDECIDED}) if silent else item
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:

@@ -24,6 +24,21 @@ class Interval(NamedTuple):
     """``(runs,)`` what each run adds to the value, to first order; its mean is zero. ``(scenes,)`` once clustered."""
     positive: bool = False
     """Whether each run adds something that cannot be negative, such as squared errors."""
+    weight: Array | None = None
+    """``(runs,)`` how much the value leans to each, to scale; alike unless given."""
+
+    @property
+    def corrected(self) -> Array:
+        """The influence as if the value did not lean to the runs or scenes that weigh more: the jackknife's correction.
+
+        Source: Bell and McCaffrey (2002), "Bias reduction in standard errors for linear regression with multi-stage
+        samples".
+        """
+        parts = len(self.influence)
+        if self.weight is None or parts < 2:
+            return self.influence
+        rest = np.maximum(1.0 - self.weight / self.weight.sum(), 1.0 / parts**2)
+        return np.asarray(self.influence * (1.0 - 1.0 / parts) / rest)
 
     @property
     def ci95(self) -> tuple[float, float] | None:
@@ -35,7 +50,7 @@ class Interval(NamedTuple):
 
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
-        error = _standard_error(self.influence)
+        error = _standard_error(self.corrected)
         if error is None:
             return None
         reach = _t95(len(self.influence) - 1) * error
@@ -56,14 +71,14 @@ def ratio(total: Array, count: Array, *, positive: bool = False) -> Interval:
         positive: whether no term can be negative.
     """
     mean = float(total.sum() / count.sum())
-    return Interval(mean, (total - mean * count) / count.mean(), positive)
+    return Interval(mean, (total - mean * count) / count.mean(), positive, count)
 
 
 def root(mean_square: Interval) -> Interval:
     """The root of a mean square, by the delta method."""
     value = float(np.sqrt(mean_square.value))
     slope = 0.5 / value if value > 0 else 0.0
-    return Interval(value, mean_square.influence * slope, positive=True)
+    return Interval(value, mean_square.influence * slope, True, mean_square.weight)
 
 
 def scaled(interval: Interval, factor: float) -> Interval:
@@ -101,7 +116,9 @@ def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
     scenes, index = np.unique(scene, return_inverse=True)
     if len(scenes) == 1:
         return interval
-    return interval._replace(influence=np.bincount(index, interval.influence) * len(scenes) / len(index))
+    weight = np.ones(len(index)) if interval.weight is None else interval.weight
+    influence = np.bincount(index, interval.influence) * len(scenes) / len(index)
+    return interval._replace(influence=influence, weight=np.bincount(index, weight).astype(float))
 
 
 class VarianceShares(NamedTuple):
@@ -162,7 +179,7 @@ class Contrast(NamedTuple):
 
 def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
-    influence = a.influence - b.influence
+    influence = a.corrected - b.corrected
     return _tested(a, b, _standard_error(influence), len(influence) - 1, margin)
 
 
@@ -172,7 +189,7 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     Source: Welch (1947), "The generalization of Student's problem when several different population variances are
     involved". Where the runs have something in common after all, the interval is too wide rather than too narrow.
     """
-    errors = [_standard_error(item.influence) for item in (a, b)]
+    errors = [_standard_error(item.corrected) for item in (a, b)]
     if errors[0] is None or errors[1] is None:
         return _tested(a, b, None, 0, margin)
     squares = [error**2 for error in errors if error is not None]

@@ -135,10 +135,11 @@ def worst(
         count: how many moments at most.
         vehicle: of this one alone.
     """
-    time = recorded.target.time
+    time = recorded.time
     errors = np.array([recorded.tracks[name].position_error for name in trackers])
-    errors = errors.reshape(len(trackers), *recorded.scored.shape)
-    counted = recorded.scored & np.array([vehicle in (None, name) for name in recorded.objects])
+    errors = errors.reshape(len(trackers), *recorded.alive.shape)
+    due = np.array([recorded.tracks[name].due for name in trackers]).reshape(errors.shape)
+    counted = due & np.array([vehicle in (None, name) for name in recorded.objects])
     errors = np.where(counted, errors, np.nan)
     found: list[EstimateMoment] = []
     while len(found) < count and np.isfinite(errors).any():
@@ -158,9 +159,9 @@ def distinct(moments: Iterable[EstimateMoment]) -> list[EstimateMoment]:
 
 
 def _estimates(recorded: RecordedRun, time: float, present: set[str]) -> list[EstimateMoment]:
-    if time < recorded.target.time[0] - 1e-9:
+    if time < recorded.time[0] - 1e-9:
         return []
-    instant = _latest(recorded.target.time, time)
+    instant = _latest(recorded.time, time)
     return [
         _estimate(recorded, tracker, instant, i)
         for tracker, track in recorded.tracks.items()
@@ -175,7 +176,7 @@ def _estimate(recorded: RecordedRun, tracker: str, instant: int, i: int) -> Esti
     return EstimateMoment(
         tracker=tracker,
         object=recorded.objects[i],
-        time_s=float(recorded.target.time[instant]),
+        time_s=float(recorded.time[instant]),
         **mean,
         position_error_m=_known(track.position_error[instant, i]),
         velocity_error_mps=_known(track.velocity_error[instant, i]),

@@ -41,8 +41,9 @@ class Target(NamedTuple):
     """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
     alive: Mask
     """``(instants, objects)``"""
-    start: Array
-    """``(objects, runs)`` from when the tracker is scored, s; infinity where its sensors never detected the object."""
+    due: Mask
+    """``(instants, objects, runs)`` where a tracker should have an estimate, and is scored: the object is there, was
+    detected, its track settled, and it is or was not long ago in view of a sensor."""
     divergence: float
     """m"""
     reference: Array
@@ -69,18 +70,16 @@ class Scope:
 
     @property
     def objects(self) -> int:
-        return len(self.target.start)
+        return int(self.target.due.shape[1])
 
     @property
     def runs(self) -> int:
-        return int(self.target.start.shape[1])
+        return int(self.target.due.shape[2])
 
     @property
     def expected(self) -> Mask:
-        """``(instants, objects * runs)`` where an object is there and its track settled."""
-        target = self.target
-        expected = target.alive[:, :, None] & (target.time[:, None, None] >= target.start)
-        return expected.reshape(len(target.time), -1)
+        """``(instants, objects * runs)`` where an estimate is due."""
+        return self.target.due.reshape(len(self.target.time), -1)
 
 
 class Innovation(NamedTuple):

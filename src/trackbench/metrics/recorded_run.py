@@ -28,6 +28,8 @@ class RecordedTrack:
     """``(instants, objects)`` m/s."""
     nees: Array
     """``(instants, objects)``"""
+    due: Mask
+    """``(instants, objects)`` where an estimate counts."""
 
 
 @dataclass(frozen=True)
@@ -35,15 +37,21 @@ class RecordedRun:
     """The recorded run at each instant of a measurement."""
 
     objects: tuple[str, ...]
-    target: Target
+    time: Array
+    """``(instants,)`` s."""
+    state: Array
+    """``(4, instants, objects)`` the true px, py, vx, vy."""
+    alive: Mask
+    """``(instants, objects)``"""
+    divergence: float
+    """m"""
     tracks: dict[str, RecordedTrack]
     """By tracker, those that did not fail."""
 
-    @property
-    def scored(self) -> Mask:
-        """``(instants, objects)`` where an estimate counts."""
-        late = self.target.time[:, None] >= self.target.start[:, 0]
-        return np.asarray(self.target.alive & late)
+    def target(self, tracker: str) -> Target:
+        """What a tracker is held against; without a reference, which needs the sensors' models."""
+        due, no_reference = self.tracks[tracker].due[..., None], np.zeros((2, len(self.time), 1, 1))
+        return Target(self.time, self.state[..., None], self.alive, due, self.divergence, no_reference)
 
 
 def recorded_run(result: Result) -> RecordedRun:
@@ -55,16 +63,11 @@ def recorded_run(result: Result) -> RecordedRun:
     at = np.searchsorted(truth[objects[0]]["time_s"], time)
     state = np.stack([np.stack([truth[name][column][at] for name in objects], axis=1) for column in STATE])
     alive = np.stack([truth[name]["alive"][at] for name in objects], axis=1).astype(bool)
-    start = np.full((len(objects), 1), np.inf)
-    for (name,), rows in split(tables.measurements, "object").items():
-        valid = rows["valid"].astype(bool)
-        if valid.any():
-            start[objects.index(name)] = rows["time_s"][valid][0] + score.settle_s
-    target = Target(time, state[..., None], alive, start, score.divergence_m, np.zeros((2, len(time), 1, 1)))
     tracks: dict[str, dict[str, Columns]] = {}
     for (tracker, name), rows in split(tables.estimates, "tracker", "object").items():
         tracks.setdefault(tracker, {})[name] = rows
-    return RecordedRun(objects, target, {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()})
+    found = {tracker: _track(rows, objects, time) for tracker, rows in tracks.items()}
+    return RecordedRun(objects, time, state, alive, score.divergence_m, found)
 
 
 def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> RecordedTrack:
@@ -82,4 +85,5 @@ def _track(rows: dict[str, Columns], objects: tuple[str, ...], time: Array) -> R
         position_error=column("position_error_m"),
         velocity_error=column("velocity_error_mps"),
         nees=column("nees"),
+        due=column("due") > 0,
     )

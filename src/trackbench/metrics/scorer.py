@@ -52,7 +52,7 @@ class Scorer:
         """
         self._target = target
         _, _, self._objects, _ = target.state.shape
-        self._runs = target.start.shape[1]
+        self._runs = target.due.shape[2]
         batch = self._objects * self._runs
         self.chunk: int = max(1, BATCH // batch)
         self.tracker = tracker

@@ -190,7 +190,7 @@ def merge(blocks: Sequence[BlockScores]) -> BlockScores:
             )
             for name in first.nis
         },
-        spread=first.spread,
+        spread=_padded(first.spread, max(block.spread.shape[1] for block in blocks)),
         duration=max(block.duration for block in blocks),
         seconds=sum(block.seconds for block in blocks),
         steps=sum(block.steps for block in blocks),
@@ -214,6 +214,11 @@ def _joined(cells: Sequence[Cells], first: Sequence[int]) -> Cells:
         np.concatenate([item.part + at for item, at in zip(cells, first, strict=True)]),
         np.concatenate([item.values for item in cells], axis=1),
     )
+
+
+def _padded(values: Array, length: int) -> Array:
+    """``(..., length)`` with NaN at the end."""
+    return np.pad(values, ((0, 0), (0, length - values.shape[1])), constant_values=np.nan)
 
 
 def _total(parts: Sequence[Array]) -> Array:

@@ -11,7 +11,7 @@ MEANING = {
     "optimistic": "the errors are larger than its covariance states",
     "pessimistic": "the errors are smaller than its covariance states",
     "mixed": "the errors are larger or smaller than its covariance states, depending on the condition",
-    "undecided": "too few runs to say whether the errors are as large as its covariance states",
+    "undecided": "too few runs or scenes to say whether the errors are as large as its covariance states",
 }
 
 

@@ -17,6 +17,10 @@ TOLERANCE = 0.1
 #: with: even of a sound filter, the mean NEES in a manoeuvre is up to 30 % above its degrees of freedom, and on
 #: straights up to 15 % below, as the calibration measures.
 BELOW, ABOVE = 0.25, 0.5
+#: The parts of the NEES, which are judged too.
+HALVES = ("position alone", "velocity alone")
+#: A NIS is judged where this share of the innovations that there should be is given.
+LEAST_COVERAGE = 0.95
 #: A condition is judged where it has this share of the estimates, from so many runs or scenes.
 SMALLEST_SHARE = 0.02
 FEWEST_RUNS = 5
@@ -53,10 +57,11 @@ def whiteness_verdict(ci95: tuple[float, float] | None) -> str:
 
 
 def judged(breakdown: Breakdown) -> list[ConditionVerdict]:
-    """The conditions with enough estimates: each manoeuvre, each range band, and the first second."""
+    """The conditions with enough estimates: each manoeuvre, each range band and the first second; and the two halves of
+    the NEES."""
     found = {**breakdown.manoeuvre, **breakdown.range, **breakdown.age}
     found.pop(AGES[1], None)
-    return list(_judged(found.items(), breakdown.all.count))
+    return [*_judged(found.items(), breakdown.all.count), *_halves(breakdown.all)]
 
 
 def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) -> str:
@@ -66,7 +71,8 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) ->
     estimates or under some conditions, to that side alone. ``mixed``: off to both sides; or off under some condition
     and consistent over all estimates; or consistent under some condition, with a mean that differs from that over all
     estimates by more than is allowed for under a condition. The first second does not count for the last: it rests on
-    the covariance that a track starts from, and may be right where the process noise is wrong everywhere.
+    the covariance that a track starts from, and may be right where the process noise is wrong everywhere; nor do
+    position and velocity alone, which no fault need touch alike.
 
     Args:
         mean: over all estimates.
@@ -80,9 +86,19 @@ def together(mean: float, whole: str, conditions: Sequence[ConditionVerdict]) ->
     apart = any(
         _side(condition.ci95, mean * (1 - BELOW), mean * (1 + ABOVE)) in (-1, 1)
         for condition in conditions
-        if condition.verdict == "consistent" and condition.name != AGES[0]
+        if condition.verdict == "consistent" and condition.name not in (AGES[0], *HALVES)
     )
     return "mixed" if len(off) > 1 or whole == "consistent" or apart else off.pop()
+
+
+def _halves(scores: ConditionScores) -> Iterator[ConditionVerdict]:
+    """The NEES of the position and of the velocity by themselves: one too large may hide the other, too small."""
+    for name, nees in zip(HALVES, (scores.nees_position, scores.nees_velocity), strict=True):
+        if scores.runs >= FEWEST_RUNS and nees and nees.value is not None and nees.ci95 and nees.dof:
+            word = condition_verdict(nees.ci95, nees.dof)
+            # Twice as much, to stand beside the others, of which 4 is right.
+            low, high = nees.ci95
+            yield ConditionVerdict(name=name, mean=2 * nees.value, ci95=(2 * low, 2 * high), verdict=word)
 
 
 def _judged(conditions: Iterable[tuple[str, ConditionScores]], count: int) -> Iterator[ConditionVerdict]:

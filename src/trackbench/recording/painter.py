@@ -96,7 +96,8 @@ class _Run:
         for tracker in self._about.colours:
             found = [item.estimates.get(tracker, none) for item in instants]
             mean = np.stack([estimate.mean for estimate in found], axis=1)
-            recorded[tracker] = RecordedEstimates(mean, np.stack([estimate.covariance for estimate in found], axis=2))
+            covariance = np.stack([estimate.covariance for estimate in found], axis=2)
+            recorded[tracker] = RecordedEstimates(mean, covariance, np.isfinite(mean[0]))
         estimates = estimates_table(recorded, truth, steps, 0)
         scene.send_estimates(self._stream, estimates, self._motion, self._about.colours)
         for chart in series.recorded_run(estimates, nothing, nothing, self._about.colours).all:

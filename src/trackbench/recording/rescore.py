@@ -51,7 +51,7 @@ def _innovations(rows: dict[str, Columns], recorded: RecordedRun, dof: int) -> d
     """By instant, ``(dof, objects)`` innovations of the recorded squared length, which is all that scoring needs."""
     found: dict[int, Array] = {}
     for name, of_object in rows.items():
-        instants = np.searchsorted(recorded.target.time, of_object["time_s"])
+        instants = np.searchsorted(recorded.time, of_object["time_s"])
         for instant, value in zip(instants, of_object["nis"], strict=True):
             white = found.setdefault(int(instant), np.zeros((dof, len(recorded.objects))))
             white[0, recorded.objects.index(name)] = np.sqrt(value)
@@ -63,9 +63,9 @@ def _scored(
 ) -> TrackerResult:
     counts = {sensor: len(items) for sensor, items in innovations.items()}
     # What the sensors could see is not recorded, so that nothing is broken down by it.
-    alike = np.zeros((len(recorded.target.time), len(recorded.objects), 1), dtype=np.int16)
-    scorer = Scorer(recorded.target, alike, counts)
-    for instant, time in enumerate(recorded.target.time):
+    alike = np.zeros((len(recorded.time), len(recorded.objects), 1), dtype=np.int16)
+    scorer = Scorer(recorded.target(tracker.name), alike, counts)
+    for instant, time in enumerate(recorded.time):
         estimate = Estimate(track.mean[:, instant], track.covariance[:, :, instant])
         for sensor, items in innovations.items():
             if instant in items:
@@ -73,7 +73,7 @@ def _scored(
                 scan = _scan(float(time), sensor, np.isfinite(white[0]))
                 scorer.scan(instant, scan, estimate._replace(whitened_innovation=white))
         scorer.estimate(estimate)
-        if scorer.full or instant == len(recorded.target.time) - 1:
+        if scorer.full or instant == len(recorded.time) - 1:
             for fault in score_together([scorer]).values():
                 raise fault
     sums = scorer.close()

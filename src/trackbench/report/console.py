@@ -128,7 +128,8 @@ def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     """How much some trackers gave of what they should."""
     shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
     part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 0.9995]
-    return [f"coverage: {', '.join(part)}; of the others 100 %"] if part else []
+    rest = "; of the others 100 %" if len(part) < len(trackers) else ""
+    return [f"coverage: {', '.join(part)}{rest}"] if part else []
 
 
 def _short(value: float | None, places: int) -> str:

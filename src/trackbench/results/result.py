@@ -68,7 +68,8 @@ class Result:
             return tracker.position_rmse.reason or "nothing to score"
         share = tracker.metrics["coverage"].value if "coverage" in tracker.metrics else None
         if share is not None and share < self.summary.score.min_coverage:
-            return f"{100 * (1 - share):.0f} % of its estimates are missing"
+            least = 100 * self.summary.score.min_coverage
+            return f"it gave {100 * share:.0f} % of its estimates, where {least:g} % are needed (score.min_coverage)"
         return ""
 
     def json(self) -> dict[str, Any]:

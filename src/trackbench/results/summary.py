@@ -175,10 +175,12 @@ class ScoreSummary(Part):
 
     settle_s: float
     divergence_m: float
+    lost_after_s: float
+    """An object that has been out of view of every sensor for longer is not scored."""
     min_coverage: float
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     common_share: float | None
-    """Share of the estimates of the ranked trackers that all of them gave, which alone are scored."""
+    """Share of the estimates that are due which all ranked trackers gave; these alone are scored."""
     from_s: float
     """The first instant at which a sensor looks; trackers are asked and scored from here on."""
     to_s: float

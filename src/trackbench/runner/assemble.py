@@ -53,7 +53,8 @@ def assemble(
     found = assembly.found
     compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
     margin = MarginSummary(**scenario.score.margin.model_dump())
-    pairs = differences(compared, work.metrics, margin)
+    coverage = {name: found.scores[name].coverage for name in found.ranked}
+    pairs = differences(compared, work.metrics, margin, coverage)
     trackers = [assembly.tracker(name) for name in work.trackers]
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)
@@ -83,6 +84,7 @@ def assemble(
         score=ScoreSummary(
             settle_s=work.settle,
             divergence_m=work.divergence,
+            lost_after_s=work.lost_after,
             min_coverage=work.min_coverage,
             common_share=found.common_share,
             from_s=min(float(time[0]) for time in instants),

@@ -23,7 +23,7 @@ from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.streams import stream
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress
+from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress
 
 
 @dataclass
@@ -34,6 +34,8 @@ class RecordedEstimates:
     """``(4, instants, objects)``, NaN where there is none."""
     covariance: Array
     """``(4, 4, instants, objects)``"""
+    due: Mask
+    """``(instants, objects)`` where an estimate is due, and scored."""
     nis: dict[str, list[Array]] = field(default_factory=dict)
     """Per sensor and measurement ``(objects,)``, NaN where there is none."""
 
@@ -163,7 +165,9 @@ class TrackerRun:
         self.recorded: RecordedEstimates | None = None
         if kept is not None:
             self.recorded = RecordedEstimates(
-                np.full((4, instants, objects), np.nan), np.full((4, 4, instants, objects), np.nan)
+                np.full((4, instants, objects), np.nan),
+                np.full((4, 4, instants, objects), np.nan),
+                self._target.due[..., kept],
             )
         self._instants = self._through(measurements.scans)
 

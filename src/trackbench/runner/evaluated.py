@@ -54,10 +54,11 @@ class Evaluated:
 
     @property
     def common_share(self) -> float | None:
-        """Share of the estimates of the ranked trackers that all of them gave; None where none is ranked."""
-        given = sum(self.scores[name].given for name in self.ranked)
-        common = sum(float(self.errors(name).per_run[ERROR["count"]].sum()) for name in self.ranked)
-        return common / given if given else None
+        """Share of the estimates that are due which all ranked trackers gave; None where none is ranked."""
+        if not self.ranked:
+            return None
+        best = self.ranked[0]
+        return float(self.errors(best).per_run[ERROR["count"]].sum() / self.scores[best].due.sum())
 
 
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:

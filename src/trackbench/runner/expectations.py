@@ -26,16 +26,27 @@ def _judge(
     value = value_at(tracker, item.metric)
     operator, limit, passed = _verdict(item, value, differences)
     shown = f"{limit:g}" if isinstance(limit, float) else limit
-    silence = _silence(tracker, item.metric, min_coverage)
+    note = _silence(tracker, item.metric, min_coverage)
+    if item.better_than is not None and not passed and not note:
+        note = _not_better(item, differences)
     return ExpectationResult(
         tracker=item.tracker,
         metric=item.metric,
         operator=operator,
         limit=limit,
         value=value,
-        passed=passed and not silence,
-        text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}{silence}",
+        passed=passed and not note,
+        text=f"{item.tracker} {item.metric} {operator.replace('_', ' ')} {shown}{note}",
     )
+
+
+def _not_better(item: Expectation, differences: Sequence[Difference]) -> str:
+    """What was shown of the two instead."""
+    for found in differences:
+        if found.metric == item.metric and {found.a, found.b} == {item.tracker, item.better_than}:
+            sign = 1.0 if found.a == item.tracker else -1.0
+            return f" (difference {sign * found.value:+.3g} {found.unit}, {found.verdict}, p = {found.p_value:.2g})"
+    return " (not compared)"
 
 
 def _silence(tracker: TrackerResult, path: str, min_coverage: float) -> str:

@@ -117,6 +117,7 @@ def estimates_table(recorded: Mapping[str, RecordedEstimates], truth: Truth, ins
                     "position_error_m": np.hypot(error[0, :, i], error[1, :, i]),
                     "velocity_error_mps": np.hypot(error[2, :, i], error[3, :, i]),
                     "nees": nees[:, i],
+                    "due": of.due[:, i].astype(float),
                 }
             )
     return stacked(parts)

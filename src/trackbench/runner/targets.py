@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.metrics import Target
+from trackbench.metrics.conditions import out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -30,27 +31,33 @@ class Targets:
             )
             for sensor in self._scene.sensors
         }
-        self._starts: dict[frozenset[str], Array] = {}
+        self._due = self._where_due()
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: FilterConfig | PluginConfig) -> Target:
         """What a tracker is held against."""
-        given = frozenset(tracker.sensors_used or self._valid)
-        if given not in self._starts:
-            self._starts[given] = self._first_detection(given) + self._work.settle
-        case = given, _start(tracker, self._work.velocity_sigma)
+        case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._work.velocity_sigma)
         if case not in self._references:
             self._references[case] = self._reference(*case)
-        return Target(
-            self._time, self._state, self._alive, self._starts[given], self._work.divergence, self._references[case]
-        )
+        return Target(self._time, self._state, self._alive, self._due, self._work.divergence, self._references[case])
 
-    def _first_detection(self, sensors: frozenset[str]) -> Array:
+    def _where_due(self) -> Mask:
+        """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse."""
+        runs, scene = self._piece.runs, self._scene
+        seen = [
+            (sensor, sensor.in_view if sensor.in_view.shape[-1] == 1 else sensor.in_view[..., runs.start : runs.stop])
+            for sensor in scene.sensors
+        ]
+        unseen = out_of_view(scene.truth.time, scene.instants(), seen)
+        settled = self._time[:, None, None] >= self._first_detection() + self._work.settle
+        return np.asarray(self._alive[:, :, None] & settled & (unseen <= self._work.lost_after))
+
+    def _first_detection(self) -> Array:
         """``(objects, runs)`` s; infinity where there is none."""
         first = np.full(next(iter(self._valid.values())).shape[1:], np.inf)
         for sensor in self._scene.sensors:
             valid = self._valid[sensor.name]
-            if sensor.name in sensors and len(valid):
+            if len(valid):
                 first = np.where(valid.any(axis=0), np.minimum(first, sensor.time[np.argmax(valid, axis=0)]), first)
         return first
 

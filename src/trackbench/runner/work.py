@@ -61,6 +61,8 @@ class Work:
     """Where a tracker's module is looked for first."""
     settle: float
     divergence: float
+    lost_after: float
+    """An object that has been out of view of every sensor for longer is not scored, s."""
     recorded_scene: int
     recorded_run: int
     """Numbered within its scene."""
@@ -115,6 +117,7 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         folder=loaded.path.resolve().parent,
         settle=scenario.score.settle_s,
         divergence=scenario.score.divergence_m,
+        lost_after=scenario.score.lost_after_s,
         recorded_scene=scenario.recording.scene,
         recorded_run=scenario.recording.run,
         acceleration=acceleration,

@@ -51,8 +51,13 @@ class Score(Config):
 
     settle_s: NonNegative = Field(0, description="Time after a track's start that is left out of the scores, s.")
     divergence_m: Positive = Field(20, description="A run with a larger position error has diverged, m.")
+    lost_after_s: Positive = Field(
+        1,
+        description="An object that has been out of range or view of every sensor for longer is not scored until it is "
+        "in view again, s.",
+    )
     min_coverage: float = Field(
-        0.9,
+        0.95,
         ge=0,
         le=1,
         description="A tracker that gives a smaller share of the estimates that it should give is not ranked, and "

@@ -29,7 +29,9 @@ class IdealSensor:
     measurement: Array
     """``(m, instants, objects, runs or 1)``."""
     visible: Mask
-    """``(instants, objects, runs or 1)``: present, in range, in view, and the sensor not silent."""
+    """``(instants, objects, runs or 1)``: in view, and the sensor not silent."""
+    in_view: Mask
+    """``(instants, objects, runs or 1)``: present, in range and in the field of view."""
     pose: Array
     """``(3, instants)``."""
     velocity: Array
@@ -108,9 +110,10 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
     measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
-    visible = _in_view(truth, steps, config, pose)
+    in_view = _in_view(truth, steps, config, pose)
+    visible = in_view & ~silent(config, truth.time[steps])[:, None, None]
     noise = config.noise_covariance()
-    return IdealSensor(name, config, steps, truth.time[steps], measurement, visible, pose, velocity, noise)
+    return IdealSensor(name, config, steps, truth.time[steps], measurement, visible, in_view, pose, velocity, noise)
 
 
 def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: RecordedMeasurements) -> IdealSensor:
@@ -123,12 +126,14 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
     # An object that a cycle detected at another of its instants was not missed at this one.
     missed = ~in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
     silenced = silent(config, truth.time[steps])[:, None, None]
-    visible = (valid[:, :, None] & ~silenced) | (missed[:, :, None] & _in_view(truth, steps, config, pose))
+    in_view = _in_view(truth, steps, config, pose)
+    visible = (valid[:, :, None] | (missed[:, :, None] & in_view)) & ~silenced
+    in_view = in_view | valid[:, :, None]
     noise = config.noise_covariance()
     measurement = measurements.measurement[..., None]
     time = truth.time[steps]
     return IdealSensor(
-        name, config, steps, time, measurement, visible, pose, velocity, noise, cycle_starts=first, recorded=True
+        name, config, steps, time, measurement, visible, in_view, pose, velocity, noise, first, recorded=True
     )
 
 
@@ -141,11 +146,10 @@ def scan_rate(sensor: IdealSensor) -> float | None:
 
 
 def _in_view(truth: Truth, steps: Indices, config: Sensor, pose: Array) -> Mask:
-    """``(instants, objects, runs or 1)``: present, in range, in the field of view, and the sensor not silent."""
+    """``(instants, objects, runs or 1)``: present, in range and in the field of view."""
     position = np.stack([truth.px, truth.py, np.zeros_like(truth.px), np.zeros_like(truth.px)])[:, steps]
     polar = Radar.measure(position, pose[:, :, None, None], np.zeros((2, 1, 1, 1)))
-    visible = truth.alive[steps][:, :, None] & ~silent(config, truth.time[steps])[:, None, None]
-    visible = visible & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
+    visible = truth.alive[steps][:, :, None] & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
     if config.max_range_m is not None:
         visible = visible & (polar[0] <= config.max_range_m)
     return np.asarray(visible)

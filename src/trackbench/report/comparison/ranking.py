@@ -23,7 +23,7 @@ _POSITION = (
 )
 _NEES = (
     "Mean NEES, which should be 4. Optimistic: errors are larger than the tracker states; pessimistic: smaller; mixed: "
-    "off under the conditions that are named and not under others; undecided: too few runs to say."
+    "off under the conditions that are named and not under others; undecided: too few runs or scenes to say."
 )
 _TIME = "Of one predict and update of one run, on this machine."
 

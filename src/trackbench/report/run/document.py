@@ -44,7 +44,7 @@ _DIFFERENCES = (
     "Differences of position RMSE, paired: every tracker saw the same truth and the same noise. Negative means smaller "
     "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
     "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
-    "would tell. Each interval is that of its pair alone, without the correction."
+    "or scenes would tell. Each interval is that of its pair alone, without the correction."
 )
 _MANOEUVRES = (
     "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "

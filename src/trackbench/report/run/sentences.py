@@ -54,9 +54,10 @@ def verdict(tracker: TrackerResult, runs: int, reference: str) -> str:
     if nees is None or nees.mean is None or nees.verdict is None:
         parts.append(f"NEES n/a: {nees.reason}" if nees is not None and nees.reason else "no covariance to judge")
     else:
-        found = ", ".join(text for text in (f"NEES {mean_text(nees.mean)}", conditions_off(nees)) if text)
-        parts.append(f"{nees.verdict}: {MEANING[nees.verdict]} ({found} where {nees.dof} is right)")
-        if tracker.breakdown is not None and nees.verdict != "consistent":
+        found = f"NEES {mean_text(nees.mean)} where {nees.dof} is right"
+        off = conditions_off(nees)
+        parts.append(f"{nees.verdict}: {MEANING[nees.verdict]} ({found}{f'; by condition: {off}' if off else ''})")
+        if tracker.breakdown is not None:
             parts += calibration_clauses(tracker.breakdown)
     return "; ".join(parts + _complaints(tracker.health, runs))
 

@@ -98,15 +98,15 @@ def row_order(time: Array, owner: Sequence[int] | Indices) -> tuple[Indices, Row
     Returns:
         Numbers of the rows that are kept: of several of one object at one time, the first.
     """
-    latest = np.maximum.accumulate(time)
-    steps = np.diff(time, prepend=time[:1])
+    # Rows may stand object by object: only within those of one does time go on.
+    each = [time[np.asarray(owner) == number] for number in np.unique(owner)]
     sorted_rows = np.argsort(time, kind="stable")
     pairs = np.stack([time[sorted_rows], np.asarray(owner, dtype=float)[sorted_rows]])
     kept = np.sort(np.unique(pairs, axis=1, return_index=True)[1])
     order = RowOrder(
         rows=len(time),
-        backwards=int((time < latest).sum()),
-        largest_step_back=float(max(0.0, -steps.min(initial=0.0))),
+        backwards=sum(int((own < np.maximum.accumulate(own)).sum()) for own in each),
+        largest_step_back=float(max([0.0, *(-np.diff(own).min(initial=0.0) for own in each)])),
         duplicates=len(time) - len(kept),
     )
     return sorted_rows[kept], order
