@@ -207,7 +207,7 @@ def test_a_single_run_is_cut_into_stretches_of_time():
     whole = work(of, SENSORS, TWO, 1)
     (scores,) = (block_of(whole, range(1)).scores[name] for name in ("ekf",))
     parts = scores_of(scores, frozenset({"ekf"}), np.zeros(1, dtype=np.intp))
-    assert parts.per_part.shape == (len(ERROR), 5), "ten seconds, none shorter than two"
+    assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
     np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
     stretch = stretches(len(whole.scenes[0].instants()), 10.0)
     expected = np.bincount(stretch, errors(scores).per_step[ERROR["px"]])

@@ -38,7 +38,7 @@ ERROR, NIS = ({name: row for row, name in enumerate(names)} for names in (ERROR_
 LAGS = 20
 #: A single run is cut into at most so many stretches of time, none shorter than this, s, whose sums are taken for
 #: independent: an error is forgotten within a few measurements.
-STRETCHES, SHORTEST = 20, 2.0
+STRETCHES, SHORTEST = 20, 4.0
 
 Givers = frozenset[str]
 

@@ -127,8 +127,8 @@ def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     """How much some trackers gave of what they should."""
     shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
-    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 0.9995]
-    rest = "; of the others 100 %" if len(part) < len(trackers) else ""
+    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 0.99]
+    rest = "; of the others 99 % or more" if len(part) < len(trackers) else ""
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
 
 

@@ -76,7 +76,7 @@ def _complaints(health: Health, runs: int) -> list[str]:
 def common(result: Result) -> str:
     """Which estimates count, where some trackers gave more than others."""
     share = result.summary.score.common_share
-    if share is None or share > 0.9995:
+    if share is None or share > 0.99:
         return ""
     return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
 
