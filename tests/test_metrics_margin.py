@@ -74,7 +74,8 @@ def test_identical_trackers_are_equivalent_whatever_the_margin() -> None:
     nothing = MarginSummary(percent=0.0, position_m=0.0, velocity_mps=0.0, course_deg=0.0)
     same = root(of(0.25, 0.1))
     for margin in (MARGIN, nothing):
-        (found,) = differences({"a": {"position_rmse": same}, "b": {"position_rmse": same}}, BUILT_IN, margin)
+        trackers = {"a": {"position_rmse": same}, "b": {"position_rmse": same}}
+        (found,) = differences(trackers, BUILT_IN, margin, {"a": 1.0, "b": 1.0})
         assert (found.verdict, found.better, found.p_value) == ("equivalent", None, 1.0)
 
 

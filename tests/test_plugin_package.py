@@ -27,8 +27,8 @@ trackers:
   ekf_singer: {filter: ekf, motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4}
   ukf_singer: {filter: ukf, motion: {model: singer, acceleration_sigma_mps2: 2}, initial: truth}
   gains: {use: nearest_position, options: {alpha: 0.5}}
-monte_carlo: {runs: 6, seed: 3}
-score: {metrics: [{use: largest_error, options: {after_s: 1}}]}
+monte_carlo: {runs: 12, seed: 3}
+score: {settle_s: 0.5, metrics: [{use: largest_error, options: {after_s: 1}}]}
 expect:
   - {tracker: ekf_singer, metric: largest_error, below: 2}
   - {tracker: ekf_singer, metric: largest_error, better_than: gains}

@@ -134,7 +134,8 @@ def test_verdicts_in_words(page: Page) -> None:
     assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
     assert "whether it is better than ekf_ctrv is undecided." in page.text
     assert "0.412 m position RMSE, 1.18 times the reference; pessimistic: the errors are smaller" in page.text
-    assert "depending on the condition (NEES 4.1, turning 39.7, straight 2.9 where 4 is right)" in page.text
+    said = "(NEES 4.1 where 4 is right; by condition: turning 39.7, straight 2.9)"
+    assert f"depending on the condition {said}" in page.text
     assert "NEES n/a: the tracker gives no covariance" in page.text
     assert "white where the interval of their autocorrelation is within 0.05 of zero" in page.text
     assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text

@@ -128,7 +128,7 @@ def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
     recorded = recorded_run(read(folder).result)
     for tracker in recorded.tracks:
         moments = worst(recorded, [tracker], 3)
-        error = np.where(recorded.scored, recorded.tracks[tracker].position_error, np.nan)
+        error = np.where(recorded.tracks[tracker].due, recorded.tracks[tracker].position_error, np.nan)
         assert moments[0].position_error_m == np.nanmax(error)
         assert all(moment.time_s >= 0.5 for moment in moments), "before that, nothing is scored"
         sizes = [moment.position_error_m for moment in moments]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trackbench.metrics.differences import LEVEL, UNDECIDED
 from trackbench.metrics.registry import HEALTH
 from trackbench.results import Difference, ExpectationResult, TrackerResult
 from trackbench.scenario.config import Expectation
@@ -45,7 +46,9 @@ def _not_better(item: Expectation, differences: Sequence[Difference]) -> str:
     for found in differences:
         if found.metric == item.metric and {found.a, found.b} == {item.tracker, item.better_than}:
             sign = 1.0 if found.a == item.tracker else -1.0
-            return f" (difference {sign * found.value:+.3g} {found.unit}, {found.verdict}, p = {found.p_value:.2g})"
+            silent = ": it gave fewer estimates" if found.verdict == UNDECIDED and found.p_value < LEVEL else ""
+            value = f"{sign * found.value:+.3g} {found.unit}"
+            return f" (difference {value}, {found.verdict}{silent}, p = {found.p_value:.2g})"
     return " (not compared)"
 
 
