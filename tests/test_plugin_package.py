@@ -100,7 +100,7 @@ def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, t
         (
             "tracker: ekf_singer, metric: largest_error, better_than: gains",
             "tracker: gains, metric: largest_error, better_than: ekf_singer",
-            "gains largest_error better than ekf_singer: 0.",
+            "gains largest_error better than ekf_singer (difference +0.",
         ),
     ],
 )
