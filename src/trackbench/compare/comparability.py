@@ -54,6 +54,9 @@ def comparability(baseline: Entry, later: Entry) -> Comparability:
     ours, theirs = baseline.result.summary.fingerprints, later.result.summary.fingerprints
     if ours == theirs:
         return Comparability.of_all(len(ours), "the fingerprints of all measurements are equal")
+    for entry, known in ((baseline, ours), (later, theirs)):
+        if len(known) != entry.result.summary.runs:
+            raise InputError("fingerprints: not one of each run", file=entry.label)
     places = {place: number for number, place in enumerate(_places(later))}
     found = [(number, places[place]) for number, place in enumerate(_places(baseline)) if place in places]
     equal = [(here, there) for here, there in found if ours[here] == theirs[there]]
@@ -154,7 +157,7 @@ def _noise(baseline: Entry, later: Entry) -> str:
         )
         if ours != theirs
     ]
-    if baseline.result.summary.fingerprints[0] == later.result.summary.fingerprints[0]:
+    if baseline.result.summary.fingerprints[:1] == later.result.summary.fingerprints[:1]:
         found.append("fewer than two runs in common")
     return (
         "; ".join(found)

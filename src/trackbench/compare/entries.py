@@ -115,7 +115,10 @@ class Entry:
         if found is None:
             return None
         self._require_agreement(tracker, metric.path, found.value)
-        scene = self._column(rows, "scene").astype(np.intp)
+        number = self._column(rows, "scene")
+        if not np.array_equal(number, np.round(np.clip(np.nan_to_num(number), 0, len(number)))):
+            raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
+        scene = number.astype(np.intp)
         if runs is not None:
             found = metric.of_runs(value[runs], count[runs], None if reference is None else reference[runs])
             scene = scene[runs]
