@@ -33,11 +33,10 @@ def scores_of(merged: BlockScores, givers: Givers, scene: Indices) -> Scores:
         nis = {name: replace(item, per_run=_in_stretches(item.per_step, merged.duration)) for name, item in nis.items()}
     return Scores(
         per_step=sums.per_step,
+        per_run=sums.per_run,
         per_part=per_part,
         given=merged.given,
         due=float(merged.due.sum()),
-        diverged=merged.diverged,
-        repaired=merged.repaired,
         nis=nis,
         classes=class_sums(cells, per_part.shape[1]),
         spread=merged.spread,

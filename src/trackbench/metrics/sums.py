@@ -66,7 +66,7 @@ class Cells:
     part: Indices
     """``(cells,)`` number of the run or stretch."""
     values: Array
-    """``(12, cells)`` sums, rows ``ERROR_FIELDS``."""
+    """``(6, cells)`` sums, rows ``FIELDS`` of the breakdown."""
 
 
 @dataclass
@@ -151,16 +151,14 @@ class Scores:
 
     per_step: Array
     """``(12, instants)`` rows ``ERROR_FIELDS``."""
+    per_run: Array
+    """``(12, runs)`` rows ``ERROR_FIELDS``."""
     per_part: Array
     """``(12, parts)`` rows ``ERROR_FIELDS``."""
     given: float
     """Number of estimates, also those where another tracker gave none."""
     due: float
     """Number of instants and objects at which there should be one."""
-    diverged: Array
-    """``(runs,)``"""
-    repaired: Array
-    """``(runs,)``"""
     nis: dict[str, NisScores]
     """By sensor; in place of the runs the parts."""
     classes: ClassSums

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.metrics import BlockScores, Evaluation, Sums, evaluate, merge_sums, ratio, variance_shares
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.sums import ERROR, ErrorSums
+from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
 from trackbench.runner.block import Block
 from trackbench.runner.work import Work
@@ -31,13 +31,9 @@ class Evaluated:
     ranked: list[str]
     """Those with enough estimates, best first. They are scored where all of them gave an estimate."""
 
-    def errors(self, name: str) -> ErrorSums:
-        """The sums of a tracker over the estimates that are scored."""
-        return self.scores[name].where(frozenset(self.ranked) if name in self.ranked else frozenset({name}))
-
     def error_by_scene(self, name: str) -> Array:
         """``(scenes,)`` position RMSE of a tracker, m; NaN where it has no estimate."""
-        sums = self.errors(name).per_run
+        sums = self.evaluations[name].scores.per_run
         square, count = (
             np.bincount(self.scene, row) for row in (sums[ERROR["px"]] + sums[ERROR["py"]], sums[ERROR["count"]])
         )
@@ -45,7 +41,7 @@ class Evaluated:
 
     def scene_share(self, name: str) -> float | None:
         """Share of the variance of one run's squared position error that is between scenes."""
-        sums = self.errors(name).per_run
+        sums = self.evaluations[name].scores.per_run
         count = sums[ERROR["count"]]
         if not count.sum():
             return None
@@ -58,7 +54,7 @@ class Evaluated:
         if not self.ranked:
             return None
         best = self.ranked[0]
-        return float(self.errors(best).per_run[ERROR["count"]].sum() / self.scores[best].due.sum())
+        return float(self.evaluations[best].scores.per_run[ERROR["count"]].sum() / self.scores[best].due.sum())
 
 
 def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:

@@ -58,7 +58,7 @@ def runs_table(found: Evaluated, scene: Indices) -> pa.Table:
     parts = []
     own = list(dict.fromkeys(path for item in found.evaluations.values() for path in item.own))
     for name, item in found.scores.items():
-        per_run = found.errors(name).per_run
+        per_run = found.evaluations[name].scores.per_run
         rows = len(scene)
         parts.append(
             {
