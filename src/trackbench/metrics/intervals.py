@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from trackbench.distributions import t_probability, t_quantile
 from trackbench.results import MetricValue
 from trackbench.types import Array
 
@@ -53,7 +54,7 @@ class Interval(NamedTuple):
         error = _standard_error(self.corrected)
         if error is None:
             return None
-        reach = _t95(len(self.influence) - 1) * error
+        reach = t_quantile(0.975, len(self.influence) - 1) * error
         return positive_ends(self.value, reach) if self.positive else (self.value - reach, self.value + reach)
 
     def as_value(self, unit: str) -> MetricValue:
@@ -100,7 +101,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
         return float("nan")
     mean = total / count
     squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
-    return float(_t95(runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
+    return float(t_quantile(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
@@ -201,14 +202,12 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
 
 def _tested(a: Interval, b: Interval, error: float | None, freedom: float, margin: float) -> Contrast:
     """The difference with its interval and p-value, from its standard error."""
-    from scipy import special
-
     value = a.value - b.value
     margin = max(margin, ROUNDING * max(abs(a.value), abs(b.value)))
     if error is None:
         return Contrast(value, None, 1.0, margin)
-    reach, excess = _t95(freedom) * error, abs(value) - margin
-    p_value = min(1.0, 2 * float(special.stdtr(freedom, -excess / error))) if error > 0 else float(excess <= 0)
+    reach, excess = t_quantile(0.975, freedom) * error, abs(value) - margin
+    p_value = min(1.0, 2 * t_probability(-excess / error, freedom)) if error > 0 else float(excess <= 0)
     return Contrast(value, (value - reach, value + reach), p_value, margin)
 
 
@@ -226,11 +225,3 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def _standard_error(influence: Array) -> float | None:
     runs = len(influence)
     return float(np.std(influence, ddof=1) / np.sqrt(runs)) if runs > 1 else None
-
-
-def _t95(freedom: float) -> float:
-    """The 97.5 % point of Student's t."""
-    # Takes a while to import, which a scenario that is only checked need not wait for.
-    from scipy import special
-
-    return float(special.stdtrit(freedom, 0.975))
