@@ -33,9 +33,9 @@ def t_quantile(probability: float, freedom: float) -> float:
     return float(_special().stdtrit(freedom, probability))
 
 
-def t_probability(x: float, freedom: float) -> float:
-    """The probability that a variable with Student's t distribution is at most ``x``."""
-    return float(_special().stdtr(freedom, x))
+def t_probability(x: Array, freedom: float) -> Array:
+    """``(...)`` probabilities that a variable with Student's t distribution is at most ``x``."""
+    return np.asarray(_special().stdtr(freedom, x))
 
 
 def chi_square_quantile(probability: float, freedom: Array | float) -> Array:
