@@ -56,11 +56,13 @@ def text_width(text: str, size: float = SIZE) -> float:
 
 
 def shortened(text: str, width: float, size: float = SIZE) -> str:
-    """The text, or as much of it as is not wider than ``width`` points, with an ellipsis."""
-    if text_width(text, size) <= width:
-        return text
-    kept = next((n for n in range(len(text) - 1, 0, -1) if text_width(text[:n] + "…", size) <= width), 1)
-    return text[:kept] + "…"
+    """The text, without its middle if it is wider than ``width`` points: names of a sweep differ at the end."""
+    found = text
+    for kept in range(len(text) - 1, 1, -1):
+        if text_width(found, size) <= width:
+            break
+        found = f"{text[: kept // 2]}…{text[-(kept - kept // 2) :]}"
+    return found
 
 
 @lru_cache(maxsize=4096)
