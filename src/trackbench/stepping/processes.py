@@ -11,6 +11,7 @@ import sys
 import tempfile
 import threading
 import time
+import weakref
 from contextlib import suppress
 from typing import IO, Any
 
@@ -114,6 +115,7 @@ class TrackerProcess:
         with theirs:
             self._template = _template()
             self._number = self._template.copy(theirs, self._dump)
+        self._end = weakref.finalize(self, _end, self._number, self._socket, self._dump)
 
     def ask(self, do: str, **request: Any) -> Answer:
         """What the process answers to a request.
@@ -148,7 +150,8 @@ class TrackerProcess:
     def close(self) -> None:
         """End the process."""
         if self.fault is None:
-            self._ended("its process was closed", signal.SIGKILL)
+            self.fault = TrackFault("its process was closed", "died")
+            self._end()
 
     def recv_into(self, buffer: memoryview) -> int:
         """As of a socket, until the answer is overdue or the process has ended: what it has started may live on."""
@@ -173,17 +176,20 @@ class TrackerProcess:
         return f"its process was killed by signal {-code} ({signal.Signals(-code).name})"
 
     def _ended(self, cause: str, by: signal.Signals | None = None) -> TrackFault:
-        for number in (by, signal.SIGKILL):
-            if number is not None:
-                _signal(self._number, number)
-                if number == signal.SIGABRT:
-                    self._template.status(self._number, DUMPING)
+        if by is not None:
+            _signal(self._number, by)
+            self._template.status(self._number, DUMPING)
         self._dump.seek(0)
         place = place_in_dump(self._dump.read().decode(errors="replace"))
-        self._dump.close()
-        self._socket.close()
+        self._end()
         self.fault = TrackFault(cause, "died", place)
         return self.fault
+
+
+def _end(process: int, connection: socket.socket, dump: IO[bytes]) -> None:
+    _signal(process, signal.SIGKILL)
+    connection.close()
+    dump.close()
 
 
 def _signal(process: int, number: signal.Signals) -> None:
