@@ -41,6 +41,7 @@ class Batch:
     def __init__(self, prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: Listener) -> None:
         self._prepared, self._plan, self._executor, self._listener = prepared, plan, executor, listener
         self.colours = tracker_colours(name for item in prepared for name in item.scenario.config.trackers)
+        self._alone = len(prepared) == 1
         # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
         one_by_one = isinstance(executor, InProcess) or listener.observes
         self._ahead = 0 if one_by_one else plan.workers if plan.cluster is None else AHEAD
@@ -63,7 +64,9 @@ class Batch:
         """Its runs; None where their number is not known yet."""
         if self._plan.precision is not None:
             return None
-        return PendingRun(item.scenario, item.truths, self._executor, self._listener.observes)
+        return PendingRun(
+            item.scenario, item.truths, self._executor, observed=self._listener.observes, alone=self._alone
+        )
 
     def _computed(self, place: str, item: Prepared, pending: PendingRun | None) -> _Computed:
         scenario, observe = item.scenario, self._listener.begin(item)
@@ -84,7 +87,8 @@ class Batch:
             advance(result.summary.runs, result.summary.runs)
         if self._plan.out is None:
             return _Computed(place, result, None)
-        return _Computed(place, result, self._executor.submit(Task(pages, result, None), self.colours))
+        executor = InProcess() if self._alone else self._executor
+        return _Computed(place, result, executor.submit(Task(pages, result, None), self.colours))
 
     def _ended(self, computed: _Computed) -> Result:
         place, result, made = computed

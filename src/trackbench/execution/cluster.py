@@ -6,6 +6,7 @@ import logging
 import re
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -66,9 +67,9 @@ class Cluster(Executor):
         """Take back what is not done, and let the cluster go."""
         self._executor.shutdown(wait=False)
         self._sent.clear()
-        self._client.close(timeout=FAREWELL)
+        _close(self._client)
         if self._local is not None:
-            self._local.close(timeout=FAREWELL)
+            _close(self._local)
 
     def __str__(self) -> str:
         workers = self._client.scheduler_info()["workers"]
@@ -107,9 +108,14 @@ def connected(address: str) -> Cluster:
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError as error:
-        client.close(timeout=FAREWELL)
+        _close(client)
         raise InputError(f"the Dask scheduler at {address} has no workers", key="--cluster") from error
     return Cluster(address, client, local)
+
+
+def _close(connection: distributed.Client | distributed.LocalCluster) -> None:
+    with suppress(TimeoutError):
+        connection.close(timeout=FAREWELL)
 
 
 def _pass_on(outcome: Future[Any], future: Future[Any]) -> None:

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 from loky import ProcessPoolExecutor
+from loky.backend import resource_tracker
 from loky.process_executor import BrokenProcessPool
 
 from trackbench.errors import TrackbenchError
@@ -34,6 +35,7 @@ class LocalProcesses(Executor):
         self._number = number
         self._deaths = 0
         self._lock = threading.RLock()
+        _start_resource_tracker()
         self._pool = self._new()
 
     def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
@@ -89,6 +91,19 @@ class LocalProcesses(Executor):
         failure = TrackbenchError(DIED)
         failure.__cause__ = error
         outcome.set_exception(failure)
+
+
+def _start_resource_tracker() -> None:
+    """Loky's helper, which removes what a run that is killed leaves behind, without its warning of that."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def _begin(parent: int) -> None:

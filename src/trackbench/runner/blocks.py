@@ -22,10 +22,18 @@ class PendingBlocks:
         pieces: which blocks.
         executor: what makes them.
         observed: whether the recorded run is looked at, so that its block has to be made in this process.
+        alone: whether nothing else is made at the same time, so that a single block is no work for another process.
     """
 
     def __init__(
-        self, loaded: Scenario, work: Work, pieces: Sequence[BlockRuns], executor: Executor, observed: bool = False
+        self,
+        loaded: Scenario,
+        work: Work,
+        pieces: Sequence[BlockRuns],
+        executor: Executor,
+        *,
+        observed: bool = False,
+        alone: bool = True,
     ) -> None:
         self._pieces = pieces
         self._done, self._total = 0, sum(len(piece.runs) for piece in pieces)
@@ -34,6 +42,8 @@ class PendingBlocks:
         folder = own_folder(loaded)
         tasks = {scene: Task(run_block, work.of_scene(scene), folder) for scene in {piece.scene for piece in pieces}}
         here = InProcess()
+        if alone and len(pieces) == 1:
+            executor = here
         self._futures = [
             (here if observed and work.has_recorded_run(piece) else executor).submit(
                 tasks[piece.scene], piece, Here(self._advance), Here(self._observe) if observed else None

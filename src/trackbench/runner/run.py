@@ -57,15 +57,22 @@ class PendingRun:
         truths: those of its scenes.
         executor: what makes the blocks of runs.
         observed: whether the recorded run is looked at.
+        alone: whether no other scenario is run at the same time.
     """
 
     def __init__(
-        self, loaded: Scenario, truths: Sequence[LoadedTruth], executor: Executor, observed: bool = False
+        self,
+        loaded: Scenario,
+        truths: Sequence[LoadedTruth],
+        executor: Executor,
+        *,
+        observed: bool = False,
+        alone: bool = True,
     ) -> None:
         self._loaded, self._truths = loaded, truths
         self._work = work_of(loaded, truths)
         self._begin = time.perf_counter()
-        self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed)
+        self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
 
     def collect(
         self, command: str = "", progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None

@@ -62,7 +62,7 @@ def run_until(
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         known = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in known]
-        pending = PendingBlocks(loaded, work, missing, executor or InProcess(), on_recorded_run is not None)
+        pending = PendingBlocks(loaded, work, missing, executor or InProcess(), observed=on_recorded_run is not None)
         known |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
         blocks = [known[piece] for piece in work.pieces()]
         on_recorded_run = None
