@@ -91,7 +91,7 @@ def run_block(
     keep_freed_memory()
     scene, runs = work.scenes[piece.scene], piece.runs
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
-    kept = work.recorded_run - runs.start if work.recorded_run in runs and piece.scene == work.recorded_scene else None
+    kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
     scans = None if kept is None else [_of_run(scan, len(scene.truth.ids), kept) for scan in measurements.scans]
     targets = Targets(work, piece, measurements)
     trackers = {name: TrackerRun(work, name, piece, measurements, targets, kept) for name in work.trackers}

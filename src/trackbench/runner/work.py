@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -90,6 +90,14 @@ class Work:
     def noise_of(self, scene: int) -> str:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
+
+    def of_scene(self, scene: int) -> Work:
+        """What the blocks of one scene need: of the others, no more than how many there are."""
+        return replace(self, scenes=[self.scenes[scene]] * len(self.scenes))
+
+    def has_recorded_run(self, piece: BlockRuns) -> bool:
+        """Whether the recorded run is one of these."""
+        return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
 
     @property
     def scene_of_run(self) -> Indices:
