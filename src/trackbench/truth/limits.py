@@ -1,4 +1,4 @@
-"""What a truth may be: nothing on earth is farther, faster or longer, and the scores of what is within do not overflow."""
+"""What a truth may be: nothing on earth is farther or faster, and the scores of what is within do not overflow."""
 
 from __future__ import annotations
 
@@ -63,6 +63,5 @@ def require_possible(truth: Truth) -> None:
             largest = np.abs(values[:, index]).max(axis=-1)
             step = int(np.argmax(~(largest <= LARGEST[quantity])))
             if not largest[step] <= LARGEST[quantity]:
-                limit = f"{LARGEST[quantity]:.0e} {UNITS[quantity]}"
-                message = f"{what} of {name} becomes {largest[step]:.3g} at {truth.time[step]:g} s; at most {limit} is possible"
-                raise InputError(message, key="truth")
+                found = f"{what} of {name} becomes {largest[step]:.3g} {UNITS[quantity]} at {truth.time[step]:g} s"
+                raise InputError(f"{found}; at most {LARGEST[quantity]:.0e} is possible", key="truth")

@@ -10,6 +10,7 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
     COMPONENT_QUANTITIES,
@@ -20,7 +21,6 @@ from trackbench.truth.config.columns import (
     TruthColumns,
     Units,
 )
-from trackbench.truth import limits
 from trackbench.truth.recorded import files, rows
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
 from trackbench.truth.recorded.rows import Rows
