@@ -21,6 +21,7 @@ from tests.browser import CHROMIUM
 
 from trackbench.cli import main
 from trackbench.errors import InputError
+from trackbench.execution import executor
 from trackbench.recording import viewer
 from trackbench.results import Result
 from trackbench.runner.run import run
@@ -114,7 +115,8 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
         file = folder / "tiny.yaml"
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
-        return run(loaded, truths_of(loaded), workers=workers)
+        with executor(workers) as chosen:
+            return run(loaded, truths_of(loaded, executor=chosen), executor=chosen)
 
     return call
 

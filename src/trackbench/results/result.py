@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from pydantic import ValidationError
 
 from trackbench.errors import InputError, nearest
+from trackbench.input_files import read_bytes
 from trackbench.results.folder import SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
 from trackbench.results.tables import Tables
@@ -136,10 +137,10 @@ class Result:
             there = "there is no such folder" if not path.exists() else f"not the folder of a run, nor its {SUMMARY}"
             raise InputError(there, file=path)
         try:
-            raw = json.loads(file.read_text(encoding="utf-8"))
+            raw = json.loads(read_bytes(file))
         except FileNotFoundError as error:
             raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=path) from error
-        except (OSError, ValueError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
         return cls(summary_of(raw, file), Tables({}, file.parent))
 

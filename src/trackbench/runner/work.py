@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.types import Indices, Truth
@@ -76,6 +77,7 @@ class Work:
     min_coverage: float = 0.0
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
+    isolation: Isolation = ISOLATED
 
     def pieces(self) -> list[BlockRuns]:
         """The runs in blocks, two of each size, which doubles.
@@ -97,18 +99,27 @@ class Work:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
 
+    def of_scene(self, scene: int) -> Work:
+        """What the blocks of one scene need: of the others, no more than how many there are."""
+        return replace(self, scenes=[self.scenes[scene]] * len(self.scenes))
+
+    def has_recorded_run(self, piece: BlockRuns) -> bool:
+        """Whether the recorded run is one of these."""
+        return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
+
     @property
     def scene_of_run(self) -> Indices:
         """``(scenes * runs,)`` number of the scene of each run."""
         return np.repeat(np.arange(len(self.scenes)), self.runs)
 
 
-def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
+def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolation = ISOLATED) -> Work:
     """What every block of a run of the scenario needs.
 
     Args:
         loaded: the scenario.
         truths: one for each scene.
+        isolation: how its plug-ins are kept apart.
     """
     scenario = loaded.config
     stated, driven = scenario.score.reference, scenario.truth.white_acceleration
@@ -133,4 +144,5 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
         metrics=(*BUILT_IN, *scenario.score.metrics),
+        isolation=isolation,
     )

@@ -83,13 +83,7 @@ def common(result: Result) -> str:
 
 def failure(result: Result, tracker: TrackerResult) -> str:
     """Why a tracker is not ranked; where it failed, the cause and where it happened."""
-    failed = tracker.failed
-    if failed is None:
-        return result.why_unscored(tracker)
-    places = {"sensor": failed.sensor, "run": failed.run, "object": failed.object}
-    where = [f"step {failed.step}", f"{fixed(failed.time_s, 2)} s"]
-    where += [f"{what} {place}" for what, place in places.items() if place is not None]
-    return f"{failed.cause} ({', '.join(where)})"
+    return result.why_unscored(tracker) if tracker.failed is None else str(tracker.failed)
 
 
 def headline(result: Result) -> str:
