@@ -9,6 +9,7 @@ from pathlib import Path
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import shown_name
+from trackbench.stepping import ISOLATED, Isolation
 
 #: Where a run that goes on until its precision is reached stops even so.
 MAX_RUNS = 10_000
@@ -26,6 +27,8 @@ class Plan:
     """The Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N``."""
     recording: bool = True
     """Whether the Rerun recording is written."""
+    isolation: Isolation = ISOLATED
+    """How trackers that are not built in are kept apart from the bench."""
     precision: tuple[float, int] | None = None
     """The share and the largest number of runs, where the precision decides on their number."""
 
