@@ -118,7 +118,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 def test_a_full_disk(cli: Cli, tiny: Path, small_disk: Path) -> None:
     done = cli("run", "tiny.yaml", "--out", small_disk)
-    assert (done.status, done.out) == (2, "")
+    assert (done.status, done.out) == (4, "")
     assert "No space left on device" in done.err
     assert len(done.err.splitlines()) == 1
     assert list(small_disk.iterdir()) == []
@@ -139,7 +139,7 @@ def test_a_disk_that_fills_up_leaves_the_last_result(
     before = {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()}
     monkeypatch.setattr(*WRITERS[writer], no_space)
     done = cli("run", "tiny.yaml", "--seed", "2")
-    assert (done.status, done.out) == (2, "")
+    assert (done.status, done.out) == (4, "")
     assert done.err == "trackbench: cannot write results/tiny: No space left on device\n"
     assert {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()} == before
     assert [path.name for path in (tmp_path / "results").iterdir()] == ["tiny"]

@@ -30,7 +30,7 @@ NOT_YAML = [
     ("seed: 7", "<<: *nothing", "24: not valid YAML: found undefined alias 'nothing'"),
     ("score: {settle_s: 2}", "score: &a {reference: *a}", "25: score.reference: an anchor that contains itself"),
     ("name: example", "name: example\n---\nname: b", "2: a second YAML document; a scenario file holds one"),
-    ("one line", "one\x07line", "2: a control character, which YAML does not allow"),
+    ("one line", "one\x07line", "2: a control character, which a scenario cannot hold"),
 ]
 
 
@@ -86,7 +86,7 @@ def test_missing_file_names_its_nearest_neighbour(tmp_path: Path) -> None:
 
 
 def test_folder(tmp_path: Path) -> None:
-    assert messages(tmp_path) == ["FILE: this is a folder; name a scenario file in it"]
+    assert messages(tmp_path) == ["FILE: this is a folder; name a file in it"]
 
 
 @pytest.mark.parametrize(

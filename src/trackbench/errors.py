@@ -11,6 +11,10 @@ class TrackbenchError(Exception):
     """Base of every error whose text is meant for the user."""
 
 
+class OutputError(TrackbenchError):
+    """A result cannot be written. The command line shows it and exits with status 4."""
+
+
 class InputError(TrackbenchError):
     """Bad input: a file, a key or an option. The command line shows it and exits with status 2.
 

@@ -36,7 +36,7 @@ def audit_command(log: Path, out: Path | None, as_json: bool) -> None:
 
     \b
     Exit status:
-      0 nothing found   1 something found   2 bad input
+      0 nothing found   1 something found   2 bad input   4 cannot write
     """
     from trackbench.api.audit import AUDIT, audit
     from trackbench.document.terminal import print_document

@@ -54,7 +54,8 @@ def compare_command(
       trackbench compare before/highway after/highway --out table.tex
 
     \b
-    Exit status: 0 compared, 1 a regression, 2 bad input or not comparable
+    Exit status:
+      0 compared   1 a regression   2 bad input or not comparable   4 cannot write
     """
     from trackbench.compare import Limit, compare, find
     from trackbench.document.save import require_ending

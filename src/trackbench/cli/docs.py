@@ -22,6 +22,11 @@ The result goes to stdout; progress, warnings and errors go to stderr. A progres
 terminal, colour only where stdout is one, and none if `NO_COLOR` is set. A message on bad input says where and what
 would be right; it is never a traceback.
 
+The exit status is 0 if all is well, 2 after bad input or usage, and 4 if the result cannot be written: the disk or
+standard output is full or closed. What 1 and 3 mean is said below where they occur; 1 is never the status of an error.
+An interrupted command ends with 130, one whose reader has gone with 141, and a fault of trackbench itself with 70 and
+a traceback.
+
 `--quiet` leaves the outcome and what failed. `--verbose` says on stderr what is done: what came from the cache, how
 long each part took, what was written.
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
+import traceback
+from collections.abc import Sequence
 from typing import Any
 
 import click
 
 from trackbench import __version__
+from trackbench.cli import standard_streams
 from trackbench.cli.audit import audit_command
 from trackbench.cli.compare import compare_command
 from trackbench.cli.completion import completion_command
@@ -23,9 +27,13 @@ from trackbench.cli.serve import INTERRUPTED, serve_command
 from trackbench.cli.snapshot import snapshot_command
 from trackbench.cli.validate import check_command, schema_command
 from trackbench.cli.view import view_command
-from trackbench.errors import InputError, TrackbenchError
+from trackbench.errors import InputError, OutputError, TrackbenchError
+from trackbench.input_files import is_utf8
 
 BAD_INPUT = 2
+CANNOT_WRITE = 4
+#: Of sysexits.h: an internal error.
+FAULT = 70
 #: What a shell reports of a program whose reader has gone.
 UNREAD = 141
 
@@ -73,37 +81,89 @@ def main() -> None:
     """The console script. Exit status: see the README."""
     # A run that is told to end tidies up as one that is interrupted.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    standard_streams.open_missing()
     try:
+        status = _run()
+        standard_streams.flush()
+    except OSError as error:
+        status = UNREAD if isinstance(error, BrokenPipeError) else _said(_os_error(error), CANNOT_WRITE)
+    except KeyboardInterrupt:
+        status = _interrupted()
+    standard_streams.abandon()
+    sys.exit(status)
+
+
+def _run() -> int:
+    """The status of the command; its error is said.
+
+    Raises:
+        OSError: standard output cannot be written.
+    """
+    try:
+        standard_streams.require_stdout()
+        _require_place()
+        _require_text(sys.argv[1:])
         status = cli.main(prog_name="trackbench", standalone_mode=False)
     except click.exceptions.Exit as stop:
         status = stop.exit_code
     except click.ClickException as error:
-        error.show()
-        status = BAD_INPUT
+        return _said(_usage(error), BAD_INPUT)
     except InputError as error:
-        click.echo(str(error), err=True)
-        status = BAD_INPUT
+        return _said(str(error), BAD_INPUT)
+    except OutputError as error:
+        return _said(f"trackbench: {error}", CANNOT_WRITE)
     except TrackbenchError as error:
-        click.echo(f"trackbench: {error}", err=True)
-        status = BAD_INPUT
-    except (click.Abort, KeyboardInterrupt):
-        status = _interrupted()
-    except BrokenPipeError:
-        status = _unread()
+        return _said(f"trackbench: {error}", BAD_INPUT)
+    except UnicodeEncodeError as error:
+        problem = f"standard output is written as {error.encoding}, which lacks {error.object[error.start]!a}"
+        return _said(f"trackbench: {problem}; set PYTHONIOENCODING=utf-8", CANNOT_WRITE)
+    except MemoryError:
+        return _said("trackbench: the memory is not enough; take fewer runs, scenes or trackers at once", BAD_INPUT)
+    except click.Abort:
+        return _interrupted()
     except SystemExit as end:
         # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
-        status = _unread() if end.code else 0
-    sys.exit(status if isinstance(status, int) else 0)
+        status = UNREAD if end.code else 0
+    except (OSError, KeyboardInterrupt):
+        raise
+    except Exception:
+        # Not 1, which says that an expectation failed.
+        return _said(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
+    return status if isinstance(status, int) else 0
 
 
-def _unread() -> int:
-    """What is still buffered goes nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return UNREAD
+def _said(text: str, status: int) -> int:
+    standard_streams.say(text)
+    return status
+
+
+def _usage(error: click.ClickException) -> str:
+    """As Click shows it."""
+    shown = io.StringIO()
+    error.show(shown)
+    return shown.getvalue().rstrip()
+
+
+def _os_error(error: OSError) -> str:
+    where = "standard output" if error.filename is None else error.filename
+    return f"trackbench: cannot write {where}: {error.strerror or error}"
+
+
+def _require_place() -> None:
+    try:
+        os.getcwd()
+    except OSError:
+        raise InputError("the working directory is not there any more; change to one that is") from None
+
+
+def _require_text(arguments: Sequence[str]) -> None:
+    """Names that are no UTF-8 cannot stand in a report."""
+    for argument in arguments:
+        if not is_utf8(argument):
+            raise InputError(f"{argument!a} is not UTF-8; rename the file")
 
 
 def _interrupted() -> int:
     # The terminal has shown the key as ^C at the start of the line, and gets written over it.
     start = "\r" if sys.stderr.isatty() else ""
-    click.echo(f"{start}interrupted: the unfinished run was not kept", err=True)
-    return INTERRUPTED
+    return _said(f"{start}interrupted: the unfinished run was not kept", INTERRUPTED)

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import logging
 import signal
+from typing import TYPE_CHECKING
 
 import click
 
 from trackbench.cli.completion import served_trackers
+from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import log_to_stderr
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from trackbench.stepping import Isolation
 
 #: What a shell reports of a program that Ctrl-C ended.
 INTERRUPTED = 130
@@ -38,9 +43,12 @@ def serve_command() -> None:
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
 )
+@isolation_options
 @click.option("-v", "--verbose", is_flag=True, help="Log every frame that is no event, too.")
 @click.pass_context
-def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, verbose: bool) -> None:
+def udacity_command(
+    ctx: click.Context, tracker: str, port: int, host: str, isolation: Isolation, verbose: bool
+) -> None:
     """Speak the protocol of the Udacity term-2 simulator, until Ctrl-C.
 
     Each client has its own tracker, which starts afresh when it connects again or restarts its data set.
@@ -61,7 +69,7 @@ def udacity_command(ctx: click.Context, tracker: str, port: int, host: str, verb
     from trackbench.serve.server import serve
     from trackbench.serve.session import served
 
-    found = served(load_scenario(path), name)
+    found = served(load_scenario(path), name, isolation)
     _log(ctx, verbose)
     for kind in {"lidar", "radar"} - set(found.sensors):
         click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from pydantic import ValidationError
 
 from trackbench.errors import InputError
+from trackbench.input_files import read_bytes
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import Part
@@ -257,8 +258,10 @@ def load(file: Path) -> Comparison:
         InputError: it cannot be read, or is none of this version.
     """
     try:
-        raw = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        raw = json.loads(read_bytes(file))
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=file) from None
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not a readable comparison: {error}", file=file) from error
     if not isinstance(raw, dict) or raw.get("schema_version") != SCHEMA_VERSION:
         raise InputError(f"schema_version is not {SCHEMA_VERSION}: this comparison is of another version", file=file)

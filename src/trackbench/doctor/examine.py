@@ -33,6 +33,7 @@ from trackbench.doctor.root_causes import rank
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
 from trackbench.execution import one_blas_thread
+from trackbench.input_files import read_bytes
 from trackbench.models.sensors import Mount, Sensor
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
@@ -95,10 +96,10 @@ class Examination:
             InputError: it cannot be read, or is no examination.
         """
         try:
-            found = json.loads(file.read_text(encoding="utf-8"))
+            found = json.loads(read_bytes(file))
             findings = [Finding.from_json(entry) for entry in found["findings"]]
             return cls(found["tracker"], findings, [CheckResult(**check) for check in found["checks"]])
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise InputError(f"not a readable examination: {error}", file=file) from error
 
 

@@ -14,11 +14,11 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import rerun as rr
-from rerun.chunk import Chunk
 
+from trackbench.recording.chunks import EntityRows
 from trackbench.recording.scene import ROADS
 from trackbench.recording.stream import TIMELINE, Stream, path
-from trackbench.results import Result, to_json
+from trackbench.results import Result
 from trackbench.results.columns import split
 
 DATA = "data"
@@ -38,7 +38,7 @@ TABLE, GROUP = "table", "group"
 
 def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables."""
-    stream.static(path(*SUMMARY), rr.TextDocument(to_json(result.json())))
+    stream.static(path(*SUMMARY), rr.TextDocument(json.dumps(result.json(), allow_nan=False, ensure_ascii=False)))
     for table, keys in KEYS.items():
         for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
             entity = path(DATA, table, *values)
@@ -53,7 +53,7 @@ def send_data(stream: Stream, result: Result) -> None:
             stream.columns(entity, rows["time_s"], rr.AnyValues.columns(**numbers))
 
 
-def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str, pa.Table]]:
+def read_data(chunks: Iterable[EntityRows]) -> tuple[dict[str, Any] | None, dict[str, pa.Table]]:
     """The summary as JSON values, None where there is none, and the tables out of a recording's chunks.
 
     Rows come sorted by key and time; a table that had no rows has no columns either.
@@ -62,20 +62,20 @@ def read_data(chunks: Iterable[Chunk]) -> tuple[dict[str, Any] | None, dict[str,
     static: dict[str, dict[str, Any]] = {}
     parts: dict[str, list[pa.RecordBatch]] = {}
     for chunk in chunks:
-        entity = chunk.entity_path
+        entity = chunk.entity
         if entity == path(*SUMMARY):
-            (texts,) = chunk.to_record_batch().column("TextDocument:text").to_pylist()
+            (texts,) = chunk.rows.column("TextDocument:text").to_pylist()
             summary = json.loads(texts[0])
         elif entity == path(*ROADS):
-            roads = _roads(chunk.to_record_batch().column("LineStrips2D:strips").to_pylist()[0])
+            roads = _roads(chunk.rows.column("LineStrips2D:strips").to_pylist()[0])
         elif not entity.startswith(path(DATA) + "/"):
             continue
-        elif chunk.is_static:
-            (values,) = chunk.to_record_batch().to_pylist()
+        elif chunk.static:
+            (values,) = chunk.rows.to_pylist()
             known = static.setdefault(entity, {})
             known.update((name, value[0]) for name, value in values.items() if isinstance(value, list))
         else:
-            parts.setdefault(entity, []).append(chunk.to_record_batch())
+            parts.setdefault(entity, []).append(chunk.rows)
     groups: dict[str, dict[int, dict[str, npt.NDArray[Any]]]] = {}
     for entity, batches in parts.items():
         keys = static[entity]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import pyarrow as pa
 import rerun as rr
-from rerun.chunk import RrdReader
 
 from trackbench.errors import InputError
+from trackbench.input_files import require_regular
+from trackbench.recording.chunks import Unreadable, read_chunks
 from trackbench.recording.data import read_data
 from trackbench.results import SUMMARY, Result, Tables, summary_of
 
@@ -53,8 +51,8 @@ def read(path: Path) -> Recorded:
         return Recorded(Result.load(path), path, None, "there is no recording in this folder")
     version = _version(path)
     try:
-        summary, tables = _read(path)
-    except RuntimeError as error:
+        summary, tables = read_data(read_chunks(path))
+    except Unreadable as error:
         if version == rr.__version__:
             cause = "cut off" if "exceeds file size" in str(error) else "damaged"
             raise InputError(f"this recording is {cause}: it cannot be read to its end", file=path) from error
@@ -74,6 +72,7 @@ def _version(path: Path) -> str | None:
         InputError: it is no whole recording.
     """
     try:
+        require_regular(path)
         with path.open("rb") as file:
             head = file.read(8)
             size = file.seek(0, 2)
@@ -93,15 +92,6 @@ def _version(path: Path) -> str | None:
     if END not in tail and version == rr.__version__:
         raise InputError(CUT_OFF, file=path)
     return version
-
-
-def _read(path: Path) -> tuple[dict[str, Any] | None, dict[str, pa.Table]]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
-        reader = RrdReader(path)
-        if not reader.recordings():
-            return None, {}
-        return read_data(reader.stream())
 
 
 def _beside(path: Path, cause: str) -> Recorded:

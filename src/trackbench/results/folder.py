@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from trackbench.errors import InputError, TrackbenchError
+from trackbench.errors import InputError, OutputError, TrackbenchError
 
 SUMMARY = "result.json"
 #: The same of an examination.
@@ -39,7 +39,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         mark: name of the file by which such a folder is known.
 
     Raises:
-        TrackbenchError: the folder cannot be written, or the disk is full; nothing is left under the final name.
+        OutputError: the folder cannot be written, or the disk is full; nothing is left under the final name.
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -57,7 +57,7 @@ def save_files(files: Mapping[str, Callable[[Path], object]], folder: Path, mark
         cause = error if isinstance(error, OSError) else error.__cause__
         if not isinstance(cause, OSError):
             raise
-        raise TrackbenchError(f"cannot write {folder}: {cause.strerror or cause}") from error
+        raise OutputError(f"cannot write {folder}: {cause.strerror or cause}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     log.info("wrote %s/: %s", folder, ", ".join(written))
@@ -115,7 +115,7 @@ def write_text(path: Path, text: str) -> None:
     """Write a file whole or not at all, and the folder that it is in.
 
     Raises:
-        TrackbenchError: it cannot be written.
+        OutputError: it cannot be written.
     """
     write_bytes(path, text.encode())
 
@@ -123,17 +123,22 @@ def write_text(path: Path, text: str) -> None:
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file under a temporary name and rename it, so that it is whole or not there; and the folder it is in.
 
+    A device or a pipe, such as /dev/stdout, is written itself.
+
     Raises:
-        TrackbenchError: it cannot be written.
+        OutputError: it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.unfinished")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+        else:
+            temporary.write_bytes(content)
+            os.replace(temporary, path)
         log.info("wrote %s", path)
     except OSError as error:
-        raise TrackbenchError(f"cannot write {path}: {error.strerror or error}") from error
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         with suppress(OSError):
             temporary.unlink()

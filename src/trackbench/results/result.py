@@ -14,9 +14,13 @@ import pyarrow.parquet as pq
 from pydantic import ValidationError
 
 from trackbench.errors import InputError, nearest
+from trackbench.input_files import read_bytes
 from trackbench.results.folder import SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
 from trackbench.results.tables import Tables
+
+#: More lines than this in one picture cannot be told apart.
+MOST_DRAWN = 12
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,11 @@ class Result:
         """The trackers that finished with a position RMSE and enough estimates, best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [found for found in ranked if not self.why_unscored(found)]
+
+    @property
+    def drawn(self) -> list[TrackerResult]:
+        """Those of them that figures and recordings show: of more than ``MOST_DRAWN`` the best."""
+        return self.scored[:MOST_DRAWN]
 
     @property
     def unscored(self) -> list[TrackerResult]:
@@ -128,10 +137,10 @@ class Result:
             there = "there is no such folder" if not path.exists() else f"not the folder of a run, nor its {SUMMARY}"
             raise InputError(there, file=path)
         try:
-            raw = json.loads(file.read_text(encoding="utf-8"))
+            raw = json.loads(read_bytes(file))
         except FileNotFoundError as error:
             raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=path) from error
-        except (OSError, ValueError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
         return cls(summary_of(raw, file), Tables({}, file.parent))
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from trackbench.errors import InputError
+from trackbench.input_files import require_regular
 
 
 class _Table:
@@ -68,6 +69,7 @@ class Tables(Mapping[str, pa.Table]):
             raise KeyError(name)
         file = self._folder / f"{name}.parquet"
         try:
+            require_regular(file)
             return pq.read_table(file)
         except FileNotFoundError as error:
             raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error

@@ -14,6 +14,7 @@ from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.types import Indices, Truth
@@ -75,6 +76,7 @@ class Work:
     min_coverage: float = 0.0
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
+    isolation: Isolation = ISOLATED
 
     def pieces(self) -> list[BlockRuns]:
         """The runs in blocks, which depend on the scenes and the number of runs alone."""
@@ -103,12 +105,13 @@ class Work:
         return np.repeat(np.arange(len(self.scenes)), self.runs)
 
 
-def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
+def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolation = ISOLATED) -> Work:
     """What every block of a run of the scenario needs.
 
     Args:
         loaded: the scenario.
         truths: one for each scene.
+        isolation: how its plug-ins are kept apart.
     """
     scenario = loaded.config
     stated, driven = scenario.score.reference, scenario.truth.white_acceleration
@@ -133,4 +136,5 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
         metrics=(*BUILT_IN, *scenario.score.metrics),
+        isolation=isolation,
     )

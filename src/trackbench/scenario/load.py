@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from trackbench import input_files
 from trackbench.config import KeyPath
 from trackbench.config.explain import explain
 from trackbench.errors import InputError, InputErrors
@@ -88,12 +89,9 @@ def scenario_of(text: str, path: Path, overrides: Sequence[str] = ()) -> Scenari
 
 def _read(path: Path) -> str:
     try:
-        raw = path.read_bytes()
-    except IsADirectoryError:
-        raise InputError("this is a folder; name a scenario file in it", file=path) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be read: {reason}", file=path) from None
+        raw = input_files.read_bytes(path, input_files.SCENARIO)
+    except FileNotFoundError:
+        raise InputError("there is no such file", file=path) from None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

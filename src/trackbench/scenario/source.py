@@ -18,6 +18,7 @@ from trackbench.errors import InputError, InputErrors
 
 #: Aliases can make a short file expand without end; no scenario comes near this.
 MAX_VALUES = 100_000
+CONTROL = "a control character, which a scenario cannot hold"
 
 
 class Origin(NamedTuple):
@@ -74,7 +75,7 @@ def parse(text: str, file: str) -> YamlDocument:
         raise InputError(_syntax(error), file=file, line=mark.line + 1 if mark else None) from None
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        raise InputError("a control character, which YAML does not allow", file=file, line=line) from None
+        raise InputError(CONTROL, file=file, line=line) from None
     except RecursionError:
         raise InputError("nested too deeply", file=file) from None
     if builder.repeated:
@@ -139,6 +140,7 @@ class _Builder:
         for key_node, value_node in self._merged(node, path):
             if not isinstance(key_node, yaml.ScalarNode):
                 raise self._error("a key must be a single word", key_node, path)
+            self._text(key_node, path)
             result[key_node.value] = self._item(value_node, (*path, key_node.value), key_node)
         for key_node, _ in node.value:
             key = key_node.value
@@ -162,7 +164,7 @@ class _Builder:
         yield from (entry for entry in node.value if entry[0].tag != _MERGE)
 
     def _scalar(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
-        text = node.value
+        text = self._text(node, path)
         try:
             match node.tag.removeprefix(_PREFIX):
                 case "null":
@@ -176,6 +178,12 @@ class _Builder:
         except (ValueError, KeyError):
             raise self._error(f"{text[:40]!r} does not fit its tag or is too long", node, path) from None
         return text
+
+    def _text(self, node: yaml.ScalarNode, path: KeyPath) -> str:
+        """The text of a node; what YAML does not allow as it is, is not allowed as an escape either."""
+        if yaml.reader.Reader.NON_PRINTABLE.search(node.value):
+            raise self._error(CONTROL, node, path)
+        return str(node.value)
 
     def _error(self, message: str, node: yaml.Node, path: KeyPath) -> InputError:
         return InputError(message, key=dotted(path) or None, file=self.file, line=node.start_mark.line + 1)

@@ -13,6 +13,7 @@ from trackbench.streams import stream
 from trackbench.truth.audit import exact
 from trackbench.truth.config import MovingObserver, ScriptedOptions
 from trackbench.truth.config.scripted import Piece, ScriptedObject, ScriptedStart
+from trackbench.truth.limits import require_possible
 from trackbench.types import Array, Observer, Truth
 from trackbench.units import wrap_angle
 
@@ -48,24 +49,24 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
         for fields in zip(*paths, strict=True)
     )
     backward = speed < 0.0
-    return exact(
-        Truth(
-            time=time,
-            ids=tuple(config.objects),
-            px=px,
-            py=py,
-            heading=wrap_angle(heading),
-            course=wrap_angle(heading + np.where(backward, np.pi, 0.0)),
-            speed=np.abs(speed),
-            acceleration=np.where(backward, -acceleration, acceleration),
-            yaw_rate=yaw_rate,
-            alive=np.ones((steps + 1, len(paths)), dtype=bool),
-            length=np.array([body.length_m for body in config.objects.values()]),
-            width=np.array([body.width_m for body in config.objects.values()]),
-            observer=_observer(config.observer, time),
-            source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
-        )
+    truth = Truth(
+        time=time,
+        ids=tuple(config.objects),
+        px=px,
+        py=py,
+        heading=wrap_angle(heading),
+        course=wrap_angle(heading + np.where(backward, np.pi, 0.0)),
+        speed=np.abs(speed),
+        acceleration=np.where(backward, -acceleration, acceleration),
+        yaw_rate=yaw_rate,
+        alive=np.ones((steps + 1, len(paths)), dtype=bool),
+        length=np.array([body.length_m for body in config.objects.values()]),
+        width=np.array([body.width_m for body in config.objects.values()]),
+        observer=_observer(config.observer, time),
+        source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
     )
+    require_possible(truth)
+    return exact(truth)
 
 
 def most_runs(config: ScriptedOptions) -> int:

@@ -11,6 +11,7 @@ from trackbench.config import Angle, Config, Name, NonNegative, OptionsBeside, P
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.observer import MovingObserver
+from trackbench.truth.limits import Position, Speed, Velocity
 
 #: The kinds of motion that a piece can have, and the keys that each adds.
 KINDS: dict[str, tuple[str, ...]] = {
@@ -21,20 +22,20 @@ KINDS: dict[str, tuple[str, ...]] = {
 #: The keys of the kind of motion that needs no word: a constant turn rate and acceleration, zero unless given.
 STEADY = ("turn_rate_degps", "acceleration_mps2")
 
-Waypoint = Annotated[list[float], Field(min_length=2, max_length=2)]
+Waypoint = Annotated[list[Position], Field(min_length=2, max_length=2)]
 
 
 class ScriptedStart(Config):
     """Where an object is at the start, and its velocity: speed and course, or its components."""
 
-    x: float = Field(0, description="Position along x in the fixed frame, m.")
-    y: float = Field(0, description="Position along y in the fixed frame, m.")
-    speed_mps: NonNegative | None = Field(None, description="Speed along the course, m/s; 0 unless given.")
+    x: Position = Field(0, description="Position along x in the fixed frame, m.")
+    y: Position = Field(0, description="Position along y in the fixed frame, m.")
+    speed_mps: Speed | None = Field(None, description="Speed along the course, m/s; 0 unless given.")
     course_deg: Angle | None = Field(
         None, description="Direction of motion in the fixed frame, counter-clockwise from x, degrees; 0 unless given."
     )
-    vx_mps: float | None = Field(None, description="Velocity along x, m/s; instead of speed_mps and course_deg.")
-    vy_mps: float | None = Field(None, description="Velocity along y, m/s; instead of speed_mps and course_deg.")
+    vx_mps: Velocity | None = Field(None, description="Velocity along x, m/s; instead of speed_mps and course_deg.")
+    vy_mps: Velocity | None = Field(None, description="Velocity along y, m/s; instead of speed_mps and course_deg.")
 
     def problems(self) -> Iterator[Problem]:
         if self.speed_mps is None and self.course_deg is None:
@@ -89,7 +90,7 @@ class Piece(Config):
         description="Points [x, y] in the fixed frame, m, on the way through which the object goes straight from one "
         "to the next, and straight on after the last.",
     )
-    speed_mps: Positive | None = Field(
+    speed_mps: Annotated[Speed, Field(gt=0)] | None = Field(
         None, description="Speed along the waypoints, m/s; that at the end of the piece before unless given."
     )
 

@@ -6,6 +6,7 @@ import os
 import re
 from pathlib import Path
 
+from trackbench import input_files
 from trackbench.errors import InputError, nearest
 
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
@@ -44,10 +45,7 @@ def read_text(file: Path) -> str:
     Raises:
         InputError: it cannot be read, is empty or is not UTF-8.
     """
-    try:
-        raw = file.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=file) from None
+    raw = input_files.read_bytes(file)
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.errors import InputError, nearest
+from trackbench.truth import limits
 from trackbench.truth.recorded.files import read_text
 from trackbench.types import Array
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
-#: Nanoseconds since 1970 are 2e18, and squares of this are still numbers.
+#: Of times: nanoseconds since 1970 are 2e18.
 LARGEST = 1e30
 
 
@@ -38,27 +39,43 @@ class Rows(NamedTuple):
             return InputError(f"row {row + 1}: {message}", file=self.file)
         return InputError(message, file=self.file, line=self.lines[row])
 
-    def numbers(self, column: str, *, optional: bool = False) -> Array:
-        """A column of finite numbers; NaN where it is empty or says so, if it may be."""
+    def numbers(self, column: str, factor: float, quantity: str | None, *, optional: bool = False) -> Array:
+        """A column of finite numbers in SI units and radians; NaN where it is empty or says so, if it may be.
+
+        Args:
+            column: its name.
+            factor: from its unit.
+            quantity: a key of ``limits.LARGEST``.
+            optional: whether it may be empty.
+        """
         values = np.empty(len(self))
         for row, value in enumerate(self.columns[column]):
-            values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value)
+            values[row] = math.nan if optional and _unknown(value) else self._number(row, column, value) * factor
+            problem = limits.why_too_large(values[row], quantity)
+            if problem is not None:
+                raise self.error(row, f"{column} is {str(value)[:20]!r}: {problem}")
         return values
 
     def times(self, column: str) -> list[Decimal]:
         """A column of times, exactly as written."""
         times = []
         for row, value in enumerate(self.columns[column]):
-            self._number(row, column, value)
+            if abs(self._number(row, column, value)) > LARGEST:
+                raise self.error(row, f"{column} is too large to be meant: {str(value)[:20]!r}")
             times.append(Decimal(value.strip() if isinstance(value, str) else value))
         return times
 
     def names(self, column: str) -> list[str]:
         """A column of names, none of them empty."""
+        names = []
         for row, value in enumerate(self.columns[column]):
             if _empty(value):
                 raise self.error(row, f"{column} is empty, where the name of an object is expected")
-        return [str(value).strip() for value in self.columns[column]]
+            names.append(str(value).strip())
+            problem = limits.why_no_name(names[-1])
+            if problem is not None:
+                raise self.error(row, f"{column}: {problem}")
+        return names
 
     def _number(self, row: int, column: str, value: Any) -> float:
         if _empty(value):
@@ -69,8 +86,6 @@ class Rows(NamedTuple):
             number = float(value) if isinstance(value, int | float | Decimal) else math.nan
         if not math.isfinite(number):
             raise self.error(row, f"{column} is not a finite number: {str(value)[:20]!r}")
-        if abs(number) > LARGEST:
-            raise self.error(row, f"{column} is too large to be meant: {str(value)[:20]!r}")
         return number
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
     COMPONENT_QUANTITIES,
@@ -46,6 +47,9 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     stamps = _stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
     seconds = _seconds(stamps, start)
+    if seconds.max() > limits.LONGEST:
+        row = int(np.argmax(seconds))
+        raise table.error(row, f"{columns.time}: {limits.why_too_long(seconds[row])}")
     motions, order = _motions(table, columns, seconds, units)
     carrier = None
     if observer is not None and observer.path is not None:
@@ -84,14 +88,15 @@ def _stamps(table: Rows, column: str, factor: float) -> list[Decimal]:
 
 
 def _seconds(stamps: list[Decimal], start: Decimal) -> Array:
-    return np.array([float(stamp - start) for stamp in stamps])
+    """To the nanosecond, below which no clock of a vehicle tells rows apart."""
+    return np.array([float(round(stamp - start, 9)) for stamp in stamps])
 
 
 def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str, str]) -> dict[str, Array]:
     value = {
-        key: table.numbers(column) * units.factor(MOTION_QUANTITIES[key], own.get(key))
+        key: table.numbers(column, units.factor(quantity, own.get(key)), quantity)
         for key, column in columns.given.items()
-        if key != "time"
+        if (quantity := MOTION_QUANTITIES[key]) != "time"
     }
     if "speed" in value:
         speed, course = value.pop("speed"), value.pop("course")
@@ -130,7 +135,7 @@ def _require_one_pose_a_time(table: Rows, columns: ObserverColumns, seconds: Arr
     """
     _, first, of_row = np.unique(seconds, return_index=True, return_inverse=True)
     for column in columns.given.values():
-        values = table.numbers(column)
+        values = table.numbers(column, 1.0, None)
         for row in np.flatnonzero(values != values[first][of_row]).tolist():
             raise table.error(row, f"{column} differs from that of the same time in a row before")
 
@@ -145,13 +150,13 @@ def _log(
     ids: list[str],
 ) -> Log:
     named, components = entry.components, sensor.components
-    measurement = np.stack(
-        [
-            (table.numbers(named[name], optional=True) - entry.bias.get(name, 0.0))
-            * units.factor(COMPONENT_QUANTITIES.get(unit), entry.units.get(name))
-            for name, unit in zip(components, sensor.units, strict=True)
-        ]
-    )
+    values = []
+    for name, unit in zip(components, sensor.units, strict=True):
+        quantity = COMPONENT_QUANTITIES.get(unit)
+        factor = units.factor(quantity, entry.units.get(name))
+        bias = entry.bias.get(name, 0.0) * factor
+        values.append(table.numbers(named[name], factor, quantity, optional=True) - bias)
+    measurement = np.stack(values)
     there = np.isfinite(measurement)
     for row in np.flatnonzero(there.any(axis=0) & ~there.all(axis=0)).tolist():
         missing = named[components[int(np.argmin(there[:, row]))]]

@@ -11,6 +11,7 @@ import re
 from typing import NamedTuple
 
 from trackbench.errors import InputError
+from trackbench.truth.limits import why_too_large
 
 #: The sensor that each letter stands for, and the components of its measurement.
 SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -20,6 +21,13 @@ SENSORS: dict[str, tuple[str, tuple[str, ...]]] = {
 TRUTH = ("px", "py", "vx", "vy")
 #: Columns of the truth that older files leave out.
 OPTIONAL = ("yaw", "yaw rate")
+
+#: Of what each of them is.
+QUANTITIES = {
+    **dict.fromkeys(("px", "py", "range"), "length"),
+    **dict.fromkeys(("vx", "vy", "range rate"), "speed"),
+    **dict.fromkeys(("azimuth", *OPTIONAL), "angle"),
+}
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Whole microseconds that a double holds exactly.
@@ -65,16 +73,22 @@ def parse_line(text: str) -> Measurement:
     stamp = columns.pop(size)
     if not _STAMP.fullmatch(stamp):
         raise InputError(f"the time stamp is a whole number of microseconds, not {_short(stamp)}")
-    names = (*components, *(f"true {name}" for name in (*TRUTH, *OPTIONAL)))
-    values = [_number(column, name) for column, name in zip(columns, names, strict=False)]
+    names = (*components, *TRUTH, *OPTIONAL)
+    values = [
+        _number(column, name if i < size else f"true {name}", QUANTITIES[name])
+        for i, (column, name) in enumerate(zip(columns, names, strict=False))
+    ]
     px, py, vx, vy, *rest = values[size:]
     return Measurement(kind, tuple(values[:size]), int(stamp), (px, py, vx, vy), *rest)
 
 
-def _number(text: str, name: str) -> float:
+def _number(text: str, name: str, quantity: str) -> float:
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
         raise InputError(f"{name} is not a finite number: {_short(text)}")
+    problem = why_too_large(value, quantity)
+    if problem is not None:
+        raise InputError(f"{name} is {_short(text)}: {problem}")
     return value
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trackbench.errors import InputError
+from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded import files
 from trackbench.truth.recorded.drive import Drive, Log, Motion, row_order
@@ -64,6 +65,9 @@ def parse(text: str, file: Path) -> list[Measurement]:
         if measurements and item.stamp < measurements[-1].stamp:
             message = f"time runs backwards: {item.stamp} us after {measurements[-1].stamp} us"
             raise InputError(message, file=file, line=number)
+        if measurements and item.stamp - measurements[0].stamp > limits.LONGEST * 1e6:
+            seconds = (item.stamp - measurements[0].stamp) / 1e6
+            raise InputError(limits.why_too_long(seconds), file=file, line=number)
         if latest.get(item.kind) == item.stamp:
             raise InputError(f"a second {item.kind} line at {item.stamp} us", file=file, line=number)
         latest[item.kind] = item.stamp
