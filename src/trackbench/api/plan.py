@@ -36,7 +36,7 @@ class Plan:
         if not isinstance(self.workers, int) or self.workers < 1:
             raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
         if self.workers > 1 and self.cluster is not None:
-            raise InputError("the work runs in one place: either on a cluster or in local processes", key="workers")
+            raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
 
 
 def command_of(scenario: Scenario) -> str:
