@@ -21,11 +21,13 @@ from tests.browser import CHROMIUM
 
 from trackbench.cli import main
 from trackbench.errors import InputError
+from trackbench.execution import executor
 from trackbench.recording import viewer
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
+from trackbench.stepping import ISOLATED, Isolation
 
 # How long an example takes says how busy the machine is, and nothing of the code.
 settings.register_profile("any machine", deadline=None)
@@ -110,11 +112,12 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs the tiny scenario with ``key.path=value`` set over it; trackers' modules are looked for in ``folder``."""
     texts = tmp_path_factory.mktemp("tiny")
 
-    def call(*overrides: str, folder: Path = texts, workers: int = 1) -> Result:
+    def call(*overrides: str, folder: Path = texts, workers: int = 1, isolation: Isolation = ISOLATED) -> Result:
         file = folder / "tiny.yaml"
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
-        return run(loaded, truths_of(loaded), workers=workers)
+        with executor(workers) as chosen:
+            return run(loaded, truths_of(loaded, executor=chosen), executor=chosen, isolation=isolation)
 
     return call
 

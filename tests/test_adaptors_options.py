@@ -15,6 +15,7 @@ from tests.scenes import scan
 
 from trackbench.adaptors.published import filterpy
 from trackbench.errors import InputError, TrackbenchError
+from trackbench.stepping import Isolation
 from trackbench.trackers.published import create
 from trackbench.types import Scan
 
@@ -302,6 +303,8 @@ def test_a_missing_package_is_named(
     use: str, name: str, tiny: Path, cli: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, use, None)
+    # The package is missing in this process alone.
+    monkeypatch.setattr(Isolation, "of", lambda self, config: False)
     text = tiny.read_text(encoding="utf-8")
     tiny.write_text(
         text.replace("trackers:\n", f"trackers:\n  mine: {{use: {use}, options: {OPTIONS[use]}}}\n"), encoding="utf-8"

@@ -96,7 +96,7 @@ def test_a_worker_that_dies(cli: Cli, tiny: Path, tmp_path: Path, write_module: 
     module = write_module(tmp_path, code)
     done = cli("run", "tiny.yaml", "--runs", "2500", "--workers", "2", "--set", f"trackers.mine.use={module}:T")
     assert (done.status, done.out) == (2, "")
-    assert done.err == "trackbench: a worker process died; --workers 1 may show what it died of\n"
+    assert done.err == "trackbench: worker processes died twice; --workers 1 may show what they died of\n"
     assert list((tmp_path / "results").iterdir()) == []
 
 

@@ -139,7 +139,9 @@ def test_scenes_are_what_is_independent():
         interval = found.evaluations[name].intervals["position_rmse"]
         assert interval.influence.shape == (3,)
         assert interval.influence.sum() == pytest.approx(0.0, abs=1e-12)
-        total = np.stack([found.evaluations[name].scores.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1)
+        total = np.stack(
+            [found.evaluations[name].scores.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1
+        )
         expected = np.sqrt(total[1:3].sum() / total[0].sum())
         assert found.evaluations[name].values["position_rmse"].value == pytest.approx(expected, rel=1e-12)
 

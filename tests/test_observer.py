@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trackbench.execution import executor
 from trackbench.metrics.scorer import Scorer
 from trackbench.results import Result
 from trackbench.runner.block import RecordedInstant
@@ -39,7 +40,8 @@ def test_the_recorded_run_is_seen_whole_whichever_process_makes_it(tiny: Path, w
     loaded = load_scenario(tiny, ["monte_carlo.runs=1500", "recording.run=1400"])
     truth = truth_of(loaded)
     seen: list[Any] = []
-    result = run(loaded, [truth], workers=workers, on_recorded_run=seen.append)
+    with executor(workers) as chosen:
+        result = run(loaded, [truth], executor=chosen, on_recorded_run=seen.append)
     scans, *instants = seen
     assert {scan.sensor for scan in scans} == {"radar", "lidar"}
     assert all(isinstance(item, RecordedInstant) for item in instants)
@@ -94,7 +96,8 @@ def test_looking_changes_nothing(tiny: Path, workers: int) -> None:
     loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
     truth = truth_of(loaded)
     alone = run(loaded, [truth])
-    seen = run(loaded, [truth], workers=workers, on_recorded_run=lambda _: None)
+    with executor(workers) as chosen:
+        seen = run(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
     assert alone.summary.fingerprint == seen.summary.fingerprint
     assert without_times(alone) == without_times(seen)
     assert all(alone.tables[name].equals(seen.tables[name]) for name in alone.tables)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -125,22 +124,24 @@ def test_the_fingerprint_is_that_of_the_measurements(run_tiny: Run, tiny_result:
 
 def test_every_tracker_sees_the_same_measurements(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:
     code = (
-        "import numpy as np\nSEEN = []\nclass Spy:\n    batched = True\n    def step(self, state, scan):\n"
-        "        SEEN.append((self.tag, scan.time, scan.sensor, scan.measurement.tobytes(), scan.valid.tobytes(),\n"
-        "                     scan.sensor_pose.tobytes(), scan.sensor_velocity.tobytes(), "
-        "scan.noise_covariance.tobytes()))\n        batch = scan.valid.size\n"
+        "import numpy as np\nclass Spy:\n    batched = True\n    def step(self, state, scan):\n"
+        "        read = (scan.measurement, scan.valid, scan.sensor_pose, scan.sensor_velocity, scan.noise_covariance)\n"
+        "        with open(self.file, 'a') as file:\n"
+        "            print(scan.time, scan.sensor, *(item.tobytes().hex() for item in read), file=file)\n"
+        "        batch = scan.valid.size\n"
         "        return 1, (np.ones((4, batch)), np.eye(4)[:, :, None] * np.ones(batch))\n"
-        "    def __init__(self, tag):\n        self.tag = tag\n"
+        "    def __init__(self, file):\n        self.file = file\n"
     )
     module = write_module(tmp_path, code)
-    spies = {tag: f"trackers.{tag}={{use: '{module}:Spy', options: {{tag: {tag}}}}}" for tag in ("a", "b")}
+    file = {tag: tmp_path / f"{tag}.txt" for tag in ("a", "b")}
+    spies = {tag: f"trackers.{tag}={{use: '{module}:Spy', options: {{file: {file[tag]}}}}}" for tag in file}
     ukf = "trackers.ukf={filter: ukf, motion: ctrv, acceleration_sigma_mps2: 3, yaw_acceleration_sigma_radps2: 1}"
     run_tiny(spies["a"], ukf, spies["b"], folder=tmp_path)  # a filter works between the two
-    seen = sys.modules[module].SEEN
-    by_tag = {tag: [item[1:] for item in seen if item[0] == tag] for tag in ("a", "b")}
-    assert len(by_tag["a"]) == 21 + 11
-    assert by_tag["a"] == by_tag["b"]
-    assert [item[:2] for item in by_tag["a"][:4]] == [(0.0, "radar"), (0.0, "lidar"), (0.1, "radar"), (0.2, "radar")]
+    seen = {tag: path.read_text(encoding="utf-8").splitlines() for tag, path in file.items()}
+    assert len(seen["a"]) == 21 + 11
+    assert seen["a"] == seen["b"]
+    first = [line.split()[:2] for line in seen["a"][:4]]
+    assert first == [["0.0", "radar"], ["0.0", "lidar"], ["0.1", "radar"], ["0.2", "radar"]]
 
 
 def test_a_batched_plug_in_equals_a_looped_one(run_tiny: Run, tmp_path: Path, write_module: Write) -> None:

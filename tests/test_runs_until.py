@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trackbench.execution import executor
 from trackbench.results import Result
 from trackbench.runner import work
 from trackbench.runner.run import run
@@ -26,7 +27,8 @@ RANDOM = """truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {
 
 def until(tiny: Path, target: float, max_runs: int, *overrides: str, workers: int = 1) -> Result:
     first = first_look(load_scenario(tiny, overrides), max_runs)
-    return run_until(first, truths_of(first), target, max_runs, workers=workers, command=command)
+    with executor(workers) as chosen:
+        return run_until(first, truths_of(first), target, max_runs, executor=chosen, command=command)
 
 
 def command(loaded: Scenario) -> str:

@@ -236,7 +236,7 @@ def test_a_tracker_that_fails_ends_its_session_alone(name, cause, server):
                 client.recv(timeout=SECONDS)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 1011
-        assert closed.value.rcvd.reason == f"tracker {name} failed at measurement 3: {cause}"
+        assert closed.value.rcvd.reason.startswith(f"tracker {name} failed at measurement 3: {cause}")
         assert served.log().count(closed.value.rcvd.reason) == 1
         assert ask(other, '42["telemetry",{}]') == MANUAL
     with served.client() as client:

@@ -10,12 +10,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from trackbench.errors import InputError
-from trackbench.scenario import Scenario, load_scenario, truth
+from trackbench.execution import InProcess, executor
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of, truths_of
 from trackbench.truth import LoadedTruth, cache
 from trackbench.truth.sources import HighwayTruth
@@ -97,7 +99,8 @@ def test_scenes_are_the_same_to_the_last_bit_for_any_number_of_processes(
     tiny: Path, folder: Path, workers: int
 ) -> None:
     steps: list[tuple[float, float]] = []
-    found = truths_of(scenario(tiny, "truth.seeds=3"), lambda done, total: steps.append((done, total)), workers)
+    with executor(workers) as chosen:
+        found = truths_of(scenario(tiny, "truth.seeds=3"), lambda done, total: steps.append((done, total)), chosen)
     assert not any(scene.cached for scene in found)
     assert steps[-1] == (33, 33)
     assert sorted(steps) == steps
@@ -108,28 +111,36 @@ def test_scenes_are_the_same_to_the_last_bit_for_any_number_of_processes(
     assert len(set(positions(apart))) == 3
 
 
-def test_what_is_stored_starts_no_process(tiny: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+class Counting(InProcess):
+    """Counts what it is given to do."""
+
+    calls = 0
+
+    def submit(self, call: Any, /, *args: Any, **kwargs: Any) -> Any:
+        self.calls += 1
+        return super().submit(call, *args, **kwargs)
+
+
+def test_what_is_stored_is_not_made_again(tiny: Path, folder: Path) -> None:
     loaded = scenario(tiny, "truth.seeds=3")
     made = truths_of(loaded)
-
-    def refuse(*_: object) -> None:
-        raise AssertionError("a process is started")
-
-    monkeypatch.setattr(truth, "ProcessPoolExecutor", refuse)
-    again = truths_of(loaded, workers=2)
+    counting = Counting()
+    again = truths_of(loaded, executor=counting)
+    assert counting.calls == 0
     assert all(scene.cached for scene in again)
     assert positions(again) == positions(made)
     assert [scene.truth.source["seed"] for scene in again] == [1, 2, 3]
     # Only what is missing is simulated.
     cache.path(loaded.config.truth.scenes()[1]).unlink()
-    assert [scene.cached for scene in truths_of(loaded, workers=2)] == [True, False, True]
+    assert [scene.cached for scene in truths_of(loaded, executor=counting)] == [True, False, True]
+    assert counting.calls == 1
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_scene_that_cannot_be_had_is_named(tiny: Path, folder: Path, workers: int) -> None:
     loaded = scenario(tiny, "truth.seeds=2", "truth.targets={ids: [v99]}")
-    with pytest.raises(InputError) as caught:
-        truths_of(loaded, workers=workers)
+    with executor(workers) as chosen, pytest.raises(InputError) as caught:
+        truths_of(loaded, executor=chosen)
     assert caught.value.key == "truth.targets.ids"
     assert "scene 1 of 2: there is no vehicle 'v99'" in str(caught.value)
     assert "--set truth.targets=" in str(caught.value)
@@ -155,13 +166,15 @@ def test_scenes_of_a_source_without_seeds_are_refused_in_one_line(tmp_path: Path
 
 
 INTERRUPTED = """\
+from trackbench.execution import executor
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
 if __name__ == "__main__":
     loaded = load_scenario("highway", ["truth.seeds=4", "truth.duration_s=600"])
     print("begins", flush=True)
     try:
-        truths_of(loaded, workers=2)
+        with executor(2) as chosen:
+            truths_of(loaded, executor=chosen)
     except KeyboardInterrupt:
         print("interrupted")
 """
@@ -199,5 +212,7 @@ def test_ctrl_c_ends_all_processes_without_a_word(tmp_path: Path, delay: float) 
 
 def test_a_scene_without_seeds_is_its_own(tiny: Path) -> None:
     loaded = load_scenario("scripted/figure_eight")
-    (only,) = truths_of(loaded, workers=2)
+    counting = Counting()
+    (only,) = truths_of(loaded, executor=counting)
+    assert counting.calls == 0, "it is made in no time"
     np.testing.assert_array_equal(only.truth.px, truth_of(loaded).truth.px)

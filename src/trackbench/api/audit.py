@@ -16,9 +16,10 @@ from trackbench.document.html import to_html
 from trackbench.document.markdown import to_markdown
 from trackbench.log_audit import LogAudit, audit_log
 from trackbench.log_audit.as_json import to_json
-from trackbench.log_audit.corrections import corrected, own_modules
+from trackbench.log_audit.corrections import corrected
 from trackbench.report.log_audit import log_audit_document, log_audit_summary
 from trackbench.scenario import Scenario
+from trackbench.scenario.modules import own_modules
 from trackbench.types import Progress, no_progress
 from trackbench.words import counted
 

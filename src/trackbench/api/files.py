@@ -13,14 +13,36 @@ from trackbench.types import Progress
 Writer = Callable[[Path], None]
 
 
+def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
+    """The report of a run, by the name of the file.
+
+    Args:
+        result: of the run.
+        colours: of its trackers.
+    """
+    from trackbench.document.html import to_html
+    from trackbench.document.markdown import to_markdown
+    from trackbench.report.run import run_document
+
+    document = run_document(result, colours)
+    return {"report.html": to_html(document), "report.md": to_markdown(document)}
+
+
 def save(
-    result: Result, folder: Path, progress: Progress, colours: Mapping[str, str], *, recording: bool = True
+    result: Result,
+    folder: Path,
+    pages: Mapping[str, str],
+    progress: Progress,
+    colours: Mapping[str, str],
+    *,
+    recording: bool = True,
 ) -> Result:
     """Write the folder of a run with everything that is in it.
 
     Args:
         result: of the run.
         folder: its name; an earlier result under it is replaced.
+        pages: the report, by the name of the file.
         progress: called with the number of files written and of all.
         colours: of its trackers.
         recording: whether the Rerun recording is among them.
@@ -32,15 +54,8 @@ def save(
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
     from trackbench import recording as rerun
-    from trackbench.document.html import to_html
-    from trackbench.document.markdown import to_markdown
-    from trackbench.report.run import run_document
 
-    document = run_document(result, colours)
-    artifacts: dict[str, Writer] = {
-        "report.html": lambda path: results.write_file(to_html(document), path),
-        "report.md": lambda path: results.write_file(to_markdown(document), path),
-    }
+    artifacts: dict[str, Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
     if recording:
         artifacts["recording.rrd"] = partial(rerun.write, result, colours=colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))

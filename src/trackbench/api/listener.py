@@ -28,6 +28,11 @@ class Prepared:
 class Listener:
     """Is told of the work; this one says nothing to anybody."""
 
+    @property
+    def observes(self) -> bool:
+        """Whether ``begin`` gives a function, so that the recorded run is made in this process."""
+        return False
+
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[Progress]:
         """Around a piece of work that takes its time.

@@ -9,9 +9,12 @@ from typing import overload
 
 from trackbench.api import session
 from trackbench.api.listener import Listener
+from trackbench.api.plan import Plan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.execution import executor
 from trackbench.scenario import Scenario
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.types import Progress, no_progress
 
 Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
@@ -22,8 +25,11 @@ def run(
     scenario: Scenario | Named,
     *,
     workers: int = 1,
+    cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> ReportableResult: ...
 @overload
@@ -31,40 +37,51 @@ def run(
     scenario: Several,
     *,
     workers: int = 1,
+    cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> list[ReportableResult]: ...
 def run(
     scenario: Scenario | Named | Several,
     *,
     workers: int = 1,
+    cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
-    The result is the same for any number of workers, to the last bit, but for the times. With several workers, a script
-    calls this under ``if __name__ == "__main__":``, since each of them imports it.
+    The result is the same wherever it is made, to the last bit, but for the times. With ``local:N``, a script calls
+    this under ``if __name__ == "__main__":``, since each worker imports it.
 
     Args:
         scenario: what :func:`load` gave or takes; or a list or tuple of these, which gives a list of results.
         workers: number of processes.
+        cluster: a Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N`` for N workers on this machine.
         out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
             Several are also compared there. Nothing is written unless given.
         recording: whether the Rerun recording is among the files.
+        in_process: whether trackers of your own get no process of their own: for a debugger.
+        tracker_timeout: longest time that one may take to answer a scan, s.
         progress: called with the number of runs done and of all of a scenario.
 
     Raises:
-        InputError: something is wrong in a scenario, or nothing can be written to ``out``.
-        TrackbenchError: the folder cannot be written, or a worker died.
+        InputError: something is wrong in a scenario, nothing can be written to ``out``, or no cluster can be reached.
+        TrackbenchError: the folder cannot be written, or workers died.
     """
     given = scenario if isinstance(scenario, list | tuple) else [scenario]
-    plan = session.Plan(None if out is None else Path(out), workers, recording)
+    plan = Plan(None if out is None else Path(out), workers, cluster, recording, Isolation(in_process, tracker_timeout))
     listener = _Counter(progress)
-    prepared = session.prepare([loaded_scenario(item) for item in given], plan, listener)
-    found = [ReportableResult.of(result) for result in session.run(prepared, plan, listener)]
+    loaded = [loaded_scenario(item) for item in given]
+    with executor(workers, cluster) as chosen:
+        prepared = session.prepare(loaded, plan, chosen, listener)
+        found = [ReportableResult.of(result) for result in session.run(prepared, plan, chosen, listener)]
     return found if isinstance(scenario, list | tuple) else found[0]
 
 

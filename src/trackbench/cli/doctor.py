@@ -16,6 +16,7 @@ import click
 import numpy as np
 
 from trackbench import results
+from trackbench.cli.isolation import isolation_options
 from trackbench.cli.progress import progress
 from trackbench.errors import InputError
 from trackbench.results import EXAMINATION
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from trackbench.doctor.evidence import EvidenceRun
     from trackbench.doctor.examine import Examination
     from trackbench.doctor.subject import Subject
+    from trackbench.stepping import Isolation
 
 FOUND = 1
 CANNOT_RUN = 3
@@ -45,10 +47,17 @@ CANNOT_RUN = 3
     metavar="DIR",
     help="Folder of the files.  [default: results/doctor/TRACKER]",
 )
+@isolation_options
 @click.option("--all-checks", is_flag=True, help="Print the result of every check.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
 def doctor_command(
-    tracker: str, options: tuple[str, ...], scenario: Path | None, out: Path | None, all_checks: bool, as_json: bool
+    tracker: str,
+    options: tuple[str, ...],
+    scenario: Path | None,
+    out: Path | None,
+    isolation: Isolation,
+    all_checks: bool,
+    as_json: bool,
 ) -> None:
     """Find the faults of a tracker, with evidence.
 
@@ -67,9 +76,13 @@ def doctor_command(
     from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.subject import subject
     from trackbench.report.examination.text import text
+    from trackbench.stepping import TrackFault
 
-    with _tracker_output():
-        examined = subject(tracker, dict(_option(item) for item in options), scenario)
+    try:
+        with _tracker_output():
+            examined = subject(tracker, dict(_option(item) for item in options), scenario, isolation)
+    except TrackFault as fault:
+        raise InputError(f"{tracker!r} does not start: {fault}") from fault
     folder = out or Path("results", "doctor", _file_name(examined.name))
     results.require_replaceable(folder, EXAMINATION)
     results.require_writable(folder.parent)
@@ -78,7 +91,7 @@ def doctor_command(
     try:
         with _tracker_output():
             examination, evidence = _examine(examined)
-    except CannotRun as error:
+    except (CannotRun, TrackFault) as error:
         click.echo(f"{examined.name} cannot be examined: {error}", err=True)
         raise click.exceptions.Exit(CANNOT_RUN) from error
     written = _save(examination, evidence, folder)

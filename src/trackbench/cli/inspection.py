@@ -77,7 +77,7 @@ def _scores(found: Inspection, console: Console) -> None:
     console.print(_table(heads, rows))
     for tracker in found.summary.trackers:
         if tracker.failed is not None:
-            console.print(Text(f"{tracker.name} failed: {tracker.failed.cause}"), highlight=False)
+            console.print(Text(f"{tracker.name} failed: {tracker.failed}"), highlight=False)
     if found.checked is not None:
         difference = found.checked.largest_relative_difference
         verdict = "the same" if difference < ROUNDING else f"DIFFERENT by up to {difference:.1e} of the value"

@@ -12,15 +12,19 @@ from typing import Any
 import click
 
 from trackbench import results
+from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load
-from trackbench.api.session import MAX_RUNS, Plan, prepare, run
+from trackbench.api.session import prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
+from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, showing
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.errors import InputError
+from trackbench.execution import executor
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
+from trackbench.stepping import Isolation
 from trackbench.truth import MAX_SCENES
 
 FAILED_EXPECTATION = 1
@@ -59,6 +63,8 @@ FAILED_TRACKER = 3
     help="Each scenario gets a folder in it.",
 )
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+@isolation_options
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
 @live_options
@@ -76,6 +82,8 @@ def run_command(
     settings: tuple[str, ...],
     out: Path,
     workers: int,
+    cluster: str | None,
+    isolation: Isolation,
     no_recording: bool,
     junit: Path | None,
     as_json: bool,
@@ -100,23 +108,24 @@ def run_command(
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
-    chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    plan = Plan(out, workers, not no_recording, precision)
+    only = None if trackers is None else [name.strip() for name in trackers.split(",")]
+    plan = Plan(out, workers, cluster, not no_recording, isolation, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
-    changed = partial(load, set=settings, runs=runs, seed=seed, scenes=scenes, trackers=chosen)
+    changed = partial(load, set=settings, runs=runs, seed=seed, scenes=scenes, trackers=only)
     loaded = [changed(file) for file in scenario_files(scenarios)]
     output = RunOutput(as_json, quiet)
-    prepared = prepare(loaded, plan, output)
-    with showing(**live) as output.viewer:
-        found = run(prepared, plan, output)
-        if len(found) > 1:
-            output.compared(len(found), out)
-        if junit is not None:
-            _write_junit(found, junit)
-        if as_json:
-            summaries: Any = [result.json() for result in found]
-            click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
+    with executor(workers, cluster) as chosen:
+        prepared = prepare(loaded, plan, chosen, output)
+        with showing(**live) as output.viewer:
+            found = run(prepared, plan, chosen, output)
+            if len(found) > 1:
+                output.compared(len(found), out)
+            if junit is not None:
+                _write_junit(found, junit)
+            if as_json:
+                summaries: Any = [result.json() for result in found]
+                click.echo(json.dumps(summaries[0] if len(found) == 1 else summaries, indent=2, allow_nan=False))
     raise click.exceptions.Exit(status(found))
 
 

@@ -32,6 +32,11 @@ class RunOutput(Listener):
         self.viewer: Live | None = None
         """Where the runs are shown while they go on."""
 
+    @property
+    def observes(self) -> bool:
+        """With a viewer."""
+        return self.viewer is not None
+
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[Progress]:
         """A bar; what a tracker prints is no part of the result, and goes to stderr."""

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import logging
 import signal
+from typing import TYPE_CHECKING
 
 import click
 
 from trackbench.cli.completion import served_trackers
+from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import log_to_stderr
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from trackbench.stepping import Isolation
 
 #: What a shell reports of a program that Ctrl-C ended.
 INTERRUPTED = 130
@@ -45,10 +50,17 @@ def serve_command() -> None:
     metavar="URL",
     help="Let pages of this origin in, such as http://viewer.example:8000; may be given again.",
 )
+@isolation_options
 @click.option("-v", "--verbose", is_flag=True, help="Log every frame that is no event, too.")
 @click.pass_context
 def udacity_command(
-    ctx: click.Context, tracker: str, port: int, host: str, origins: tuple[str, ...], verbose: bool
+    ctx: click.Context,
+    tracker: str,
+    port: int,
+    host: str,
+    origins: tuple[str, ...],
+    isolation: Isolation,
+    verbose: bool,
 ) -> None:
     """Speak the protocol of the Udacity term-2 simulator, until Ctrl-C.
 
@@ -76,7 +88,7 @@ def udacity_command(
         allowed = [require_origin(origin) for origin in origins]
     except InputError as error:
         raise InputError(error.message, key="--allow-origin") from None
-    found = served(load_scenario(path), name)
+    found = served(load_scenario(path), name, isolation)
     _log(ctx, verbose)
     for kind in {"lidar", "radar"} - set(found.sensors):
         click.echo(f"{path} has no {kind}: such measurements are passed over", err=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.distributions import t_quantile
 from trackbench.metrics.differences import LEVEL
 from trackbench.types import Array
 
@@ -35,13 +36,11 @@ def interval(ranks: Array, trackers: int) -> tuple[float, float] | None:
     """
     if len(ranks) < FEWEST_SCENARIOS or trackers < FEWEST_TRACKERS:
         return None
-    from scipy import special
-
     middle = (trackers + 1) / 2
     size = len(ranks) + PSEUDO
     mean = (ranks.sum() + PSEUDO * middle) / size
     variance = (((ranks - mean) ** 2).sum() + PSEUDO * (middle - mean) ** 2) / (size - 1)
-    reach = special.stdtrit(size - 1, 0.975) * np.sqrt(variance / size)
+    reach = t_quantile(0.975, size - 1) * np.sqrt(variance / size)
     return float(max(mean - reach, 1.0)), float(min(mean + reach, trackers))
 
 

@@ -10,8 +10,7 @@ from trackbench.doctor.probes import GENERAL
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import TrackbenchError
-from trackbench.runner.adapters import cause_of
-from trackbench.trackers.answers import TrackerFault
+from trackbench.stepping import TrackFault
 
 #: In the messages of NumPy and SciPy, where there is no Cholesky factor.
 INDEFINITE = ("not positive definite",)
@@ -33,7 +32,7 @@ def require_runnable(tracker: TrackerUnderTest) -> None:
     for probe in GENERAL:
         for name in tracker.sensors:
             tracker.trial(probe, name, (name,))
-            if tracker.failures and _fault(tracker.failures[-1][1].cause) != "nonfinite":
+            if tracker.failures and _fault(tracker.failures[-1][1].fault) != "nonfinite":
                 raise _cannot_run(*tracker.failures[-1])
 
 
@@ -50,9 +49,9 @@ def failure_findings(tracker: TrackerUnderTest, found: Sequence[Finding]) -> lis
     findings = []
     unexplained = []
     for where, failure in tracker.failures:
-        fault = _fault(failure.cause)
+        fault = _fault(failure.fault)
         general = where in _GENERAL
-        if isinstance(failure.cause, TrackerFault) or (general and fault != "nonfinite"):
+        if failure.fault.kind in ("answer", "died") or (general and fault != "nonfinite"):
             raise _cannot_run(where, failure)
         if fault is None:
             unexplained.append((where, failure))
@@ -63,12 +62,10 @@ def failure_findings(tracker: TrackerUnderTest, found: Sequence[Finding]) -> lis
     return findings
 
 
-def _fault(cause: BaseException) -> str | None:
-    if isinstance(cause, ArithmeticError):
-        return "nonfinite"
-    if any(words in str(cause) for words in INDEFINITE):
+def _fault(fault: TrackFault) -> str | None:
+    if any(words in fault.cause for words in INDEFINITE):
         return "covariance_not_psd"
-    return "nonfinite" if any(words in str(cause) for words in NOT_FINITE) else None
+    return "nonfinite" if fault.kind == "arithmetic" or any(words in fault.cause for words in NOT_FINITE) else None
 
 
 def _cannot_run(where: str, failure: StepFailed) -> CannotRun:
@@ -78,4 +75,5 @@ def _cannot_run(where: str, failure: StepFailed) -> CannotRun:
 def _sentence(where: str, failure: StepFailed) -> str:
     scan = failure.scan
     measurement = "a measurement" if scan.valid.any() else "a missed measurement"
-    return f"{cause_of(failure.cause)} (at {scan.time:.4g} s of {where}, at {measurement} of {scan.sensor})"
+    place = "" if failure.fault.place is None else f"{failure.fault.place}, "
+    return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement} of {scan.sensor})"

@@ -48,7 +48,9 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
         try:
             state, returned = unpack(tracker.step(state, scan))
             estimate = shaped(returned, scan)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise StepFailed(error, scan) from error
         if estimate is not None:
             estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.stepping import fault_of
 from trackbench.trackers.answers import shaped, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.types import Estimate, Scan
@@ -16,9 +17,9 @@ from trackbench.types import Estimate, Scan
 class StepFailed(Exception):
     """A tracker raised, or what it returned is no estimate."""
 
-    def __init__(self, cause: BaseException, scan: Scan) -> None:
-        super().__init__(str(cause))
-        self.cause = cause
+    def __init__(self, error: BaseException, scan: Scan) -> None:
+        self.fault = fault_of(error)
+        super().__init__(self.fault.cause)
         self.scan = scan
 
 
@@ -46,7 +47,10 @@ class TrackerSession:
 
     def peek(self, scan: Scan) -> Estimate | None:
         """What ``step`` would return, without changing the session."""
-        tracker, state = copy.deepcopy((self._tracker, self._state))
+        try:
+            tracker, state = copy.deepcopy((self._tracker, self._state))
+        except Exception as error:
+            raise StepFailed(error, scan) from error
         return self._step(tracker, state, scan)[0]
 
     def copy(self) -> TrackerSession:
@@ -58,7 +62,9 @@ class TrackerSession:
         try:
             state, returned = unpack(tracker.step(state, given))
             estimate = shaped(returned, given)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise StepFailed(error, scan) from error
         if estimate is None or not self._batched:
             return estimate, state

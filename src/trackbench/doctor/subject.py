@@ -10,11 +10,11 @@ from typing import Any
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import load_scenario
+from trackbench.stepping import ISOLATED, Isolation, fresh
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, InitialConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.published import create
 
 #: For a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {
@@ -34,7 +34,9 @@ class Subject:
     """How the examination differs from the scenario."""
 
 
-def subject(target: str, options: Mapping[str, Any], scenario: Path | None = None) -> Subject:
+def subject(
+    target: str, options: Mapping[str, Any], scenario: Path | None = None, isolation: Isolation = ISOLATED
+) -> Subject:
     """The tracker named by ``SCENARIO#NAME``, ``module:Attr`` or a published name.
 
     Args:
@@ -42,9 +44,11 @@ def subject(target: str, options: Mapping[str, Any], scenario: Path | None = Non
         options: keyword arguments of a class; not with ``SCENARIO#NAME``.
         scenario: the file whose sensors are used. By default those of the tracker's own scenario, or else a radar and
             a lidar.
+        isolation: whether a tracker that is not built in gets a process of its own.
 
     Raises:
         InputError: there is no such scenario, tracker or module, or it does not take the options.
+        TrackFault: its process ended while it started.
     """
     file, mark, name = target.rpartition("#")
     if not mark and Path(target).suffix in (".yaml", ".yml"):
@@ -52,12 +56,14 @@ def subject(target: str, options: Mapping[str, Any], scenario: Path | None = Non
         raise InputError(f"say which of its trackers: {target}#{names[0]} ({', '.join(names)})", file=target)
     sensors = SENSORS if scenario is None else load_scenario(scenario).config.sensors
     if mark:
-        return _of_scenario(Path(file), name, options, None if scenario is None else sensors)
+        return _of_scenario(Path(file), name, options, None if scenario is None else sensors, isolation)
     folder = None if scenario is None else scenario.resolve().parent
-    return _startable(Subject(target, create(target, dict(options), folder), sensors))
+    return _startable(Subject(target, fresh(target, dict(options), folder, isolation), sensors))
 
 
-def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None) -> Subject:
+def _of_scenario(
+    path: Path, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None, isolation: Isolation
+) -> Subject:
     loaded = load_scenario(path)
     config = loaded.config
     if name not in config.trackers:
@@ -71,7 +77,7 @@ def _of_scenario(path: Path, name: str, options: Mapping[str, Any], sensors: Map
     }
     if isinstance(tracker, FilterConfig):
         return _startable(Subject(name, lambda: build(tracker), used))
-    return _startable(Subject(name, create(tracker.use, tracker.options, loaded.path.resolve().parent), used))
+    return _startable(Subject(name, fresh(tracker.use, tracker.options, loaded.path.resolve().parent, isolation), used))
 
 
 def _startable(of: Subject) -> Subject:

@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from trackbench.document.drawing import GRID
+from trackbench.document.margins import shortened
 from trackbench.types import Array
 
 #: Values that differ by more than this factor are drawn on a logarithmic axis.
@@ -22,6 +23,12 @@ def time_axis(axes: Axes, end: float) -> None:
     axes.set_xlim(0, end)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
     axes.grid(axis="x", color=GRID, linewidth=0.6)
+
+
+def panel_title(axes: Axes, name: str, width: float) -> None:
+    """What a panel, which is ``width`` points wide with its numbers, shows."""
+    # A given height, or matplotlib looks for what it might lie on.
+    axes.set_title(shortened(name, width - 30, 10), fontsize=10, loc="left", pad=2, y=1.0)
 
 
 def fit_value_axis(axes: Axes, drawn: Sequence[Array]) -> bool:
@@ -50,5 +57,4 @@ def logarithmic(axes: Axes, which: Literal["x", "y"]) -> None:
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
-    axis.set_tick_params(which="minor", size=0)
+    axis.set_minor_locator(NullLocator())

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from trackbench.document.margins import fit_margins, shortened
 from trackbench.document.model import Figure, LegendEntry
 
 #: Colours of what is no tracker: text and bounds, grid lines, bands and surroundings.
@@ -121,11 +122,19 @@ def _draw(figure: Figure, kind: str, colours: Mapping[str, str], *, legend: bool
     with _colours(colours), matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
-        canvas = Canvas(figsize=(width / 72, height / 72), dpi=72, layout="constrained")
+        canvas = Canvas(figsize=(width / 72, height / 72), dpi=72)
         figure.paint(canvas)
+        fit_margins(canvas, below=height - figure.height)
         if columns:
-            handles = [_handle(entry) for entry in figure.legend]
-            canvas.legend(handles=handles, loc="outside lower left", ncols=columns, handlelength=1.6)
+            handles = [_handle(entry, width) for entry in figure.legend]
+            canvas.legend(
+                handles=handles,
+                loc="lower left",
+                bbox_to_anchor=(0, 0),
+                borderaxespad=0.3,
+                ncols=columns,
+                handlelength=1.6,
+            )
         buffer = io.BytesIO()
         canvas.savefig(buffer, format=kind, metadata=dict.fromkeys(keys))
     return buffer.getvalue()
@@ -148,13 +157,14 @@ def _legend_columns(entries: tuple[LegendEntry, ...], width: float) -> int:
     return max(1, min(len(entries), int(width / (_LEGEND_LETTER * longest + 40))))
 
 
-def _handle(entry: LegendEntry) -> Artist:
+def _handle(entry: LegendEntry, width: float) -> Artist:
+    label = shortened(entry.label, width - 40, 10)
     if entry.mark == "band":
-        return Patch(color=entry.colour, alpha=0.35, label=entry.label)
+        return Patch(color=entry.colour, alpha=0.35, label=label)
     if entry.mark == "dot":
-        return Line2D([], [], color=entry.colour, marker="o", markersize=4, linestyle="none", label=entry.label)
+        return Line2D([], [], color=entry.colour, marker="o", markersize=4, linestyle="none", label=label)
     style: Any = DASHED if entry.mark == "dash" else "solid"
-    return Line2D([], [], color=entry.colour, linestyle=style, linewidth=2, label=entry.label)
+    return Line2D([], [], color=entry.colour, linestyle=style, linewidth=2, label=label)
 
 
 def _clean(svg: ElementTree.Element, prefix: str, titles: Mapping[str, str]) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
+from trackbench.distributions import t_quantile
 from trackbench.types import Array, Indices
 
 #: Blocks of time that a log is cut into, at most and at least.
@@ -32,7 +32,7 @@ class BlockInterval(NamedTuple):
 
     def bounds(self, level: float = 0.95) -> tuple[float, float]:
         """The interval that holds the true value with this probability."""
-        reach = float(stats.t.ppf(0.5 + level / 2, self.freedom)) * self.sigma
+        reach = t_quantile(0.5 + level / 2, self.freedom) * self.sigma
         return self.value - reach, self.value + reach
 
     def excludes(self, value: float, level: float) -> bool:
@@ -73,7 +73,7 @@ class Blocks:
         result = []
         for i, of in enumerate(value.tolist()):
             known = [(float(sigma[i]), freedom) for sigma, freedom in found if np.isfinite(sigma[i])]
-            wide = max(known, key=lambda one: one[0] * stats.t.ppf(0.975, one[1]), default=(np.inf, 1))
+            wide = max(known, key=lambda one: one[0] * t_quantile(0.975, one[1]), default=(np.inf, 1))
             result.append(BlockInterval(of, *wide))
         return result
 

@@ -82,21 +82,6 @@ def corrected(loaded: Scenario, findings: Iterable[LogFinding], folder: Path | N
     return "\n".join(head) + "\n" + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100)
 
 
-def own_modules(loaded: Scenario) -> list[Path]:
-    """The modules beside a scenario that it names, as in ``use: my_tracker:Tracker``."""
-    folder, found = loaded.path.resolve().parent, []
-    waiting: list[Any] = [loaded.document.value]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, dict | list):
-            waiting += node.values() if isinstance(node, dict) else node
-        elif isinstance(node, str) and ":" in node:
-            file = folder / f"{node.partition(':')[0]}.py"
-            if node.partition(":")[0].isidentifier() and file.is_file() and file not in found:
-                found.append(file)
-    return found
-
-
 def _seen_from(path: str, old: Path, new: Path) -> str:
     if "$" in path or path.startswith("~") or not (old / path).is_file() or Path(path).is_absolute():
         return path

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
 
+from trackbench.distributions import normal_quantile
 from trackbench.log_audit.blocks import BlockInterval, blocks_of
 from trackbench.log_audit.noise import Band, band_edges
 from trackbench.log_audit.sensor_log import SensorLog
@@ -110,7 +110,7 @@ def _share(time: Array, owner: Indices, hit: Mask) -> BlockInterval:
         if found.sigma > 0:
             return found
     # All or none: as far as the rule of three reaches (Clopper and Pearson 1934, one-sided).
-    return BlockInterval(value, 3.0 / count / float(stats.norm.ppf(0.975)), np.inf)
+    return BlockInterval(value, 3.0 / count / normal_quantile(0.975), np.inf)
 
 
 def _bands(time: Array, owner: Indices, distance: Array, hit: Mask) -> list[Band]:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import stats
 
+from trackbench.distributions import normal_density, normal_within
 from trackbench.log_audit.blocks import BlockInterval, Blocks, blocks_of
 from trackbench.log_audit.sensor_log import SensorLog
 from trackbench.types import Array, Mask
@@ -111,7 +111,7 @@ def clipped_sigma(residual: Array, axis: int = -1) -> Array:
 
 
 #: Variance of a standard normal variable within three standard deviations.
-KEPT = 1 - 6 * float(stats.norm.pdf(3)) / (2 * float(stats.norm.cdf(3)) - 1)
+KEPT = 1 - 6 * normal_density(3) / normal_within(3)
 
 
 def residual_scale(residual: Array) -> Array:

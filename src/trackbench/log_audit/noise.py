@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
 
+from trackbench.distributions import normal_density, normal_within
 from trackbench.log_audit.blocks import BlockInterval
 from trackbench.log_audit.joint_fit import KEPT, JointFit
 from trackbench.log_audit.sensor_log import SensorLog
@@ -103,7 +103,7 @@ def _sigma(fit: JointFit, residual: Array, chosen: Mask) -> BlockInterval:
 
 def _edge() -> float:
     """How much of a change of the standard deviation limits that follow it, at three of it, take away."""
-    density, inside = float(stats.norm.pdf(3)), float(2 * stats.norm.cdf(3) - 1)
+    density, inside = normal_density(3), normal_within(3)
     return 0.5 * (2 * 27 * density / (inside * KEPT) - 6 * density / inside)
 
 

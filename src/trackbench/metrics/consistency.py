@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from trackbench import linalg
+from trackbench.distributions import chi_square_quantile
 from trackbench.types import Array, Estimate, Mask
 
 
@@ -42,16 +43,12 @@ def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Arr
 
 def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     """Two-sided 95 % bounds of the mean of ``count`` independent chi-square variables of ``dof`` degrees of freedom."""
-    from scipy import stats
-
     n = np.maximum(np.asarray(count, dtype=float), 1.0)
-    low, high = (stats.chi2.ppf(q, n * dof) / n for q in (0.025, 0.975))
+    low, high = (chi_square_quantile(q, n * dof) / n for q in (0.025, 0.975))
     return low, high
 
 
 @cache
 def point95(dof: int) -> float:
     """The 95 % point of chi-square."""
-    from scipy import stats
-
-    return float(stats.chi2.ppf(0.95, dof))
+    return float(chi_square_quantile(0.95, dof))

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 
-from trackbench.metrics.intervals import Contrast, Interval, holm, paired
+from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
 from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference
 from trackbench.results.summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05
+#: More trackers than this are a sweep: the number of pairs, which grows with the square, is written for the metric that
+#: ranks alone.
+MOST_WITH_ALL_METRICS = 30
 #: A tracker whose share of estimates is smaller by more than this is not called better.
 SILENCE = 0.01
 EQUIVALENT, UNDECIDED = "equivalent", "undecided"
@@ -24,20 +27,26 @@ def differences(
     metrics: Sequence[Metric],
     margin: MarginSummary,
     coverage: Mapping[str, float],
+    wanted: Collection[str] = (),
 ) -> list[Difference]:
     """Every pair of trackers by every metric that is compared, the p-values of each metric corrected for their number.
+
+    With more than ``MOST_WITH_ALL_METRICS`` trackers by their position RMSE and the metrics ``wanted`` alone.
 
     Args:
         trackers: by name, the metrics that are means over runs, by path.
         metrics: all that there are.
         margin: what does not matter.
         coverage: by name, the share of the estimates that it should give that a tracker gave.
+        wanted: paths of metrics that an expectation compares.
     """
+    kept = None if len(trackers) <= MOST_WITH_ALL_METRICS else {"position_rmse", *wanted}
     found = [
         difference
         for metric in metrics
         if metric.compared and metric.better is not None
         for path in _paths(metric, trackers)
+        if kept is None or path in kept
         for difference in _of(path, metric.unit, metric.better, trackers, margin)
     ]
     return [_unless_silent(item, coverage) for item in found]
@@ -84,9 +93,11 @@ def _paths(metric: Metric, trackers: Mapping[str, Mapping[str, Interval]]) -> li
 def _of(
     path: str, unit: str, better: Direction, trackers: Mapping[str, Mapping[str, Interval]], margin: MarginSummary
 ) -> Sequence[Difference]:
-    pairs = [pair for pair in combinations(trackers, 2) if all(path in trackers[name] for name in pair)]
-    both = [(trackers[a][path], trackers[b][path]) for a, b in pairs]
-    found = [paired(a, b, margin_between(a, b, unit, better, margin)) for a, b in both]
+    pairs = combinations((name for name, intervals in trackers.items() if path in intervals), 2)
+    found = all_pairs(
+        [intervals[path] for intervals in trackers.values() if path in intervals],
+        lambda a, b: margin_between(a, b, unit, better, margin),
+    )
     corrected = holm([item.p_value for item in found])
     differences = []
     for pair, item, p_value in zip(pairs, found, corrected, strict=True):

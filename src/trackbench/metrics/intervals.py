@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackbench.distributions import t_probability, t_quantile
 from trackbench.results import MetricValue
 from trackbench.types import Array
 
@@ -53,7 +54,7 @@ class Interval(NamedTuple):
         error = _standard_error(self.corrected)
         if error is None:
             return None
-        reach = _t95(len(self.influence) - 1) * error
+        reach = t_quantile(0.975, len(self.influence) - 1) * error
         return positive_ends(self.value, reach) if self.positive else (self.value - reach, self.value + reach)
 
     def as_value(self, unit: str) -> MetricValue:
@@ -100,7 +101,7 @@ def reach_of_ratio(total: float, count: float, square: float, product: float, co
         return float("nan")
     mean = total / count
     squares = max(square - 2 * mean * product + mean**2 * count_square, 0.0)
-    return float(_t95(runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
+    return float(t_quantile(0.975, runs - 1) * np.sqrt(squares * runs / (runs - 1)) / count)
 
 
 def clustered(interval: Interval, scene: NDArray[np.integer[Any]]) -> Interval:
@@ -179,8 +180,26 @@ class Contrast(NamedTuple):
 
 def paired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """``a - b`` where both come from the same runs (same truth, same noise), by a paired t test on the influences."""
-    influence = a.corrected - b.corrected
-    return _tested(a, b, _standard_error(influence), len(influence) - 1, margin)
+    (found,) = all_pairs([a, b], lambda *_: margin)
+    return found
+
+
+def all_pairs(intervals: Sequence[Interval], margin: Callable[[Interval, Interval], float]) -> list[Contrast]:
+    """The same of every two of them, in the order of ``itertools.combinations``.
+
+    Args:
+        intervals: from the same runs.
+        margin: of two of them.
+    """
+    values = np.array([item.value for item in intervals])
+    influences = np.array([item.corrected for item in intervals])
+    found: list[Contrast] = []
+    for first, one in enumerate(intervals):
+        others = slice(first + 1, None)
+        margins = np.array([margin(one, other) for other in intervals[others]])
+        freedom, errors = influences.shape[1] - 1, _standard_errors(influences[first] - influences[others])
+        found += _tested(one.value, values[others], errors, freedom, margins)
+    return found
 
 
 def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
@@ -191,46 +210,43 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     """
     errors = [_standard_error(item.corrected) for item in (a, b)]
     if errors[0] is None or errors[1] is None:
-        return _tested(a, b, None, 0, margin)
+        return _tested(a.value, np.array([b.value]), None, 0, np.array([margin]))[0]
     squares = [error**2 for error in errors if error is not None]
     total = sum(squares)
     parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
     freedom = total**2 / sum(parts) if total > 0 else 1.0
-    return _tested(a, b, float(np.sqrt(total)), freedom, margin)
+    return _tested(a.value, np.array([b.value]), np.array([np.sqrt(total)]), freedom, np.array([margin]))[0]
 
 
-def _tested(a: Interval, b: Interval, error: float | None, freedom: float, margin: float) -> Contrast:
-    """The difference with its interval and p-value, from its standard error."""
-    from scipy import special
-
-    value = a.value - b.value
-    margin = max(margin, ROUNDING * max(abs(a.value), abs(b.value)))
-    if error is None:
-        return Contrast(value, None, 1.0, margin)
-    reach, excess = _t95(freedom) * error, abs(value) - margin
-    p_value = min(1.0, 2 * float(special.stdtr(freedom, -excess / error))) if error > 0 else float(excess <= 0)
-    return Contrast(value, (value - reach, value + reach), p_value, margin)
+def _tested(one: float, others: Array, errors: Array | None, freedom: float, margins: Array) -> list[Contrast]:
+    """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors."""
+    values = one - others
+    margins = np.maximum(margins, ROUNDING * np.maximum(abs(one), abs(others)))
+    if errors is None:
+        return [Contrast(value, None, 1.0, own) for value, own in zip(values.tolist(), margins.tolist(), strict=True)]
+    reach, excess = t_quantile(0.975, freedom) * errors, abs(values) - margins
+    known = errors > 0
+    tails = t_probability(-excess / np.where(known, errors, 1.0), freedom)
+    p_values = np.where(known, np.minimum(1.0, 2 * tails), excess <= 0)
+    ends = zip((values - reach).tolist(), (values + reach).tolist(), strict=True)
+    return list(map(Contrast, values.tolist(), ends, p_values.tolist(), margins.tolist()))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """P-values corrected for their number. Source: Holm (1979), "A simple sequentially rejective procedure"."""
-    order = np.argsort(p_values, kind="stable")
-    corrected = [1.0] * len(p_values)
-    largest = 0.0
-    for rank, index in enumerate(order):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
-        corrected[index] = largest
-    return corrected
+    found = np.asarray(p_values, dtype=float)
+    order, remaining = np.argsort(found, kind="stable"), np.arange(len(found), 0, -1)
+    corrected = np.empty(len(found))
+    corrected[order] = np.maximum.accumulate(np.minimum(1.0, remaining * found[order]))
+    return corrected.tolist()
 
 
 def _standard_error(influence: Array) -> float | None:
-    runs = len(influence)
-    return float(np.std(influence, ddof=1) / np.sqrt(runs)) if runs > 1 else None
+    found = _standard_errors(influence[None])
+    return None if found is None else float(found[0])
 
 
-def _t95(freedom: float) -> float:
-    """The 97.5 % point of Student's t."""
-    # Takes a while to import, which a scenario that is only checked need not wait for.
-    from scipy import special
-
-    return float(special.stdtrit(freedom, 0.975))
+def _standard_errors(influences: Array) -> Array | None:
+    """``(k,)`` of influences ``(k, runs)``."""
+    runs = influences.shape[1]
+    return np.asarray(np.std(influences, axis=1, ddof=1) / np.sqrt(runs)) if runs > 1 else None

@@ -73,6 +73,13 @@ class Registry(Generic[T]):
         """Why the others cannot, by name."""
         return {name: found.message for name, found in self._tried().items() if isinstance(found, InputError)}
 
+    def home_of(self, reference: str) -> str:
+        """The module in which a name is found, which is not imported; empty where the name is not published once."""
+        if ":" not in reference:
+            entries = self._published().get(reference, [])
+            reference = entries[0].value if len(entries) == 1 else ""
+        return reference.partition(":")[0]
+
     def name_of(self, found: Any) -> str:
         """The name under which a scenario can ask for a plug-in that is at hand."""
         known = next((name for name, other in self.found.items() if other is found), None)

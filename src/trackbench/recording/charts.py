@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +68,7 @@ class Chart:
         """The entity of their decimal logarithms."""
         return path(SERIES, LOG10, *self.place)
 
-    @property
+    @cached_property
     def large(self) -> bool:
         """Whether the values span too large a range for one axis."""
         values = _finite(self.lines)

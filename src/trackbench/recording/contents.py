@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from trackbench.palette import tracker_colours
 from trackbench.recording import text
-from trackbench.results import Result, Tables
+from trackbench.results import MOST_DRAWN, Result, Tables
 from trackbench.results.summary import SensorSummary
 
 
@@ -47,17 +50,30 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         colours: see :func:`colours_of`.
     """
     summary = result.summary
+    drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
+    names = [name for name in result if name in drawn]
     return Contents(
         name=result.name,
         runs=str(summary.runs),
         recorded_run=str(summary.recorded_run),
         vehicles=list(summary.truth.objects),
-        colours=colours_of((tracker.name for tracker in summary.trackers), colours),
+        colours=colours_of(names, colours),
         sensors=summary.sensors,
-        tables=result.tables,
+        tables=_of_trackers(result.tables, names) if len(names) < len(summary.trackers) else result.tables,
         reference=summary.reference.label,
         ranking=text.ranking(result),
         about=text.about(result),
+    )
+
+
+def _of_trackers(tables: Tables, names: Sequence[str]) -> Tables:
+    """The tables with the rows of these trackers, and of what has to do with none."""
+    kept = pa.array(names)
+    return Tables(
+        {
+            name: table.filter(pc.is_in(table["tracker"], kept)) if "tracker" in table.column_names else table
+            for name, table in tables.items()
+        }
     )
 
 

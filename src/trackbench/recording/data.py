@@ -18,7 +18,7 @@ import rerun as rr
 from trackbench.recording.chunks import EntityRows
 from trackbench.recording.scene import ROADS
 from trackbench.recording.stream import TIMELINE, Stream, path
-from trackbench.results import Result, to_json
+from trackbench.results import Result
 from trackbench.results.columns import split
 
 DATA = "data"
@@ -38,7 +38,7 @@ TABLE, GROUP = "table", "group"
 
 def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables."""
-    stream.static(path(*SUMMARY), rr.TextDocument(to_json(result.json())))
+    stream.static(path(*SUMMARY), rr.TextDocument(json.dumps(result.json(), allow_nan=False, ensure_ascii=False)))
     for table, keys in KEYS.items():
         for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
             entity = path(DATA, table, *values)

@@ -43,10 +43,7 @@ def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[
     for tracker in trackers:
         yield _row(tracker)
         if tracker.failed is not None:
-            failed = tracker.failed
-            run = "" if failed.run is None else f", run {failed.run}"
-            at = f"{_number(failed.time_s)} s (step {failed.step}{run})"
-            failures.append(f"- **{tracker.name}** at {at}: {failed.cause}")
+            failures.append(f"- **{tracker.name}**: {tracker.failed}")
     if failures:
         yield from ("", "### Failed", "", *failures)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from rich.console import Console
 from rich.text import Text
@@ -70,7 +71,7 @@ class _Column:
     cells: list[Text]
     right: bool = True
 
-    @property
+    @cached_property
     def width(self) -> int:
         return max(len(self.heading), *(cell.cell_len for cell in self.cells))
 

@@ -13,7 +13,7 @@ from trackbench.results.folder import (
     write_text,
 )
 from trackbench.results.metric_value import ConditionVerdict, MetricValue
-from trackbench.results.result import Result, summary_of
+from trackbench.results.result import MOST_DRAWN, Result, summary_of
 from trackbench.results.summary import (
     SCHEMA_VERSION,
     Breakdown,
@@ -32,6 +32,7 @@ from trackbench.results.truth_audit import TruthAudit
 
 __all__ = [
     "EXAMINATION",
+    "MOST_DRAWN",
     "SCHEMA_VERSION",
     "SUMMARY",
     "Breakdown",

@@ -19,6 +19,9 @@ from trackbench.results.folder import SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
 from trackbench.results.tables import Tables
 
+#: More lines than this in one picture cannot be told apart.
+MOST_DRAWN = 12
+
 
 @dataclass(frozen=True)
 class Result:
@@ -55,6 +58,11 @@ class Result:
         """The trackers that finished with a position RMSE and enough estimates, best first."""
         ranked = [self[name] for name in self.summary.ranking]
         return [found for found in ranked if not self.why_unscored(found)]
+
+    @property
+    def drawn(self) -> list[TrackerResult]:
+        """Those of them that figures and recordings show: of more than ``MOST_DRAWN`` the best."""
+        return self.scored[:MOST_DRAWN]
 
     @property
     def unscored(self) -> list[TrackerResult]:

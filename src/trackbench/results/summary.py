@@ -193,6 +193,8 @@ class Failure(Part):
     """Why and where a tracker could not go on."""
 
     cause: str
+    place: str | None = None
+    """File, line and function in the tracker's code, where they are known."""
     step: int
     """Number of the instant, from 0."""
     time_s: float
@@ -201,7 +203,8 @@ class Failure(Part):
     object: str | None
 
     def __str__(self) -> str:
-        place = [f"step {self.step}", f"{self.time_s:.2f} s"]
+        place = [] if self.place is None else [self.place]
+        place += [f"step {self.step}", f"{self.time_s:.2f} s"]
         named = {"sensor": self.sensor, "run": self.run, "object": self.object}
         place += [f"{what} {found}" for what, found in named.items() if found is not None]
         return f"{self.cause} ({', '.join(place)})"

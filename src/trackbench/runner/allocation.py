@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 from functools import cache
 
-import numpy as np
-
-#: Just below 32 MiB, the largest block that teaches glibc anything, in numbers of eight bytes.
-TEACHING_SIZE = 4_000_000
+#: Parameters of mallopt(3), from malloc.h.
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+#: The largest that glibc takes, bytes.
+LARGEST = 32 * 2**20
 
 
 @cache
@@ -15,8 +16,10 @@ def keep_freed_memory() -> None:
     """Let the C library keep freed arrays for the next step, where it would return them to the system.
 
     At first glibc maps every block of more than 128 KiB from the system and unmaps it again, so that each step of a
-    filter waits for fresh pages: a fifth of the time of an extended Kalman filter. It raises that limit to the size of
-    any such block that is freed (mallopt(3), M_MMAP_THRESHOLD). This one is never touched, so it costs no memory; other
-    C libraries are not affected.
+    filter waits for fresh pages: a fifth of the time of an extended Kalman filter, and three quarters in a Dask worker,
+    whose environment fixes the limits low. Other C libraries are not affected.
     """
-    np.empty(TEACHING_SIZE)
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(M_MMAP_THRESHOLD, LARGEST)
+        mallopt(M_TRIM_THRESHOLD, 2 * LARGEST)

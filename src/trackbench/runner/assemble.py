@@ -54,7 +54,8 @@ def assemble(
     compared = {name: found.evaluations[name].intervals for name in work.trackers if name in found.ranked}
     margin = MarginSummary(**scenario.score.margin.model_dump())
     coverage = {name: found.scores[name].coverage for name in found.ranked}
-    pairs = differences(compared, work.metrics, margin, coverage)
+    wanted = {item.metric for item in scenario.expect if item.better_than is not None}
+    pairs = differences(compared, work.metrics, margin, coverage, wanted)
     trackers = [assembly.tracker(name) for name in work.trackers]
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
     expectations = judge(scenario.expect, trackers, pairs, work.min_coverage)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
@@ -16,11 +16,11 @@ from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
-from trackbench.runner.adapters import TrackFault, adapt, cause_of, masked
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
+from trackbench.stepping import Stepper, TrackFault, fault_of, masked, start
 from trackbench.streams import stream
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress
@@ -91,7 +91,7 @@ def run_block(
     keep_freed_memory()
     scene, runs = work.scenes[piece.scene], piece.runs
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
-    kept = work.recorded_run - runs.start if work.recorded_run in runs and piece.scene == work.recorded_scene else None
+    kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
     scans = None if kept is None else [_of_run(scan, len(scene.truth.ids), kept) for scan in measurements.scans]
     targets = Targets(work, piece, measurements)
     trackers = {name: TrackerRun(work, name, piece, measurements, targets, kept) for name in work.trackers}
@@ -128,7 +128,7 @@ def _score(trackers: Sequence[TrackerRun]) -> None:
     for tracker in going:
         fault = faults.get(tracker.name)
         if fault is not None:
-            tracker.fail(fault.cause, fault.instant, None, fault.member)
+            tracker.fail(TrackFault(fault.cause, "answer", member=fault.member), fault.instant, None)
 
 
 class TrackerRun:
@@ -186,21 +186,23 @@ class TrackerRun:
 
     def close(self) -> Sums | Failure:
         """What it left behind, once all instants were taken and scored."""
+        self._instants.close()
         if self.failure is not None:
             return self.failure
         sums = self.scorer.close()
         scores: BlockScores = sums[ESTIMATES.name]
         if scores.due.sum() > 0 and not scores.errors:
-            self.fail("it gave no estimate at all", len(self._target.time) - 1, None, None)
+            self.fail(TrackFault("it gave no estimate at all", "answer"), len(self._target.time) - 1, None)
         return self.failure or sums
 
-    def _through(self, scans: Sequence[Scan]) -> Iterator[Gaussian | None]:
+    def _through(self, scans: Sequence[Scan]) -> Generator[Gaussian | None]:
         work = self._work
         config = work.trackers[self.name]
         named = config.sensors_used
         instant, scan = 0, scans[0]
+        stepper: Stepper | None = None
         try:
-            stepper = adapt(config, work.folder, self._none.mean.shape[1], self._primed)
+            stepper = start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
             for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
                 latest = self._none
                 for scan in group:
@@ -213,10 +215,13 @@ class TrackerRun:
                     self._keep_nis(given, latest)
                 self.scorer.estimate(latest)
                 yield self._keep(instant, latest)
-        except TrackFault as fault:
-            self.fail(cause_of(fault.cause), instant, scan.sensor, fault.member)
-        except (Exception, SystemExit) as error:
-            self.fail(cause_of(error), instant, scan.sensor, None)
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
+            self.fail(fault_of(error), instant, scan.sensor)
+        finally:
+            if stepper is not None:
+                stepper.close()
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""
@@ -274,11 +279,12 @@ class TrackerRun:
             nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
         self.recorded.nis.setdefault(scan.sensor, []).append(nis)
 
-    def fail(self, cause: str, instant: int, sensor: str | None, member: int | None) -> None:
+    def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
-        at = None if member is None else divmod(member, len(self._runs))
+        at = None if fault.member is None else divmod(fault.member, len(self._runs))
         self.failure = Failure(
-            cause=cause,
+            cause=fault.cause,
+            place=fault.place,
             step=instant,
             time_s=float(self._target.time[instant]),
             sensor=sensor,

@@ -5,13 +5,16 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
 
+from trackbench.execution import InProcess
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun
-from trackbench.runner.pool import run_blocks
+from trackbench.runner.blocks import PendingBlocks
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 from trackbench.words import counted
@@ -23,33 +26,73 @@ def run(
     loaded: Scenario,
     truths: Sequence[LoadedTruth],
     *,
-    workers: int = 1,
+    executor: Executor | None = None,
+    isolation: Isolation = ISOLATED,
     command: str = "",
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
     """The result of a scenario.
 
-    The same for any number of workers, to the last bit, but for the times.
+    The same wherever it is made, to the last bit, but for the times.
 
     Args:
         loaded: the scenario.
         truths: those of its scenes.
-        workers: number of processes.
+        executor: what makes the blocks of runs; this process unless given.
+        isolation: how trackers that are not built in are kept apart.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
+
+    Raises:
+        TrackbenchError: the processes that make the runs died.
     """
-    work = work_of(loaded, truths)
-    begin = time.perf_counter()
-    blocks = list(run_blocks(work, work.pieces(), workers, progress, on_recorded_run))
-    _log_times(work, blocks, min(workers, len(blocks)), time.perf_counter() - begin)
-    return assemble(loaded, truths, work, blocks, command)
+    pending = PendingRun(
+        loaded, truths, executor or InProcess(), isolation=isolation, observed=on_recorded_run is not None
+    )
+    return pending.collect(command, progress, on_recorded_run)
 
 
-def _log_times(work: Work, blocks: list[Block], processes: int, seconds: float) -> None:
-    shared = f"{counted(len(blocks), 'block')} by {processes} process{'es' * (processes > 1)}"
-    log.info("%s: %s in %.1f s, %s", work.scenario, counted(work.runs * len(work.scenes), "run"), seconds, shared)
+class PendingRun:
+    """The runs of a scenario, being made.
+
+    Args:
+        loaded: the scenario.
+        truths: those of its scenes.
+        executor: what makes the blocks of runs.
+        isolation: how trackers that are not built in are kept apart.
+        observed: whether the recorded run is looked at.
+        alone: whether no other scenario is run at the same time.
+    """
+
+    def __init__(
+        self,
+        loaded: Scenario,
+        truths: Sequence[LoadedTruth],
+        executor: Executor,
+        *,
+        isolation: Isolation = ISOLATED,
+        observed: bool = False,
+        alone: bool = True,
+    ) -> None:
+        self._loaded, self._truths = loaded, truths
+        self._work = work_of(loaded, truths, isolation)
+        self._begin = time.perf_counter()
+        self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
+
+    def collect(
+        self, command: str = "", progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
+    ) -> Result:
+        """The result, once all runs are done; as ``run``."""
+        blocks = list(self._blocks.collect(progress, on_recorded_run))
+        _log_times(self._work, blocks, time.perf_counter() - self._begin)
+        return assemble(self._loaded, self._truths, self._work, blocks, command)
+
+
+def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:
+    runs = counted(work.runs * len(work.scenes), "run")
+    log.info("%s: %s in %.1f s, %s", work.scenario, runs, seconds, counted(len(blocks), "block"))
     spent = {name: [block.scores[name] for block in blocks] for name in work.trackers}
     for name, outcomes in spent.items():
         scores = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 
 from trackbench.errors import InputError
+from trackbench.execution import InProcess
 from trackbench.metrics.intervals import paired
 from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import Block, OnRecordedRun
+from trackbench.runner.blocks import PendingBlocks
 from trackbench.runner.evaluated import evaluated
-from trackbench.runner.pool import run_blocks
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
@@ -33,7 +36,8 @@ def run_until(
     target: float,
     max_runs: int,
     *,
-    workers: int = 1,
+    executor: Executor | None = None,
+    isolation: Isolation = ISOLATED,
     command: Callable[[Scenario], str],
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
@@ -49,18 +53,20 @@ def run_until(
         truths: those of its scenes.
         target: half-width of the 95 % interval of the leading difference, as a share of the best tracker's RMSE.
         max_runs: where to stop whatever the precision.
-        workers: number of processes.
+        executor: what makes the blocks of runs; this process unless given.
+        isolation: how trackers that are not built in are kept apart.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
         on_recorded_run: called with the recorded run while it is made, which is among those of the first look.
     """
     blocks: list[Block] = []
     while True:
-        work = work_of(loaded, truths)
+        work = work_of(loaded, truths, isolation)
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         known = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in known]
-        known |= {block.piece: block for block in run_blocks(work, missing, workers, progress, on_recorded_run)}
+        pending = PendingBlocks(loaded, work, missing, executor or InProcess(), observed=on_recorded_run is not None)
+        known |= {block.piece: block for block in pending.collect(progress, on_recorded_run)}
         blocks = [known[piece] for piece in work.pieces()]
         on_recorded_run = None
         found = _precision(work, blocks, target, max_runs)
@@ -69,7 +75,7 @@ def run_until(
         loaded = _with_runs(loaded, _next(work.runs, found.half_width, target, max_runs))
         if loaded.config.truth.random:
             # The reference of every run rests on the motion of all.
-            truths, blocks = truths_of(loaded), []
+            truths, blocks = truths_of(loaded, executor=executor), []
     result = assemble(loaded, truths, work, blocks, command(loaded))
     return result.updated(precision=found)
 

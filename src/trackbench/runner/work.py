@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -14,12 +14,14 @@ from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.types import Indices, Truth
 
-#: Numbers of objects and runs whose product makes one block; a step of a filter on it fits the cache.
-BATCH_SIZE = 2000
+#: Objects times runs of the first two blocks of a scene, so that two processes share a small run; and of the largest: a
+#: Kalman filter's step takes a third less for each of 8,000 than of 2,000, and then grows out of the cache.
+BATCH_SIZE, LARGEST_BATCH = 2000, 8000
 
 
 @dataclass(frozen=True)
@@ -75,19 +77,35 @@ class Work:
     min_coverage: float = 0.0
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
+    isolation: Isolation = ISOLATED
 
     def pieces(self) -> list[BlockRuns]:
-        """The runs in blocks, which depend on the scenes and the number of runs alone."""
+        """The runs in blocks, two of each size, which doubles.
+
+        Where a block begins depends on the scenes alone, not on the number of runs: with more runs all blocks stay but
+        the last.
+        """
         found = []
         for number, scene in enumerate(self.scenes):
-            size = max(1, BATCH_SIZE // max(1, len(scene.truth.ids)))
-            starts = range(0, self.runs, size)
-            found += [BlockRuns(number, range(start, min(start + size, self.runs))) for start in starts]
+            start = block = 0
+            while start < self.runs:
+                lanes = min(BATCH_SIZE * 2 ** (block // 2), LARGEST_BATCH)
+                stop = min(start + max(1, lanes // max(1, len(scene.truth.ids))), self.runs)
+                found.append(BlockRuns(number, range(start, stop)))
+                start, block = stop, block + 1
         return found
 
     def noise_of(self, scene: int) -> str:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
+
+    def of_scene(self, scene: int) -> Work:
+        """What the blocks of one scene need: of the others, no more than how many there are."""
+        return replace(self, scenes=[self.scenes[scene]] * len(self.scenes))
+
+    def has_recorded_run(self, piece: BlockRuns) -> bool:
+        """Whether the recorded run is one of these."""
+        return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
 
     @property
     def scene_of_run(self) -> Indices:
@@ -95,12 +113,13 @@ class Work:
         return np.repeat(np.arange(len(self.scenes)), self.runs)
 
 
-def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
+def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolation = ISOLATED) -> Work:
     """What every block of a run of the scenario needs.
 
     Args:
         loaded: the scenario.
         truths: one for each scene.
+        isolation: how its plug-ins are kept apart.
     """
     scenario = loaded.config
     stated, driven = scenario.score.reference, scenario.truth.white_acceleration
@@ -125,4 +144,5 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth]) -> Work:
         acceleration_as_drawn=acceleration == driven,
         min_coverage=scenario.score.min_coverage,
         metrics=(*BUILT_IN, *scenario.score.metrics),
+        isolation=isolation,
     )

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.load import Scenario
+from trackbench.stepping import ISOLATED, Isolation, TrackFault, start
+from trackbench.stepping import check as check_tracker
 from trackbench.trackers.config import PluginConfig
-from trackbench.trackers.published import check_options, create
 
 Step = Callable[[], object]
 
 
-def check(loaded: Scenario) -> None:
+def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """Set the environment up or read the recording, and import each tracker to see its options, without starting it.
 
     Raises:
@@ -23,7 +24,10 @@ def check(loaded: Scenario) -> None:
     """
     config, folder = loaded.config, loaded.path.resolve().parent
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-    _all(loaded, [partial(config.truth.check, folder=folder, sensors=kinds), *_trackers(loaded, _look_at)])
+    _all(
+        loaded,
+        [partial(config.truth.check, folder=folder, sensors=kinds), *_trackers(loaded, _look_at, isolation)],
+    )
 
 
 def notes(loaded: Scenario) -> Iterator[str]:
@@ -34,7 +38,7 @@ def notes(loaded: Scenario) -> Iterator[str]:
             yield str(loaded.locate(InputError(text, key=f"sensors.{name}.latency_s")))
 
 
-def check_plugins(loaded: Scenario) -> None:
+def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """Start each plug-in once, for a run.
 
     Raises:
@@ -44,7 +48,7 @@ def check_plugins(loaded: Scenario) -> None:
     if loaded.config.sensing.identities == "hidden":
         unknown = "no tracker here associates detections with objects yet; use identities: known"
         raise loaded.locate(InputError(unknown, key="sensing.identities"))
-    _all(loaded, list(_trackers(loaded, _start)))
+    _all(loaded, list(_trackers(loaded, _start, isolation)))
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:
@@ -60,25 +64,31 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
 
 
-def _trackers(loaded: Scenario, step: Callable[[str, PluginConfig, Path], None]) -> Iterator[Step]:
+def _trackers(
+    loaded: Scenario, step: Callable[[str, PluginConfig, Path, Isolation], None], isolation: Isolation
+) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, PluginConfig):
-            yield partial(step, name, tracker, loaded.path.resolve().parent)
+            yield partial(step, name, tracker, loaded.path.resolve().parent, isolation)
 
 
-def _look_at(name: str, tracker: PluginConfig, folder: Path) -> None:
+def _look_at(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation) -> None:
     try:
-        check_options(tracker.use, tracker.options, folder)
+        check_tracker(tracker, folder, isolation)
     except InputErrors as several:
         raise InputErrors([_placed(error, name) for error in several.errors]) from several
     except InputError as error:
         raise _placed(error, name) from error
+    except TrackFault as fault:
+        raise InputError(f"cannot look at {tracker.use!r}: {fault}", key=f"trackers.{name}.use") from fault
 
 
-def _start(name: str, tracker: PluginConfig, folder: Path) -> None:
-    _look_at(name, tracker, folder)
+def _start(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation) -> None:
+    _look_at(name, tracker, folder, isolation)
     try:
-        create(tracker.use, tracker.options, folder)
+        start(tracker, folder, 1, lambda given: given, isolation).close()
+    except TrackFault as fault:
+        raise InputError(f"cannot start {tracker.use!r}: {fault}", key=f"trackers.{name}.use") from fault
     except InputError as error:
         raise InputError(error.message, key=error.key or f"trackers.{name}.use") from error
 

@@ -52,9 +52,10 @@ class Client:
             case Telemetry():
                 return self._measured(said)
 
-    def report(self) -> None:
-        """Log what the session came to."""
+    def close(self) -> None:
+        """End the session, and log what it came to."""
         session = self._session
+        session.close()
         if session.measurements:
             px, py, vx, vy = session.rmse
             text = "%s: %d measurements, %d estimates, RMSE %.4f %.4f m, %.4f %.4f m/s"
@@ -69,7 +70,7 @@ class Client:
             # The simulator's clock does not wait for answers, nor run while it pauses: it may send a line twice.
             return self._last_answer
         if last is not None and measurement.stamp < last.measurement.stamp:
-            self.report()
+            self.close()
             log.info("%s: time goes backwards: starts afresh", self._name)
             self._session = Session(self._served)
         self._last = telemetry

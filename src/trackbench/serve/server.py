@@ -96,7 +96,7 @@ async def serve(
 async def _converse(connection: ServerConnection, served: Served, name: str) -> None:
     log.info("%s: connected from %s", name, (connection.remote_address or ("nowhere",))[0])
     try:
-        await _answer(connection, Client(served, name))
+        await _answer(connection, await asyncio.to_thread(Client, served, name))
     except TrackerFailed as failure:
         text = f"tracker {served.name} failed {failure}"
         log.error("%s: %s", name, text)
@@ -112,11 +112,12 @@ async def _answer(connection: ServerConnection, client: Client) -> None:
     """Answer a client until it leaves."""
     try:
         async for frame in connection:
-            answer = client.answer(frame)
+            # A slow tracker keeps no other client waiting.
+            answer = await asyncio.to_thread(client.answer, frame)
             if answer is not None:
                 await connection.send(answer)
     finally:
-        client.report()
+        client.close()
 
 
 @contextmanager

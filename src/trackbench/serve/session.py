@@ -13,11 +13,11 @@ from trackbench.errors import InputError, nearest
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.sums import OVERFLOW
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.runner.adapters import Stepper, TrackFault, adapt, cause_of, masked
 from trackbench.scenario import Scenario
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.schedule import silent
 from trackbench.serve.protocol import Marker
+from trackbench.stepping import ISOLATED, Isolation, Stepper, TrackFault, fault_of, masked, start
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
@@ -54,6 +54,7 @@ class Served:
     folder: Path
     sensors: Mapping[str, ServedSensor]
     """By kind: the scenario's lidar and radar."""
+    isolation: Isolation
 
     def stepper(self) -> Stepper:
         """A fresh tracker.
@@ -61,10 +62,10 @@ class Served:
         Raises:
             InputError: it starts from the truth, or is a plug-in that does not start.
         """
-        return adapt(self.config, self.folder, 1, _refuse_truth)
+        return start(self.config, self.folder, 1, _refuse_truth, self.isolation)
 
 
-def served(loaded: Scenario, name: str) -> Served:
+def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
     """The tracker of that name, started once to see that it can be.
 
     Raises:
@@ -86,11 +87,12 @@ def served(loaded: Scenario, name: str) -> Served:
             )
     if not sensors:
         raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
-    found = Served(name, tracker, folder, sensors)
+    found = Served(name, tracker, folder, sensors, isolation)
     try:
-        found.stepper()
-    except InputError as error:
-        raise loaded.locate(InputError(error.message, key=f"trackers.{name}")) from error
+        found.stepper().close()
+    except (InputError, TrackFault) as error:
+        message = error.message if isinstance(error, InputError) else str(error)
+        raise loaded.locate(InputError(message, key=f"trackers.{name}")) from error
     return found
 
 
@@ -107,7 +109,7 @@ class Session:
         try:
             self._stepper = served.stepper()
         except (Exception, SystemExit) as error:
-            raise TrackerFailed(f"to start: {cause_of(error)}") from error
+            raise TrackerFailed(f"to start: {fault_of(error)}") from error
         self._first: int | None = None
         self._squares = np.zeros(4)
         self.measurements = 0
@@ -141,6 +143,10 @@ class Session:
         x, y = estimate.mean[:2, 0]
         return Marker(float(x), float(y), *(float(value) for value in self.rmse))
 
+    def close(self) -> None:
+        """The session is over."""
+        self._stepper.close()
+
     def _scan(self, measurement: Measurement, first: int) -> Scan:
         sensor = self._served.sensors[measurement.kind]
         values = np.array(measurement.measurement)[:, None]
@@ -167,10 +173,10 @@ class Session:
         try:
             with np.errstate(all="ignore"):
                 estimate = self._stepper.step(scan)
-        except TrackFault as fault:
-            raise self._failed(cause_of(fault.cause)) from fault
-        except (Exception, SystemExit) as error:
-            raise self._failed(cause_of(error)) from error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise self._failed(str(fault_of(error))) from error
         if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
             if self.estimates:
                 raise self._failed(GIVEN_UP if estimate is None else NOT_FINITE)

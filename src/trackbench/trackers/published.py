@@ -41,6 +41,11 @@ def _returned(function: Any) -> Any:
 TRACKERS: Registry[Factory] = Registry("trackbench.trackers", "tracker", _lacks)
 
 
+def built_in(use: str) -> bool:
+    """Whether a name stands for one of the trackers that are part of trackbench; nothing is imported."""
+    return TRACKERS.home_of(use).startswith("trackbench.trackers.")
+
+
 def options_of(factory: Factory) -> type[BaseModel] | None:
     """The options that a tracker declares: a pydantic model named ``Options``, by which they are validated."""
     return getattr(factory, "Options", None)

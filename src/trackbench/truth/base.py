@@ -98,6 +98,11 @@ class TruthSource(Config, ABC):
         """
 
     @property
+    def quick(self) -> bool:
+        """Whether ``load`` takes so little time that it is not worth another process."""
+        return False
+
+    @property
     def random(self) -> bool:
         """Whether the motion differs from run to run."""
         return False

@@ -51,6 +51,10 @@ class ScriptedTruth(ScriptedOptions):
     ) -> LoadedTruth:
         return LoadedTruth(scripted.script(self, *draw))
 
+    @property
+    def quick(self) -> bool:
+        return True
+
     def most_runs(self) -> int | None:
         return scripted.most_runs(self) if self.random else None
 
@@ -69,6 +73,10 @@ class RecordingTruth(RecordingOptions):
     ) -> LoadedTruth:
         recording = recorded.load(self, sensors or {}, folder)
         return LoadedTruth(recording.truth, notes=recording.notes, measurements=recording.measurements)
+
+    @property
+    def quick(self) -> bool:
+        return True
 
     def check(self, *, folder: Path | None = None, sensors: Mapping[str, str] | None = None) -> None:
         recorded.load(self, sensors or {}, folder or Path())

@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.runner.adapters import masked
+from trackbench.stepping import masked
 from trackbench.types import Array
 
 MODELS = ("measurement", "transition")
@@ -64,10 +65,11 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
             if estimate is None or estimate.state is None:
                 continue
             given: Any = scan if name == "measurement" else 0.1
-            provided, found = (
-                np.asarray(jacobian(estimate.state, given), dtype=float),
-                _differences(partial(_called, model, given), estimate.state),
-            )
+            try:
+                provided = np.asarray(jacobian(estimate.state, given), dtype=float)
+                found = _differences(partial(_called, model, given), estimate.state)
+            except Exception as error:
+                raise StepFailed(error, scan) from error
             scale = np.maximum(np.abs(found).max(axis=1, keepdims=True), 1e-9)
             apart = np.abs(provided - found) / scale
             i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)

@@ -11,7 +11,8 @@ from matplotlib.patches import Rectangle
 
 from trackbench.compare import Comparison, PairDifference
 from trackbench.document import Figure
-from trackbench.document.drawing import INK, MUTED
+from trackbench.document.drawing import INK, MUTED, WIDTH
+from trackbench.document.margins import shortened, text_width
 from trackbench.report.numbers import fixed
 
 _WIDTH = 760.0
@@ -37,6 +38,9 @@ def reference_figure(comparison: Comparison) -> Figure:
     # One tracker that is many times worse must not make all others look alike.
     darkest = max(_LEAST, _SATURATED * float(np.median(known))) if known.size else _LEAST
 
+    widest = max(map(text_width, names))
+    upright = widest > (_WIDTH - max(map(text_width, scenarios))) / len(names) - 8
+
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot()
         for (row, col), value in np.ndenumerate(values):
@@ -54,6 +58,7 @@ def reference_figure(comparison: Comparison) -> Figure:
         axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(scenarios) - 0.5, -0.5))
         axes.xaxis.tick_top()
         axes.tick_params(length=0)
+        axes.tick_params(axis="x", labelrotation=90 if upright else 0)
         axes.spines[:].set_visible(False)
         axes.grid(visible=False)
 
@@ -65,7 +70,7 @@ def reference_figure(comparison: Comparison) -> Figure:
         f"larger, and all from {darkest:.1f} times on are the same.",
         alternative="Position RMSE over that of the reference for each scenario and tracker",
         paint=paint,
-        height=30 + _ROW * len(scenarios),
+        height=(widest + 14 if upright else 30) + _ROW * len(scenarios),
         width=_WIDTH,
     )
 
@@ -86,7 +91,7 @@ def difference_figure(
         for y, (_, value, ends, colour) in enumerate(drawn):
             axes.plot(ends, [y, y], color=colour, linewidth=5, alpha=0.35)
             axes.plot([value], [y], marker="o", markersize=6, color=colour)
-        axes.set_yticks(range(len(drawn)), [label for label, *_ in drawn])
+        axes.set_yticks(range(len(drawn)), [shortened(label, 0.55 * WIDTH) for label, *_ in drawn])
         axes.set_ylim(len(drawn) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
 

@@ -48,7 +48,6 @@ def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
 
     def paint(canvas: Canvas) -> None:
         # All in points of the figure, downwards.
-        canvas.set_layout_engine("none")
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set(xlim=(0, _WIDTH), ylim=(height, 0))
         axes.set_axis_off()

@@ -77,7 +77,7 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
     """
     summary = result.summary
     styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
-    shown = [styles[tracker.name] for tracker in result.scored]
+    shown = [styles[tracker.name] for tracker in result.drawn]
     sections = [
         Section("Verdict", tuple(_verdict(result))),
         *_scores(result, styles),
@@ -119,10 +119,11 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     trackers = result.scored
     if not trackers:
         return
-    margin = margin_words(result.summary.score.margin, "m")
+    margin, drawn = margin_words(result.summary.score.margin, "m"), result.drawn
     legend = Paragraph(
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
         f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
+        + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
     )
     others = tables.other_metrics(result)
     more = Section(
@@ -133,9 +134,10 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     own = [] if others is None else [Section("Other metrics", (others,))]
     yield Section("Ranking", (legend, tables.ranking(result), *own, more))
     if len(trackers) > 1:
-        cost = cost_against_accuracy(trackers, styles)
+        cost = cost_against_accuracy(drawn, styles)
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
-        pairs = Section("All pairs", (tables.all_differences(result),), folded=True)
+        title = "All pairs" if len(drawn) == len(trackers) else f"All pairs of the best {len(drawn)}"
+        pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
         yield Section("Differences between trackers", (Paragraph(_DIFFERENCES.format(margin=margin)), beside, pairs))
 
 
@@ -157,7 +159,8 @@ def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[S
         return
     # Where the first second is not scored, there is nothing to break down by age.
     known = [by for by in BY if by != "age" or len(classes(trackers, by)) > 1]
-    figures = [errors_by_class(trackers, styles, by, quantity) for quantity in QUANTITIES for by in known]
+    drawn = [tracker for tracker in result.drawn if tracker.breakdown is not None]
+    figures = [errors_by_class(drawn, styles, by, quantity) for quantity in QUANTITIES for by in known]
     numbers = [
         Section(
             f"Errors by {TITLE[by]} in numbers",
@@ -177,8 +180,8 @@ def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[S
         )
         for by in known
     ]
-    drawn = Row(tuple(figure for figure in figures if figure))
-    yield Section("By manoeuvre and range", (Paragraph(_MANOEUVRES), drawn, *calibration, *numbers))
+    row = Row(tuple(figure for figure in figures if figure))
+    yield Section("By manoeuvre and range", (Paragraph(_MANOEUVRES), row, *calibration, *numbers))
 
 
 def _consistency(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:

@@ -26,22 +26,22 @@ class Pairs:
     """All pairs of a result, looked up in either order."""
 
     def __init__(self, differences: Iterable[Difference]) -> None:
-        self._pairs: dict[tuple[str, str], Pair] = {}
-        for found in differences:
-            if found.metric != "position_rmse":
-                continue
-            flipped = None if found.ci95 is None else (-found.ci95[1], -found.ci95[0])
-            self._pairs[found.a, found.b] = Pair(found.value, found.ci95, _verdict(found, found.a))
-            self._pairs[found.b, found.a] = Pair(-found.value, flipped, _verdict(found, found.b))
+        self._found = {(found.a, found.b): found for found in differences if found.metric == "position_rmse"}
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
-        return self._pairs.get((a, b))
+        found, flipped = self._found.get((a, b)), self._found.get((b, a))
+        if found is not None:
+            return Pair(found.value, found.ci95, _verdict(found, a))
+        if flipped is None:
+            return None
+        ci95 = None if flipped.ci95 is None else (-flipped.ci95[1], -flipped.ci95[0])
+        return Pair(-flipped.value, ci95, _verdict(flipped, a))
 
     def differ(self, a: str, b: str) -> bool:
         """Whether one was shown to be better than the other by more than the margin."""
-        found = self.get(a, b)
-        return found is not None and found.verdict in ("better", "worse")
+        found = self._found.get((a, b)) or self._found.get((b, a))
+        return found is not None and found.better is not None
 
 
 def _verdict(found: Difference, name: str) -> str:

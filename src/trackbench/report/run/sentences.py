@@ -10,7 +10,7 @@ from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, half_width, interval, joined, percent
 from trackbench.report.run.pairs import Pairs
 from trackbench.report.run.scenes import runs_in_words
-from trackbench.results import ExpectationResult, Health, PrecisionReached, Result, TrackerResult
+from trackbench.results import MOST_DRAWN, ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted
 
 
@@ -83,13 +83,7 @@ def common(result: Result) -> str:
 
 def failure(result: Result, tracker: TrackerResult) -> str:
     """Why a tracker is not ranked; where it failed, the cause and where it happened."""
-    failed = tracker.failed
-    if failed is None:
-        return result.why_unscored(tracker)
-    places = {"sensor": failed.sensor, "run": failed.run, "object": failed.object}
-    where = [f"step {failed.step}", f"{fixed(failed.time_s, 2)} s"]
-    where += [f"{what} {place}" for what, place in places.items() if place is not None]
-    return f"{failed.cause} ({', '.join(where)})"
+    return result.why_unscored(tracker) if tracker.failed is None else str(tracker.failed)
 
 
 def headline(result: Result) -> str:
@@ -108,9 +102,9 @@ def headline(result: Result) -> str:
     equivalent, undecided = ([name for name in found if found[name] == what] for what in ("equivalent", "undecided"))
     if equivalent:
         margin = margin_words(result.summary.score.margin, "m")
-        text += f"; equivalent to {joined(equivalent)} (within {margin})"
+        text += f"; equivalent to {_named(equivalent)} (within {margin})"
     if undecided:
-        text += f"; whether it is better than {joined(undecided)} is undecided"
+        text += f"; whether it is better than {_named(undecided)} is undecided"
     if equivalent or undecided:
         return text + "."
     second = pairs.get(names[1], names[0])
@@ -119,6 +113,10 @@ def headline(result: Result) -> str:
     gap = decimals([(second.ci95[1] - second.ci95[0]) / 2] if second.ci95 else [second.value], 1)
     bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
     return f"{text}. The RMSE of the next, {names[1]}, is {fixed(second.value, gap)} m larger{bounds}."
+
+
+def _named(trackers: Sequence[str]) -> str:
+    return joined(trackers) if len(trackers) <= MOST_DRAWN else counted(len(trackers), "tracker")
 
 
 def precision_reached(precision: PrecisionReached, runs: int) -> str:

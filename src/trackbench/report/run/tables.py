@@ -159,9 +159,9 @@ def key_differences(result: Result) -> Table:
     return Table("differences", columns, tuple(rows))
 
 
-def all_differences(result: Result) -> Table:
-    """Every pair: row minus column."""
-    order = [tracker.name for tracker in result.scored]
+def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
+    """Every pair of some trackers: row minus column."""
+    order = [tracker.name for tracker in trackers]
     pairs = Pairs(result.summary.differences)
     places = _places(pairs.get(a, b) for a in order for b in order)
     rows = [

@@ -40,9 +40,7 @@ def errors_by_class(
         axes = canvas.add_subplot(ylabel=f"{quantity} RMSE, {unit}")
         for i, (style, metrics) in enumerate(found):
             shift = _SPREAD * ((i + 0.5) / len(found) - 0.5)
-            for x, metric in enumerate(metrics):
-                if metric is not None and metric.value is not None:
-                    _dot(axes, x + shift, metric.value, metric.ci95, style)
+            _dots(axes, shift, metrics, style)
         values = np.array([m.value for _, metrics in found for m in metrics if m is not None and m.value is not None])
         if values.size and values.min() > 0 and values.max() > LOG_ABOVE / 2 * values.min():
             logarithmic(axes, "y")
@@ -72,12 +70,17 @@ def errors_by_class(
     )
 
 
-def _dot(axes: Axes, x: float, value: float, ci95: tuple[float, float] | None, style: TrackerStyle) -> None:
-    if ci95 is not None:
-        # An interval that reaches zero has no place on a logarithmic axis.
-        low = max(ci95[0], 0.2 * value)
-        axes.plot([x, x], [low, ci95[1]], color=style.colour, linewidth=1.4, gid=style.key)
-    axes.plot([x], [value], marker="o", markersize=6, color=style.colour, linestyle="none", gid=style.key)
+def _dots(axes: Axes, shift: float, metrics: _Errors, style: TrackerStyle) -> None:
+    known = [(x + shift, m.value, m.ci95) for x, m in enumerate(metrics) if m is not None and m.value is not None]
+    # An interval that reaches zero has no place on a logarithmic axis.
+    bars = [(x, (max(ci95[0], 0.2 * value), ci95[1])) for x, value, ci95 in known if ci95 is not None]
+    if bars:
+        across = [place for x, _ in bars for place in (x, x, np.nan)]
+        upwards = [end for _, ends in bars for end in (*ends, np.nan)]
+        axes.plot(across, upwards, color=style.colour, linewidth=1.4, gid=style.key)
+    if known:
+        x, value, _ = zip(*known, strict=True)
+        axes.plot(x, value, marker="o", markersize=6, color=style.colour, linestyle="none", gid=style.key)
 
 
 def _said(style: TrackerStyle, names: Sequence[str], metrics: _Errors, unit: str) -> str:

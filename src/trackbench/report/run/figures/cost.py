@@ -10,9 +10,13 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, TrackerStyle
 from trackbench.document.axes import logarithmic
+from trackbench.document.margins import fit_margins, shortened, text_width
 from trackbench.document.styles import legend_of, tooltips_of
 from trackbench.results import TrackerResult
 from trackbench.types import Array
+
+#: The widest name beside a point, in points: one side of it has room.
+_NAME = 150.0
 
 
 def cost_against_accuracy(trackers: Sequence[TrackerResult], styles: Mapping[str, TrackerStyle]) -> Figure | None:
@@ -37,7 +41,7 @@ def cost_against_accuracy(trackers: Sequence[TrackerResult], styles: Mapping[str
             axes.plot([cost], [error], marker="o", markersize=9, color=style.colour, linestyle="none", gid=style.key)
         axes.set(xlim=(x.min() / 1.6, x.max() * 1.6))
         axes.margins(y=0.15)
-        canvas.draw_without_rendering()
+        fit_margins(canvas)
         _label(axes, shown, np.stack([x, y], axis=1))
 
     said = ", ".join(f"{style.name} {error:.3g} m at {cost:.3g} µs" for style, cost, error in points)
@@ -61,19 +65,20 @@ def _value(tracker: TrackerResult, metric: str) -> float | None:
 
 def _label(axes: Axes, styles: Sequence[TrackerStyle], points: Array) -> None:
     """Names beside the points, moved up or down until they do not lie on each other."""
+    names = [shortened(style.name, _NAME, 10) for style in styles]
     places = axes.transData.transform(points)
     inner = axes.get_window_extent()
     used: list[tuple[float, float, float, float]] = [(x - 6, x + 6, y - 6, y + 6) for x, y in places]
     for i in np.argsort(places[:, 1]):
         x, y = places[i]
-        width = 6.2 * len(styles[i].name)
+        width = text_width(names[i], 10)
         right = x + 9 + width < inner.x1
         left_edge = x + 9 if right else x - 9 - width
         options = [(left_edge, left_edge + width, y + dy - 6, y + dy + 6) for dy in (0, 12, -12, 24, -24, 36, -36, 48)]
         chosen = next((box for box in options if not any(_overlap(box, other) for other in used)), options[0])
         used.append(chosen)
         axes.annotate(
-            styles[i].name,
+            names[i],
             points[i],
             xytext=(9 if right else -9, (chosen[2] + chosen[3]) / 2 - y),
             textcoords="offset points",

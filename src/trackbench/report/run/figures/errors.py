@@ -9,8 +9,8 @@ import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry, TrackerStyle
-from trackbench.document.axes import TIME_LABEL, fit_value_axis, time_axis
-from trackbench.document.drawing import DASHED, INK, MUTED
+from trackbench.document.axes import TIME_LABEL, fit_value_axis, panel_title, time_axis
+from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
 from trackbench.document.styles import legend_of, tooltips_of
 from trackbench.report.calibration import Quantity
 from trackbench.report.conditions import UNIT
@@ -75,20 +75,20 @@ def spread(steps: pa.Table, styles: Sequence[TrackerStyle], reference: str) -> F
 
     def paint(canvas: Canvas) -> None:
         panels = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
-        for axes, line in zip(panels, drawn, strict=False):
+        for number, (axes, line) in enumerate(zip(panels, drawn, strict=False)):
             key = line.style.key
             if key in low and key in high:
                 axes.fill_between(line.time, low[key], high[key], color=line.style.colour, alpha=0.3)
             axes.plot(line.time, line.value, color=line.style.colour)
             if key in references:
                 axes.plot(references[key].time, references[key].value, color=INK, linestyle=DASHED, linewidth=1.2)
-            axes.set_title(line.style.name, fontsize=10, loc="left", pad=2)
+            panel_title(axes, line.style.name, WIDTH / columns)
+            axes.set_xlabel(TIME_LABEL if number >= columns * (rows - 1) else "")
+            axes.set_ylabel("error, m" if number % columns == 0 else "")
         for axes in panels[len(drawn) :]:
             axes.set_visible(False)
         time_axis(panels[0], end_of(steps))
         fit_value_axis(panels[0], [*high.values(), *low.values(), *(line.value for line in drawn)])
-        canvas.supxlabel(TIME_LABEL)
-        canvas.supylabel("position error, m")
 
     shown = counted(len(drawn), "tracker")
     return Figure(

@@ -12,20 +12,24 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry, TrackerStyle
+from trackbench.document.axes import panel_title
 from trackbench.document.drawing import GRID, INK, MUTED, WIDTH
+from trackbench.document.margins import shortened
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import fixed
 from trackbench.report.run.figures.columns import column, names, where
 from trackbench.report.run.moments import say
 from trackbench.results import Tables
-from trackbench.types import Array, Indices
+from trackbench.types import Array
 from trackbench.words import counted
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 _ELONGATED = 4.0
 _MARGIN_M = 6.0
 _TALLEST = 400.0
+#: The widest name of an object, points.
+_NAME = 90.0
 #: Round numbers among which the limits of the colours are chosen, m.
 _ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])
 
@@ -99,9 +103,8 @@ def map_of_run(
             axes.grid(visible=False)
             _surroundings(axes, roads, observer, targets)
             if drawn:
-                axes.set_title(drawn[i].name, fontsize=10, loc="left", pad=2)
-                for track in tracks[i]:
-                    _coloured(axes, track, limits)
+                panel_title(axes, drawn[i].name, across)
+                _coloured(axes, tracks[i], limits)
                 if (moment := rings.get(drawn[i].key)) is not None:
                     axes.plot(
                         *_place(truth, moment), marker="o", markersize=12, markerfacecolor="none",
@@ -156,29 +159,23 @@ def _surroundings(
     for name, (x, y) in targets.items():
         axes.plot(x, y, color=MUTED, linewidth=0.8)
         axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
-        axes.annotate(name, (x[-1], y[-1]), xytext=(3, 3), textcoords="offset points", fontsize=9)
+        axes.annotate(shortened(name, _NAME, 9), (x[-1], y[-1]), xytext=(3, 3), textcoords="offset points", fontsize=9)
 
 
-def _coloured(axes: Axes, track: _Track, limits: Array) -> None:
-    """A line for each colour, broken where the path has another."""
-    level = np.digitize(np.fmax(track.error[1:], track.error[:-1]), limits)
-    known = np.isfinite(track.error[1:]) & np.isfinite(track.error[:-1])
+def _coloured(axes: Axes, tracks: Sequence[_Track], limits: Array) -> None:
+    """A line for each colour, broken where a path has another; the largest errors on top."""
+    x, y, error = (
+        np.concatenate([np.append(getattr(track, name), np.nan) for track in tracks]) for name in ("x", "y", "error")
+    )
+    known = np.isfinite(error[1:]) & np.isfinite(error[:-1])
+    level = np.where(known, np.digitize(np.fmax(error[1:], error[:-1]), limits), -1)
     for i, colour in enumerate(ERROR_COLOURS[: len(limits) + 1]):
-        own = known & (level == i)
-        if own.any():
-            begins = np.concatenate([own[:1], own[1:] & ~own[:-1]])
-            at = np.flatnonzero(own)
-            # Each stretch has one more point than it has segments, and then a gap.
-            cut = np.flatnonzero(begins[at])
-            x, y = (_stretches(values, at, cut) for values in (track.x, track.y))
-            axes.plot(x, y, color=colour, linewidth=1.8 + 0.7 * i, solid_capstyle="round")
-
-
-def _stretches(values: Array, segments: Indices, cut: Indices) -> Array:
-    """The points of runs of successive segments, NaN between the runs; ``cut`` is where each run begins."""
-    ends = [*cut[1:], len(segments)]
-    parts = [[*values[segments[a:b]], values[segments[b - 1] + 1], np.nan] for a, b in zip(cut, ends, strict=True)]
-    return np.concatenate(parts)
+        own = np.flatnonzero(level == i)
+        if own.size:
+            # Each stretch has one more point than it has segments, and then a gap, as after the last track.
+            ends = np.flatnonzero(np.diff(own, append=-1) != 1) + 1
+            points = np.insert(own, np.repeat(ends, 2), np.stack([own[ends - 1] + 1, 0 * ends - 1], axis=1).ravel())
+            axes.plot(x[points], y[points], color=colour, linewidth=1.8 + 0.7 * i, solid_capstyle="round")
 
 
 def _limits(errors: Sequence[Array]) -> Array:

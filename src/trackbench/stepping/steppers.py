@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from trackbench.errors import TrackbenchError
+from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
@@ -19,18 +19,21 @@ from trackbench.types import Estimate, Scan
 
 
 class Stepper(Protocol):
-    """A tracker made ready for a number of batch."""
+    """A tracker made ready for a batch."""
 
     def step(self, scan: Scan) -> Estimate | None: ...
 
+    def close(self) -> None:
+        """It is no longer needed."""
 
-def adapt(
+
+def local(
     config: FilterConfig | PluginConfig,
     folder: Path | None,
     batch: int,
     primed: Callable[[FilterTracker], FilterTracker],
 ) -> Stepper:
-    """A fresh tracker, as a scenario names it.
+    """A fresh tracker in this process, as a scenario names it.
 
     Args:
         config: the scenario's entry.
@@ -57,16 +60,14 @@ def masked(scan: Scan) -> Scan:
     return scan._replace(measurement=np.full_like(scan.measurement, np.nan), valid=np.zeros_like(scan.valid))
 
 
-def cause_of(error: BaseException) -> str:
-    """What went wrong in a tracker, in one line."""
-    if isinstance(error, TrackbenchError):
-        return str(error)
-    text = str(error).strip().splitlines()
-    kind = type(error).__name__
-    return (text[0] if text else kind) if kind == "TrackerFault" else f"{kind}: {text[0]}" if text else kind
+class _Here:
+    """What ends with the bench."""
+
+    def close(self) -> None:
+        """Nothing is left to end."""
 
 
-class Direct:
+class Direct(_Here):
     """A built-in tracker, whose answers have the right form by construction."""
 
     def __init__(self, tracker: FilterTracker) -> None:
@@ -79,7 +80,7 @@ class Direct:
         return estimate
 
 
-class Batched:
+class Batched(_Here):
     """A tracker that takes all batch at once."""
 
     def __init__(self, tracker: Tracker) -> None:
@@ -97,7 +98,7 @@ class Batched:
         return estimate
 
 
-class Looped:
+class Looped(_Here):
     """A tracker that knows one object: a fresh one for each member, called from the member's first measurement on."""
 
     def __init__(self, make: Callable[[], Tracker], batch: int) -> None:
@@ -117,8 +118,10 @@ class Looped:
             self._begun[member] = self._begun[member] or bool(scan.valid[member])
             try:
                 answers.append(self._one(member, scan) if self._begun[member] else None)
-            except (Exception, SystemExit) as error:
-                raise TrackFault(error, member) from error
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                raise fault_of(error, member) from error
         return together(answers, len(scan.measurement))
 
     def _one(self, member: int, scan: Scan) -> Estimate | None:
@@ -133,15 +136,6 @@ class Looped:
             raise TrackerFault(NOT_FINITE)
         self._known[member] = True
         return estimate
-
-
-class TrackFault(Exception):
-    """A fault of one member."""
-
-    def __init__(self, cause: BaseException, member: int) -> None:
-        super().__init__(str(cause))
-        self.cause = cause
-        self.member = member
 
 
 def together(answers: list[Estimate | None], size: int) -> Estimate | None:

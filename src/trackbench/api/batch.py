@@ -1,0 +1,108 @@
+"""The runs of one or several scenarios: some are made while others are written."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future
+from typing import NamedTuple
+
+from trackbench.api.files import pages, save
+from trackbench.api.listener import Listener, Prepared
+from trackbench.api.plan import Plan, command_of
+from trackbench.execution import InProcess, Task
+from trackbench.palette import tracker_colours
+from trackbench.results import Result
+from trackbench.runner.run import PendingRun
+from trackbench.runner.until import run_until
+
+#: On a cluster, whatever its size: of so many scenarios the runs are asked for beside the one that is waited for.
+AHEAD = 32
+
+
+class _Computed(NamedTuple):
+    """A result, and the pages of its folder, which are being made."""
+
+    place: str
+    result: Result
+    pages: Future[dict[str, str]] | None
+
+
+class Batch:
+    """The runs of several scenarios.
+
+    Args:
+        prepared: the scenarios.
+        plan: how they are run.
+        executor: what does the work.
+        listener: is told of it.
+    """
+
+    def __init__(self, prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: Listener) -> None:
+        self._prepared, self._plan, self._executor, self._listener = prepared, plan, executor, listener
+        self.colours = tracker_colours(name for item in prepared for name in item.scenario.config.trackers)
+        self._alone = len(prepared) == 1
+        # With more at once in one process nothing would be done earlier, and a viewer shows one run at a time.
+        one_by_one = isinstance(executor, InProcess) or listener.observes
+        self._ahead = 0 if one_by_one else plan.workers if plan.cluster is None else AHEAD
+
+    def run(self) -> list[Result]:
+        """The results in the scenarios' order, each saved where the plan says so."""
+        found: list[Result] = []
+        begun: deque[PendingRun | None] = deque()
+        unsaved: deque[_Computed] = deque()
+        for number, item in enumerate(self._prepared):
+            last = number + self._ahead + 1
+            begun.extend(self._begun(later) for later in self._prepared[number + len(begun) : last])
+            place = f"{number + 1} of {len(self._prepared)}: " if len(self._prepared) > 1 else ""
+            unsaved.append(self._computed(place, item, begun.popleft()))
+            while len(unsaved) > self._ahead:
+                found.append(self._ended(unsaved.popleft()))
+        return [*found, *map(self._ended, unsaved)]
+
+    def _begun(self, item: Prepared) -> PendingRun | None:
+        """Its runs; None where their number is not known yet."""
+        if self._plan.precision is not None:
+            return None
+        return PendingRun(
+            item.scenario,
+            item.truths,
+            self._executor,
+            isolation=self._plan.isolation,
+            observed=self._listener.observes,
+            alone=self._alone,
+        )
+
+    def _computed(self, place: str, item: Prepared, pending: PendingRun | None) -> _Computed:
+        scenario, observe = item.scenario, self._listener.begin(item)
+        with self._listener.progress(f"{place}{scenario.config.name}", "runs") as advance:
+            if pending is not None:
+                result = pending.collect(command_of(scenario), advance, observe)
+            else:
+                assert self._plan.precision is not None
+                result = run_until(
+                    scenario,
+                    item.truths,
+                    *self._plan.precision,
+                    executor=self._executor,
+                    isolation=self._plan.isolation,
+                    command=command_of,
+                    progress=advance,
+                    on_recorded_run=observe,
+                )
+            advance(result.summary.runs, result.summary.runs)
+        if self._plan.out is None:
+            return _Computed(place, result, None)
+        executor = InProcess() if self._alone else self._executor
+        return _Computed(place, result, executor.submit(Task(pages, result, None), self.colours))
+
+    def _ended(self, computed: _Computed) -> Result:
+        place, result, made = computed
+        folder = None
+        if self._plan.out is not None and made is not None:
+            name = result.summary.scenario.name
+            folder = self._plan.out / name
+            with self._listener.progress(f"{place}writing {name}", "files") as advance:
+                result = save(result, folder, made.result(), advance, self.colours, recording=self._plan.recording)
+        self._listener.end(result, folder)
+        return result

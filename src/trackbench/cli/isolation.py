@@ -1,0 +1,30 @@
+"""How a command keeps trackers that are not built in apart from the bench."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+
+def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options, and give the command ``isolation``, an :class:`trackbench.stepping.Isolation`."""
+
+    @click.option(
+        "--tracker-timeout",
+        type=click.FloatRange(min=0.0, min_open=True),
+        default=300.0,
+        show_default=True,
+        metavar="S",
+        help="Longest time that your own tracker may take to answer a scan.",
+    )
+    @click.option("--in-process", is_flag=True, help="No process of its own for your own tracker: for a debugger.")
+    @functools.wraps(command)
+    def wrapped(*arguments: Any, tracker_timeout: float, in_process: bool, **options: Any) -> Any:
+        from trackbench.stepping import Isolation
+
+        return command(*arguments, isolation=Isolation(in_process, tracker_timeout), **options)
+
+    return wrapped

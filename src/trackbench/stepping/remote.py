@@ -1,0 +1,180 @@
+"""A tracker wherever it lives: a built-in filter here, any other in a process of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from trackbench.errors import InputError
+from trackbench.stepping.faults import TrackFault
+from trackbench.stepping.processes import NO_ANSWER, TrackerProcess
+from trackbench.stepping.steppers import Stepper, local
+from trackbench.trackers.answers import TrackerFault, shaped
+from trackbench.trackers.base import Tracker
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.published import built_in, check_options, create
+from trackbench.types import Array, Estimate, Scan
+
+#: Stands for the state of a tracker that has it in its process.
+KEPT_THERE = "kept in the tracker's process"
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """How trackers that are not built in are kept apart from the bench."""
+
+    in_process: bool = False
+    """Whether they are not: for a debugger."""
+    timeout: float = 300.0
+    """The longest that one may take for a step, s."""
+
+    def __post_init__(self) -> None:
+        if not self.timeout > 0.0:
+            raise InputError(f"{self.timeout!r} is no time; give a number of seconds above 0", key="tracker_timeout")
+
+    def of(self, config: FilterConfig | PluginConfig) -> bool:
+        """Whether a tracker gets a process of its own."""
+        return not (self.in_process or isinstance(config, FilterConfig) or built_in(config.use))
+
+
+ISOLATED = Isolation()
+
+
+def check(config: PluginConfig, folder: Path | None, isolation: Isolation) -> None:
+    """Find a tracker and hold its options against what it declares; it is not started.
+
+    Raises:
+        InputError: it cannot be found, or the options do not fit.
+    """
+    if not isolation.of(config):
+        check_options(config.use, config.options, folder)
+        return
+    process = TrackerProcess(isolation.timeout)
+    try:
+        process.ask("check", **_named(config, folder))
+    finally:
+        process.close()
+
+
+def start(
+    config: FilterConfig | PluginConfig,
+    folder: Path | None,
+    batch: int,
+    primed: Callable[[FilterTracker], FilterTracker],
+    isolation: Isolation,
+) -> Stepper:
+    """A fresh tracker for a batch, its answers checked.
+
+    Args:
+        config: the scenario's entry.
+        folder: where a tracker's module is looked for first.
+        batch: how many tracks it follows at once.
+        primed: gives a built-in filter its first states, where it starts from the truth.
+        isolation: whether it gets a process of its own.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options.
+        TrackFault: its process ended.
+    """
+    if not isolation.of(config):
+        return local(config, folder, batch, primed)
+    return RemoteStepper(config, folder, batch, isolation.timeout)
+
+
+def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Isolation) -> Callable[[], Tracker]:
+    """A function that gives fresh trackers as they are, one after the other from one process.
+
+    Raises:
+        InputError: it cannot be found or does not take its options.
+        TrackFault: its process ended.
+    """
+    config = PluginConfig(use=use, options=options)
+    if not isolation.of(config):
+        return create(use, options, folder)
+    process = TrackerProcess(isolation.timeout)
+    make = partial(RemoteTracker.fresh, process, _named(config, folder))
+    make()
+    return make
+
+
+class RemoteStepper:
+    """A tracker that follows a batch in a process of its own."""
+
+    def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, batch: int, timeout: float) -> None:
+        self._process = TrackerProcess(timeout)
+        try:
+            answer, _ = self._process.ask("start", config=config, folder=folder, batch=batch, path=sys.path)
+        except BaseException:
+            self.close()
+            raise
+        self._number = answer["number"]
+
+    def step(self, scan: Scan) -> Estimate | None:
+        """The estimates of all members.
+
+        Raises:
+            TrackFault: the tracker failed.
+        """
+        return _step(self._process, self._number, scan)
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.close()
+
+
+class RemoteTracker:
+    """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now."""
+
+    def __init__(self, process: TrackerProcess, number: int, batched: bool, methods: frozenset[str]) -> None:
+        self._process = process
+        self._number = number
+        self.batched = batched
+        self._methods = methods
+
+    @classmethod
+    def fresh(cls, process: TrackerProcess, named: dict[str, Any]) -> RemoteTracker:
+        """A fresh one."""
+        answer, _ = process.ask("fresh", **named)
+        return cls(process, answer["number"], bool(answer["batched"]), frozenset(answer["methods"]))
+
+    def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
+        """What stands for its state, and the estimate."""
+        return KEPT_THERE, _step(self._process, self._number, scan)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
+        answer, _ = self._process.ask("copy", number=self._number)
+        return RemoteTracker(self._process, answer["number"], self.batched, self._methods)
+
+    def __getattr__(self, name: str) -> Callable[..., Array]:
+        if name.startswith("_") or name not in self._methods:
+            raise AttributeError(name)
+
+        def call(*arguments: Any) -> Array:
+            _, arrays = self._process.ask("call", number=self._number, method=name, arguments=arguments)
+            return arrays["returned"]
+
+        return call
+
+    def __del__(self) -> None:
+        if self._process.fault is None:
+            self._process.dropped.append(self._number)
+
+
+def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:
+    return {"use": config.use, "options": config.options, "folder": folder, "path": sys.path}
+
+
+def _step(process: TrackerProcess, number: int, scan: Scan) -> Estimate | None:
+    answer, arrays = process.ask("step", number=number, scan=scan)
+    if not answer.get("given"):
+        return None
+    try:
+        return shaped(Estimate(**arrays), scan)
+    except (TypeError, TrackerFault) as error:
+        # Its process has looked at it before.
+        raise TrackFault(NO_ANSWER, "died") from error
