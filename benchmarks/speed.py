@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 import engines
+import isolation
 import stages
 import table
 
@@ -63,6 +64,7 @@ def main() -> None:
         "microseconds_per_step": [{"problem": p, "engine": e, "value": value} for (p, e), value in best.items()],
         "ratios": ratios(best),
         "memory": None if options.no_memory else memory(),
+        "isolation": isolation.measure(),
         "stages_before": stages.before(),
         "stages": None if options.no_stages else stages.measure(),
     }

@@ -51,9 +51,31 @@ def markdown(found: dict[str, Any]) -> str:
         "",
         *(f"- {name}: {value:.1e}" for name, value in found["largest_difference"].items()),
         "",
+        isolation(found["isolation"]),
         *([stages(found["stages_before"], found["stages"])] if found["stages"] else []),
     ]
     return "\n".join(parts)
+
+
+def isolation(rows: list[dict[str, Any]]) -> str:
+    """What a process of its own costs a tracker, as a section."""
+    first = rows[0]["first_start_ms"]
+    return "\n".join(
+        [
+            "## A tracker in a process of its own",
+            "",
+            f"A tracker that is not built in, and does nothing. The first one takes {first:.0f} ms to start. Median of the time "
+            "for a scan of the whole batch, asked in the bench's process and in one of its own.",
+            "",
+            "| members of the batch | to start, ms | a scan in the bench's process, µs | in its own, µs |",
+            "|---:|---:|---:|---:|",
+            *(
+                f"| {row['batch']} | {row['start_ms']:.0f} | {_digits(row['step_here_us'])} | {_digits(row['step_us'])} |"
+                for row in rows
+            ),
+            "",
+        ]
+    )
 
 
 def stages(before: dict[str, Any], after: list[dict[str, Any]]) -> str:

@@ -27,6 +27,7 @@ from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
+from trackbench.stepping import ISOLATED, Isolation
 
 # How long an example takes says how busy the machine is, and nothing of the code.
 settings.register_profile("any machine", deadline=None)
@@ -111,12 +112,12 @@ def run_tiny(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Runs the tiny scenario with ``key.path=value`` set over it; trackers' modules are looked for in ``folder``."""
     texts = tmp_path_factory.mktemp("tiny")
 
-    def call(*overrides: str, folder: Path = texts, workers: int = 1) -> Result:
+    def call(*overrides: str, folder: Path = texts, workers: int = 1, isolation: Isolation = ISOLATED) -> Result:
         file = folder / "tiny.yaml"
         file.write_text(TINY, encoding="utf-8")
         loaded = load_scenario(file, overrides)
         with executor(workers) as chosen:
-            return run(loaded, truths_of(loaded, executor=chosen), executor=chosen)
+            return run(loaded, truths_of(loaded, executor=chosen), executor=chosen, isolation=isolation)
 
     return call
 

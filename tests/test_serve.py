@@ -35,10 +35,10 @@ RUBRIC = {"ekf": [0.11, 0.11, 0.52, 0.52], "ukf": [0.09, 0.10, 0.40, 0.30]}
 class Server:
     """A server process and the port at which it listens."""
 
-    def __init__(self, scenario: Path, tracker: str, log: Path) -> None:
+    def __init__(self, scenario: Path, tracker: str, log: Path, *options: str) -> None:
         self._log = log
         with log.open("w") as err:
-            command = [*COMMAND, "--port", "0", "--tracker", f"{scenario}#{tracker}"]
+            command = [*COMMAND, "--port", "0", "--tracker", f"{scenario}#{tracker}", *options]
             self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=err, text=True)
         assert self.process.stdout is not None
         assert select.select([self.process.stdout], [], [], SECONDS)[0], "the server does not start"

@@ -65,7 +65,12 @@ class Batch:
         if self._plan.precision is not None:
             return None
         return PendingRun(
-            item.scenario, item.truths, self._executor, observed=self._listener.observes, alone=self._alone
+            item.scenario,
+            item.truths,
+            self._executor,
+            isolation=self._plan.isolation,
+            observed=self._listener.observes,
+            alone=self._alone,
         )
 
     def _computed(self, place: str, item: Prepared, pending: PendingRun | None) -> _Computed:
@@ -80,6 +85,7 @@ class Batch:
                     item.truths,
                     *self._plan.precision,
                     executor=self._executor,
+                    isolation=self._plan.isolation,
                     command=command_of,
                     progress=advance,
                     on_recorded_run=observe,

@@ -9,6 +9,7 @@ from pathlib import Path
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import shown_name
+from trackbench.stepping import ISOLATED, Isolation
 
 #: Where a run that goes on until its precision is reached stops even so.
 MAX_RUNS = 10_000
@@ -26,6 +27,8 @@ class Plan:
     """The Dask cluster that is used instead: ``tcp://HOST:PORT``, or ``local:N``."""
     recording: bool = True
     """Whether the Rerun recording is written."""
+    isolation: Isolation = ISOLATED
+    """How trackers that are not built in are kept apart from the bench."""
     precision: tuple[float, int] | None = None
     """The share and the largest number of runs, where the precision decides on their number."""
 
@@ -33,7 +36,7 @@ class Plan:
         if not isinstance(self.workers, int) or self.workers < 1:
             raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
         if self.workers > 1 and self.cluster is not None:
-            raise InputError("the work runs in one place: either on a cluster or in local processes", key="workers")
+            raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
 
 
 def command_of(scenario: Scenario) -> str:

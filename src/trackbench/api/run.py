@@ -14,6 +14,7 @@ from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.execution import executor
 from trackbench.scenario import Scenario
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.types import Progress, no_progress
 
 Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
@@ -27,6 +28,8 @@ def run(
     cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> ReportableResult: ...
 @overload
@@ -37,6 +40,8 @@ def run(
     cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> list[ReportableResult]: ...
 def run(
@@ -46,6 +51,8 @@ def run(
     cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    in_process: bool = False,
+    tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
@@ -60,6 +67,8 @@ def run(
         out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
             Several are also compared there. Nothing is written unless given.
         recording: whether the Rerun recording is among the files.
+        in_process: whether trackers of your own get no process of their own: for a debugger.
+        tracker_timeout: longest time that one may take to answer a scan, s.
         progress: called with the number of runs done and of all of a scenario.
 
     Raises:
@@ -67,7 +76,7 @@ def run(
         TrackbenchError: the folder cannot be written, or workers died.
     """
     given = scenario if isinstance(scenario, list | tuple) else [scenario]
-    plan = Plan(None if out is None else Path(out), workers, cluster, recording)
+    plan = Plan(None if out is None else Path(out), workers, cluster, recording, Isolation(in_process, tracker_timeout))
     listener = _Counter(progress)
     loaded = [loaded_scenario(item) for item in given]
     with executor(workers, cluster) as chosen:

@@ -64,7 +64,7 @@ def _checked(scenario: Scenario, plan: Plan) -> Scenario:
         if len(scenario.config.trackers) < 2:
             problem = "needs two trackers, whose difference it is about"
             raise InputError(problem, file=scenario.path, key="--runs-until")
-    check_plugins(scenario)
+    check_plugins(scenario, plan.isolation)
     return scenario
 
 

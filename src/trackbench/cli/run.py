@@ -16,6 +16,7 @@ from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load
 from trackbench.api.session import prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
+from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, showing
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
@@ -23,6 +24,7 @@ from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
+from trackbench.stepping import Isolation
 from trackbench.truth import MAX_SCENES
 
 FAILED_EXPECTATION = 1
@@ -62,6 +64,7 @@ FAILED_TRACKER = 3
 )
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+@isolation_options
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
 @live_options
@@ -80,6 +83,7 @@ def run_command(
     out: Path,
     workers: int,
     cluster: str | None,
+    isolation: Isolation,
     no_recording: bool,
     junit: Path | None,
     as_json: bool,
@@ -105,7 +109,7 @@ def run_command(
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
     only = None if trackers is None else [name.strip() for name in trackers.split(",")]
-    plan = Plan(out, workers, cluster, not no_recording, precision)
+    plan = Plan(out, workers, cluster, not no_recording, isolation, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
     changed = partial(load, set=settings, runs=runs, seed=seed, scenes=scenes, trackers=only)

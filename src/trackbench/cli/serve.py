@@ -43,15 +43,29 @@ def serve_command() -> None:
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen at: this machine's own unless given."
 )
+@click.option(
+    "--allow-origin",
+    "origins",
+    multiple=True,
+    metavar="URL",
+    help="Let pages of this origin in, such as http://viewer.example:8000; may be given again.",
+)
 @isolation_options
 @click.option("-v", "--verbose", is_flag=True, help="Log every frame that is no event, too.")
 @click.pass_context
 def udacity_command(
-    ctx: click.Context, tracker: str, port: int, host: str, isolation: Isolation, verbose: bool
+    ctx: click.Context,
+    tracker: str,
+    port: int,
+    host: str,
+    origins: tuple[str, ...],
+    isolation: Isolation,
+    verbose: bool,
 ) -> None:
     """Speak the protocol of the Udacity term-2 simulator, until Ctrl-C.
 
-    Each client has its own tracker, which starts afresh when it connects again or restarts its data set.
+    Each client has its own tracker, which starts afresh when it connects again or restarts its data set. Programs and
+    pages of this machine may connect; pages from elsewhere in a browser are refused unless --allow-origin names them.
 
     \b
     Example:
@@ -66,9 +80,14 @@ def udacity_command(
         raise InputError("is empty; 127.0.0.1 is this machine alone, 0.0.0.0 opens the server to others", key="--host")
     import asyncio
 
+    from trackbench.serve.origin import require_origin
     from trackbench.serve.server import serve
     from trackbench.serve.session import served
 
+    try:
+        allowed = [require_origin(origin) for origin in origins]
+    except InputError as error:
+        raise InputError(error.message, key="--allow-origin") from None
     found = served(load_scenario(path), name, isolation)
     _log(ctx, verbose)
     for kind in {"lidar", "radar"} - set(found.sensors):
@@ -78,7 +97,7 @@ def udacity_command(
         shown = f"[{address}]" if ":" in address else address
         click.echo(f"{tracker} listens at ws://{shown}:{actual}; Ctrl-C ends it")
 
-    if asyncio.run(serve(found, host, port, ready)) == signal.SIGINT:
+    if asyncio.run(serve(found, host, port, ready, allowed)) == signal.SIGINT:
         raise click.exceptions.Exit(INTERRUPTED)
 
 

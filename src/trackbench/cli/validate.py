@@ -8,11 +8,13 @@ from pathlib import Path
 import click
 
 from trackbench.cli.completion import scenario_paths
+from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import quiet_option
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check, notes
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import scenario_files, shown_name
+from trackbench.stepping import Isolation
 
 
 @click.command("check")
@@ -24,8 +26,9 @@ from trackbench.scenario.shipped import scenario_files, shown_name
     metavar="SCENARIO...",
     shell_complete=scenario_paths,
 )
+@isolation_options
 @quiet_option("Only say what is wrong.")
-def check_command(scenarios: tuple[Path, ...], quiet: bool) -> None:
+def check_command(scenarios: tuple[Path, ...], isolation: Isolation, quiet: bool) -> None:
     """Validate scenario files without running them.
 
     \b
@@ -34,7 +37,7 @@ def check_command(scenarios: tuple[Path, ...], quiet: bool) -> None:
     """
     for file in scenario_files(scenarios):
         loaded = load_scenario(file)
-        check(loaded)
+        check(loaded, isolation)
         if quiet:
             continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())

@@ -13,6 +13,7 @@ from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.metrics import ComparedMetric, compared_metric
 from trackbench.compare.ranking import RANKED_BY, Pairings, ranking, scores
 from trackbench.errors import InputError, nearest
+from trackbench.execution import one_blas_thread
 from trackbench.results import Result
 
 
@@ -24,6 +25,7 @@ class _Cell:
     entries: dict[int, Entry]
 
 
+@one_blas_thread()
 def compare(
     results: Sequence[ResultSet | Result | Sequence[Result]],
     *,

@@ -32,6 +32,7 @@ from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.root_causes import rank
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
+from trackbench.execution import one_blas_thread
 from trackbench.input_files import read_bytes
 from trackbench.models.sensors import Mount, Sensor
 from trackbench.trackers.base import Tracker
@@ -126,6 +127,7 @@ class Doctor:
         """The test drives, each with the estimates of the reference."""
         return [(drive, rollout(reference, drive.scans)) for drive in simulate_drives(self.sensors, self._seed)]
 
+    @one_blas_thread()
     def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = no_progress) -> Examination:
         """Make all checks of a tracker.
 
@@ -158,6 +160,7 @@ class Doctor:
     def _under_test(self, make: Callable[[], Tracker], drives: list[tuple[TestDrive, Rollout]]) -> TrackerUnderTest:
         return TrackerUnderTest(make, self.sensors, drives, self._probes, self._seed)
 
+    @one_blas_thread()
     def evidence(self, examination: Examination, make: Callable[[], Tracker]) -> list[EvidenceRun]:
         """The runs that show the root causes; of a healthy tracker, the run of the default drive."""
         shown: dict[str, list[Finding]] = {}

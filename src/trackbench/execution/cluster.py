@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from trackbench.errors import InputError, TrackbenchError
@@ -25,6 +29,8 @@ except ImportError as missing:
 
 #: How long a scheduler or its workers may take to answer, s.
 PATIENCE = 10
+#: How long the workers of this machine may take to start, s.
+START = 60
 #: How long a worker that is told to end may take, s.
 FAREWELL = 1
 LOCAL = re.compile(r"local:([1-9]\d{0,3})")
@@ -34,6 +40,8 @@ SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1TB",
     "distributed.comm.timeouts.connect": f"{PATIENCE}s",
 }
+#: The log of a worker on this machine, which would stand among the messages of the run.
+QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
 DIED = "workers of the cluster died several times of the same work; --workers 1 may show what they died of"
 LOST = "the connection to the Dask scheduler was lost"
 
@@ -42,13 +50,13 @@ class Cluster(Executor):
     """The workers of a Dask cluster; the scheduler gives to others what one that dies leaves undone.
 
     Args:
-        address: of the scheduler.
+        address: of the scheduler, as the user wrote it.
         client: connected to it.
-        local: the cluster of this machine that ends with the executor, if it is one.
+        started: what was started for it, and ends with it.
     """
 
-    def __init__(self, address: str, client: distributed.Client, local: distributed.LocalCluster | None = None) -> None:
-        self._address, self._client, self._local = address, client, local
+    def __init__(self, address: str, client: distributed.Client, started: ExitStack) -> None:
+        self._address, self._client, self._started = address, client, started
         self._executor = client.get_executor(pure=False)
         self._sent: dict[int, tuple[Task, distributed.Future[Any]]] = {}
 
@@ -67,9 +75,7 @@ class Cluster(Executor):
         """Take back what is not done, and let the cluster go."""
         self._executor.shutdown(wait=False)
         self._sent.clear()
-        _close(self._client)
-        if self._local is not None:
-            _close(self._local)
+        self._started.close()
 
     def __str__(self) -> str:
         workers = self._client.scheduler_info()["workers"]
@@ -89,28 +95,46 @@ def connected(address: str) -> Cluster:
     if here is None and REMOTE.fullmatch(address) is None:
         raise InputError(f"write tcp://HOST:PORT or local:4, not {address!r}", key="--cluster")
     dask.config.set(SETTINGS)
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    local = None
-    with uninterrupted():
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with ExitStack() as stack:
         if here is not None:
-            local = distributed.LocalCluster(
-                n_workers=int(here[1]),
-                threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address=None,
-                memory_limit=0,
-                silence_logs=logging.CRITICAL,
+            scheduler = distributed.LocalCluster(
+                n_workers=0, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL
             )
+            stack.callback(_close, scheduler)
+            scratch = stack.enter_context(TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True))
+            for _ in range(int(here[1])):
+                stack.callback(_kill, _start_worker(scheduler.scheduler_address, scratch))
         try:
-            client = distributed.Client(local or address, timeout=PATIENCE)
+            client = distributed.Client(address if here is None else scheduler.scheduler_address, timeout=PATIENCE)
+            stack.callback(_close, client)
+            if here is None:
+                client.wait_for_workers(1, timeout=PATIENCE)
+            else:
+                client.wait_for_workers(int(here[1]), timeout=START)
+        except TimeoutError as error:
+            raise InputError(f"no Dask scheduler with workers answers at {address}", key="--cluster") from error
         except OSError as error:
             raise InputError(f"no Dask scheduler answers at {address}", key="--cluster") from error
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError as error:
-        _close(client)
-        raise InputError(f"the Dask scheduler at {address} has no workers", key="--cluster") from error
-    return Cluster(address, client, local)
+        return Cluster(address, client, stack.pop_all())
+
+
+def _start_worker(address: str, scratch: str) -> subprocess.Popen[bytes]:
+    """A worker on this machine; it ends when the scheduler does, or when it is killed.
+
+    It is a plain process, since Dask's nanny takes seconds to end one.
+    """
+    options = ["--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--no-dashboard", "--host", "127.0.0.1"]
+    options += ["--local-directory", scratch]
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, *options]
+    with uninterrupted():
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **QUIET})
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
 
 
 def _close(connection: distributed.Client | distributed.LocalCluster) -> None:

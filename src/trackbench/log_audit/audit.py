@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.errors import InputError
+from trackbench.execution import one_blas_thread
 from trackbench.log_audit.clocks import Clock, clock_of
 from trackbench.log_audit.corrections import corrected
 from trackbench.log_audit.findings import FAMILY, LogFinding
@@ -44,6 +45,7 @@ class LogAudit:
         return {key: value for finding in self.findings for key, value in finding.changes.items()}
 
 
+@one_blas_thread()
 def audit_log(loaded: Scenario, progress: Progress = no_progress) -> LogAudit:
     """Audit the recorded sensors of a scenario.
 

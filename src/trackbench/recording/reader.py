@@ -12,6 +12,7 @@ from trackbench.input_files import require_regular
 from trackbench.recording.chunks import Unreadable, read_chunks
 from trackbench.recording.data import read_data
 from trackbench.results import SUMMARY, Result, Tables, summary_of
+from trackbench.results.table_check import require_table
 
 #: The name of a recording in the folder of its run.
 RECORDING = "recording.rrd"
@@ -62,7 +63,10 @@ def read(path: Path) -> Recorded:
         )
     if summary is None:
         return _beside(path, "it holds no run of trackbench, or several that are laid over each other")
-    return Recorded(Result(summary_of(summary, path), Tables(tables)), path, version)
+    found = summary_of(summary, path)
+    for name, table in tables.items():
+        require_table(name, table, found.names, path)
+    return Recorded(Result(found, Tables(tables)), path, version)
 
 
 def _version(path: Path) -> str | None:

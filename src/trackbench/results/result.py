@@ -142,7 +142,8 @@ class Result:
             raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=path) from error
         except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
-        return cls(summary_of(raw, file), Tables({}, file.parent))
+        summary = summary_of(raw, file)
+        return cls(summary, Tables({}, file.parent, summary.names))
 
 
 def summary_of(raw: Any, file: Path) -> Summary:

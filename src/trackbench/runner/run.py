@@ -14,6 +14,7 @@ from trackbench.runner.block import Block, OnRecordedRun
 from trackbench.runner.blocks import PendingBlocks
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 from trackbench.words import counted
@@ -26,6 +27,7 @@ def run(
     truths: Sequence[LoadedTruth],
     *,
     executor: Executor | None = None,
+    isolation: Isolation = ISOLATED,
     command: str = "",
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
@@ -38,6 +40,7 @@ def run(
         loaded: the scenario.
         truths: those of its scenes.
         executor: what makes the blocks of runs; this process unless given.
+        isolation: how trackers that are not built in are kept apart.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
@@ -45,7 +48,9 @@ def run(
     Raises:
         TrackbenchError: the processes that make the runs died.
     """
-    pending = PendingRun(loaded, truths, executor or InProcess(), observed=on_recorded_run is not None)
+    pending = PendingRun(
+        loaded, truths, executor or InProcess(), isolation=isolation, observed=on_recorded_run is not None
+    )
     return pending.collect(command, progress, on_recorded_run)
 
 
@@ -56,6 +61,7 @@ class PendingRun:
         loaded: the scenario.
         truths: those of its scenes.
         executor: what makes the blocks of runs.
+        isolation: how trackers that are not built in are kept apart.
         observed: whether the recorded run is looked at.
         alone: whether no other scenario is run at the same time.
     """
@@ -66,11 +72,12 @@ class PendingRun:
         truths: Sequence[LoadedTruth],
         executor: Executor,
         *,
+        isolation: Isolation = ISOLATED,
         observed: bool = False,
         alone: bool = True,
     ) -> None:
         self._loaded, self._truths = loaded, truths
-        self._work = work_of(loaded, truths)
+        self._work = work_of(loaded, truths, isolation)
         self._begin = time.perf_counter()
         self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
 

@@ -18,6 +18,7 @@ from trackbench.runner.evaluated import evaluated
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
+from trackbench.stepping import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
@@ -36,6 +37,7 @@ def run_until(
     max_runs: int,
     *,
     executor: Executor | None = None,
+    isolation: Isolation = ISOLATED,
     command: Callable[[Scenario], str],
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
@@ -52,13 +54,14 @@ def run_until(
         target: half-width of the 95 % interval of the leading difference, as a share of the best tracker's RMSE.
         max_runs: where to stop whatever the precision.
         executor: what makes the blocks of runs; this process unless given.
+        isolation: how trackers that are not built in are kept apart.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
         on_recorded_run: called with the recorded run while it is made, which is among those of the first look.
     """
     blocks: list[Block] = []
     while True:
-        work = work_of(loaded, truths)
+        work = work_of(loaded, truths, isolation)
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         known = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in known]

@@ -8,17 +8,20 @@ import itertools
 import logging
 import signal
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
+from http import HTTPStatus
 from types import FrameType
 
 from websockets.asyncio.server import ServerConnection
 from websockets.asyncio.server import serve as listen
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
+from websockets.http11 import Request, Response
 
 from trackbench.errors import InputError
 from trackbench.serve.client import Client
+from trackbench.serve.origin import refusal
 from trackbench.serve.protocol import MANUAL
 from trackbench.serve.session import Served, TrackerFailed
 
@@ -35,7 +38,9 @@ CLOSING = 2
 REASON = 123
 
 
-async def serve(served: Served, host: str, port: int, ready: Callable[[str, int], None]) -> signal.Signals:
+async def serve(
+    served: Served, host: str, port: int, ready: Callable[[str, int], None], origins: Collection[str] = ()
+) -> signal.Signals:
     """Serve until a signal ends it; every client is told goodbye. A second signal interrupts at once.
 
     Args:
@@ -43,6 +48,7 @@ async def serve(served: Served, host: str, port: int, ready: Callable[[str, int]
         host: the address to listen at.
         port: 0 for any that is free.
         ready: called with the address and the port when clients can connect.
+        origins: of pages of other machines that may connect, as ``origin.require_origin`` gives them.
 
     Returns:
         The signal.
@@ -55,6 +61,13 @@ async def serve(served: Served, host: str, port: int, ready: Callable[[str, int]
     async def converse(connection: ServerConnection) -> None:
         await _converse(connection, served, f"client {next(numbers)}")
 
+    def admit(connection: ServerConnection, request: Request) -> Response | None:
+        cause = refusal(request.headers.get_all("Origin"), request.headers.get_all("Host"), host, origins)
+        if cause is None:
+            return None
+        log.warning("refused %s: %s", (connection.remote_address or ("nowhere",))[0], cause)
+        return connection.respond(HTTPStatus.FORBIDDEN, f"{cause}\n")
+
     stopped: asyncio.Future[signal.Signals] = asyncio.get_running_loop().create_future()
     with _signals(stopped):
         try:
@@ -62,6 +75,7 @@ async def serve(served: Served, host: str, port: int, ready: Callable[[str, int]
                 converse,
                 host,
                 port,
+                process_request=admit,
                 compression=None,
                 max_size=LARGEST,
                 max_queue=WAITING,

@@ -16,6 +16,9 @@ from trackbench.trackers.answers import TrackerFault
 #: What it gave is no estimate; a calculation failed; it raised anything else; its process died or was ended.
 Kind = Literal["answer", "arithmetic", "raised", "died"]
 
+#: Characters of a cause.
+LONGEST = 1000
+
 
 class TrackFault(Exception):
     """A tracker cannot go on.
@@ -51,13 +54,19 @@ def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
 
 
 def _cause(error: BaseException) -> str:
-    if isinstance(error, TrackbenchError):
-        return " ".join(str(error).split())
-    text = str(error).strip().splitlines()
     name = type(error).__name__
-    if isinstance(error, TrackerFault):
-        return text[0] if text else name
-    return f"{name}: {text[0]}" if text else name
+    try:
+        text = str(error)
+    except Exception:
+        text = ""
+    if not isinstance(error, TrackbenchError):
+        # An error of a package may explain itself at length.
+        text = text.strip().partition("\n")[0]
+    text = "".join(letter if letter.isprintable() else " " for letter in text[:LONGEST])
+    text = " ".join(text.split())
+    if isinstance(error, TrackbenchError | TrackerFault):
+        return text or name
+    return f"{name}: {text}" if text else name
 
 
 class _Frame(NamedTuple):

@@ -11,6 +11,7 @@ import socket
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -105,28 +106,33 @@ class Host:
         return self._numbers
 
 
-def serve(connection: socket.socket, dump: int) -> None:
+def serve(connection: socket.socket, dump: int, bench: int) -> None:
     """Answer the bench until it ends.
 
     Args:
         connection: to the bench.
         dump: file descriptor to which the traceback goes when the process is killed by a fault.
+        bench: number of the process of the bench.
     """
-    _prepare(dump)
+    _prepare(dump, bench)
     host = Host()
     while True:
         try:
             request = receive_request(connection)
         except (EOFError, OSError):
             os._exit(0)
-        sys.path[:] = request.pop("path", sys.path)
+        if "path" in request:
+            sys.path[:] = request.pop("path")
+            with suppress(OSError):
+                os.chdir(request.pop("cwd") or ".")
         host.drop(request.pop("drop"))
+        exchange = request.pop("exchange")
         try:
             values, arrays = getattr(host, request.pop("do"))(**request)
         except BaseException as error:
             values, arrays = _told(error), {}
         try:
-            send_answer(connection, values, arrays)
+            send_answer(connection, {**values, "exchange": exchange}, arrays)
         except OSError:
             os._exit(0)
 
@@ -155,7 +161,7 @@ def _arrays(estimate: Estimate) -> Arrays:
     return found
 
 
-def _prepare(dump: int) -> None:
+def _prepare(dump: int, bench: int) -> None:
     # A group of its own: it is ended together with whatever the tracker starts.
     os.setsid()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -169,11 +175,12 @@ def _prepare(dump: int) -> None:
 
     # Where a tracker leaves by this way is worth knowing.
     os._exit = exiting  # type: ignore[assignment]
-    bench = os.getppid()
 
     def watch() -> None:
-        while os.getppid() == bench:
-            time.sleep(ORPHANED)
+        with suppress(ProcessLookupError):
+            while True:
+                os.kill(bench, 0)
+                time.sleep(ORPHANED)
         leave(0)
 
     threading.Thread(target=watch, daemon=True).start()

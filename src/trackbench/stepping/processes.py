@@ -52,6 +52,11 @@ class Template:
         self._lock = threading.Lock()
         self._statuses: dict[int, int] = {}
 
+    @property
+    def ended(self) -> bool:
+        """Whether it was killed."""
+        return self._process.poll() is not None
+
     def copy(self, connection: socket.socket, dump: IO[bytes]) -> int:
         """Start a process that serves a connection, and writes its traceback to a file where it is killed.
 
@@ -106,6 +111,7 @@ class TrackerProcess:
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
+        self._exchange = 0
         self.fault: TrackFault | None = None
         """Why it has ended."""
         self.dropped: list[int] = []
@@ -129,9 +135,15 @@ class TrackerProcess:
         self._until = time.monotonic() + self.timeout
         try:
             self._socket.settimeout(self.timeout)
-            send_request(self._socket, {"do": do, "drop": self.dropped, **request})
+            self._exchange += 1
+            request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
+            if self._exchange == 1:
+                request |= {"cwd": _cwd(), "path": sys.path}
+            send_request(self._socket, request)
             self.dropped = []
             values, arrays = receive_answer(self)
+            if values.get("exchange") != self._exchange:
+                raise Malformed
             problems, fault = values.get("input"), values.get("fault")
             if problems:
                 errors = [InputError(str(message), key=key) for message, key in problems]
@@ -200,6 +212,14 @@ def _signal(process: int, number: signal.Signals) -> None:
             return
 
 
+def _cwd() -> str | None:
+    """The working directory; None where it was deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return None
+
+
 def _is_open(descriptor: int) -> bool:
     try:
         os.fstat(descriptor)
@@ -214,7 +234,7 @@ _templates: dict[int, Template] = {}
 def _template() -> Template:
     """That of this process, which may itself be a copy of one that has one."""
     own = os.getpid()
-    if own not in _templates:
+    if own not in _templates or _templates[own].ended:
         _templates[own] = Template()
         atexit.register(_templates[own].close)
     return _templates[own]

@@ -17,6 +17,7 @@ from trackbench.stepping.wire import TOLD
 def main(descriptor: int) -> None:
     """Copy this process for each pair of descriptors that comes, until the bench ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    bench = os.getppid()
     with socket.socket(fileno=descriptor) as control:
 
         def ended(*_: object) -> None:
@@ -43,7 +44,7 @@ def main(descriptor: int) -> None:
                 signal.signal(signal.SIGCHLD, signal.SIG_DFL)
                 signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
                 control.close()
-                host.serve(socket.socket(fileno=descriptors[0]), descriptors[1])
+                host.serve(socket.socket(fileno=descriptors[0]), descriptors[1], bench)
             for number in descriptors:
                 os.close(number)
             control.send(TOLD.pack(True, process, 0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -12,6 +12,8 @@ from trackbench.errors import InputError, nearest
 Variants = Mapping[str, Mapping[str, Collection[str]]]
 
 WHOLE_NUMBERS = ("_count", "vehicles", "_lanes", "_frequency")
+#: Of lanes and vehicles: each is simulated.
+MOST = 1000
 NULLABLE = {"destination"}
 
 
@@ -62,18 +64,23 @@ def _check(key: str, value: Any, default: Any, at: str) -> None:
         return
     if _kind(value) != wanted:
         raise InputError(f"must be {wanted}, not {value!r} (the default is {default!r})", key=at)
-    if wanted == "a number" and not math.isfinite(value):
-        raise InputError(f"must be finite, not {value!r}", key=at)
+    if wanted == "a number" and not _finite(value):
+        raise InputError("must be finite, and such a number is not", key=at)
     if isinstance(default, int) and wanted == "a number" and key.endswith(WHOLE_NUMBERS):
         least = 1 if key.endswith("_frequency") else 0
-        if not isinstance(value, int) or value < least:
-            raise InputError(f"must be a whole number from {least} up, not {value!r}", key=at)
+        if not isinstance(value, int) or not least <= value <= MOST:
+            raise InputError(f"must be a whole number from {least} to {MOST}, not {value!r}", key=at)
     if wanted == "a list" and default and all(_kind(item) == "a number" for item in default):
         if len(value) != len(default) and key != "target_speeds":
             raise InputError(f"must have {len(default)} numbers, not {len(value)}", key=at)
         for item in value:
-            if _kind(item) != "a number" or not math.isfinite(item):
+            if _kind(item) != "a number" or not _finite(item):
                 raise InputError(f"must be a list of numbers, not {value!r}", key=at)
+
+
+def _finite(value: float) -> bool:
+    """Whether it can be reckoned with: a whole number may be too large for that."""
+    return abs(value) <= sys.float_info.max
 
 
 def _kind(value: Any) -> str:

@@ -1,0 +1,87 @@
+"""Whatever is in the folder of a run, it is compared, reported, inspected and shown, or refused in one message."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from tests.fuzz.conftest import Tried
+from tests.fuzz.mutations import cases, edited_bytes, edited_table, edited_text, edited_tree
+
+from trackbench.recording import viewer
+
+FORMATS = ["terminal", "html", "markdown", "latex", "csv", "svg"]
+
+
+@pytest.fixture
+def whole(tried: Tried, tiny: Path, tmp_path: Path) -> Path:
+    """Folders ``base`` and ``other`` of two runs, their comparison and an examination."""
+    for name in ("base", "other"):
+        assert tried(-1, "run", tiny, "--out", name, "--runs", "3", statuses=(0, 1)) in (0, 1)
+    assert tried(-1, "compare", "base/tiny", "other/tiny", "--out", "base/comparison.json") == 0
+    assert tried(-1, "doctor", f"{tiny}#ekf", "--out", "base/examination", statuses=(0, 1)) in (0, 1)
+    return tmp_path / "base"
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_mutated_results(whole: Path, tried: Tried, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewer, "picture", lambda files, at: b"".join(file.read_bytes() for file in files))
+    files = sorted(file for file in whole.rglob("*") if file.suffix in (".json", ".parquet", ".rrd"))
+    # Each recording takes a process of its own to be read.
+    weights = [8 if file.suffix == ".json" else 1 if file.suffix == ".rrd" else 3 for file in files]
+    refused = 0
+    for case in cases(40):
+        chance = random.Random(case)
+        folder = tmp_path / "damaged"
+        shutil.copytree(whole, folder, dirs_exist_ok=True)
+        (file,) = chance.choices(files, weights)
+        _damage(chance, folder / file.relative_to(whole), whole)
+        if file.suffix != ".rrd" and chance.random() < 0.9:
+            # Such a run is read from its tables.
+            (folder / "tiny" / "recording.rrd").unlink()
+        commands = _commands(chance, file.relative_to(whole))
+        for arguments in chance.sample(commands, 2) if len(commands) > 2 else commands:
+            refused += tried(case, *arguments) == 2
+        shutil.rmtree(folder)
+    assert refused > 0
+
+
+def _damage(chance: random.Random, file: Path, whole: Path) -> None:
+    raw = file.read_bytes()
+    kind = chance.random()
+    if kind < 0.05:
+        file.unlink()
+    elif kind < 0.1:
+        shutil.copy(chance.choice([other for other in whole.rglob("*") if other.is_file()]), file)
+    elif file.suffix == ".json" and kind < 0.8:
+        file.write_text(json.dumps(edited_tree(chance, json.loads(raw))), encoding="utf-8")
+    elif file.suffix == ".json" and kind < 0.9:
+        file.write_text(edited_text(chance, raw.decode()), encoding="utf-8", errors="surrogatepass")
+    elif file.suffix == ".parquet" and kind < 0.8:
+        pq.write_table(edited_table(chance, pq.read_table(file)), file)
+    else:
+        file.write_bytes(edited_bytes(chance, raw))
+
+
+def _commands(chance: random.Random, damaged: Path) -> list[list[str]]:
+    """Commands that read the damaged file."""
+    form = ["--format", chance.choice(FORMATS), "--out", "report"]
+    if damaged.parts[0] == "comparison.json":
+        return [["report", "damaged/comparison.json", *form]]
+    if damaged.parts[0] == "examination":
+        return [["report", "damaged/examination", *form], ["snapshot", "damaged/examination", "--at", "1", "out.png"]]
+    run = "damaged/tiny"
+    moment = chance.choice([[], ["--worst"], ["--at", "1"], ["--worst", "2", "--json"]])
+    whole = ["--vehicle", "v1"] if chance.random() < 0.3 else []
+    if damaged.suffix == ".rrd":
+        return [["inspect", run, *moment], ["snapshot", run, "--worst", *whole, "out.png"]]
+    others = chance.choice(
+        [["other/tiny"], [run], [run, "--metric", "nees.mean"], ["other", "--metric", "velocity_rmse"]]
+    )
+    picture = ["snapshot", run, "--at", "1", *whole, "out.png"]
+    return [["compare", run, *others], ["compare", run], ["report", run, *form], ["inspect", run, *moment], picture]
