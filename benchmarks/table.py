@@ -64,13 +64,14 @@ def isolation(rows: list[dict[str, Any]]) -> str:
         [
             "## A tracker in a process of its own",
             "",
-            f"A tracker that is not built in, and does nothing. The first one takes {first:.0f} ms to start. Median of the time "
-            "for a scan of the whole batch, asked in the bench's process and in one of its own.",
+            f"A tracker that is not built in, and does nothing. The first one takes {first:.0f} ms to start. Median of "
+            "the time for a scan of the whole batch, asked in the bench's process and in one of its own.",
             "",
             "| members of the batch | to start, ms | a scan in the bench's process, µs | in its own, µs |",
             "|---:|---:|---:|---:|",
             *(
-                f"| {row['batch']} | {row['start_ms']:.0f} | {_digits(row['step_here_us'])} | {_digits(row['step_us'])} |"
+                f"| {row['batch']} | {row['start_ms']:.0f} | "
+                f"{_digits(row['step_here_us'])} | {_digits(row['step_us'])} |"
                 for row in rows
             ),
             "",
