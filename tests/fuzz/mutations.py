@@ -19,7 +19,8 @@ EXTREMES: tuple[Any, ...] = (
 )  # fmt: skip
 #: Pieces of YAML, JSON, CSV and of nothing.
 SNIPPETS = (
-    "a: &a [*a]\n", "<<: *x\n", "? [1]\n: 2\n", "!!python/object:os.system x\n", "---\n", "- \n", ": ", "{", "}", "[", "]",
+    "a: &a [*a]\n", "<<: *x\n", "? [1]\n: 2\n", "!!python/object:os.system x\n", "---\n", "- \n", ": ", "{", "}", "[",
+    "]",
     '"', "'", "\t", "\x00", "\x1b[31m", "\r", "\n", ",", "&x ", "*x", "|\n", "#", "%", "é", "\u2028", "<<", "- [" * 40,
     "[" * 3000, "{a: " * 500, "1e308", "-1e308", ".nan", "NaN", "Infinity", "9" * 400, "null", "~", "\ufeff",
 )  # fmt: skip
@@ -139,8 +140,8 @@ def edited_table(chance: random.Random, table: pa.Table) -> pa.Table:
     made = pa.array(values)
     if kind == 1:
         made = chance.choice([
-            pa.nulls(rows), pa.array([str(value) for value in values]), pa.array([[1]] * rows), pa.array([b"\xff"] * rows),
-            pa.array([{"a": 1}] * rows), pa.array([True] * rows), pa.array([2**62] * rows),
+            pa.nulls(rows), pa.array([str(value) for value in values]), pa.array([[1]] * rows),
+            pa.array([b"\xff"] * rows), pa.array([{"a": 1}] * rows), pa.array([True] * rows), pa.array([2**62] * rows),
         ])  # fmt: skip
     elif rows:
         for _ in range(chance.choice([1, 1, rows])):

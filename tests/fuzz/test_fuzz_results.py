@@ -44,7 +44,8 @@ def test_mutated_results(whole: Path, tried: Tried, tmp_path: Path, monkeypatch:
         if file.suffix != ".rrd" and chance.random() < 0.9:
             # Such a run is read from its tables.
             (folder / "tiny" / "recording.rrd").unlink()
-        for arguments in _commands(chance, file.relative_to(whole)):
+        commands = _commands(chance, file.relative_to(whole))
+        for arguments in chance.sample(commands, 2) if len(commands) > 2 else commands:
             refused += tried(case, *arguments) == 2
         shutil.rmtree(folder)
     assert refused > 0

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -11,6 +13,7 @@ from rich.console import Console
 from trackbench import results
 from trackbench.cli.run import FAILED_EXPECTATION
 from trackbench.errors import InputError
+from trackbench.words import counted
 
 
 @click.command("compare")
@@ -29,7 +32,7 @@ from trackbench.errors import InputError
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write it too: .md, .html, .tex, .csv, .json, .svg or .pdf.",
+    help="Write it too: .md, .html, .txt, .tex, .csv, .json, .svg or .pdf.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, and nothing else.")
 def compare_command(
@@ -73,12 +76,23 @@ def compare_command(
             results.require_file(path, key)
     chosen = None if trackers is None else [name.strip() for name in trackers.split(",")]
     found = compare([find(path) for path in paths], metrics=metrics, trackers=chosen, limits=parsed)
+    written = []
     for file, content in comparison_files(found, out) if out is not None else ():
         results.write_bytes(file, content)
+        written.append(file)
     if junit is not None:
         results.write_text(junit, to_xml(suites_of_comparison(found)))
     if as_json:
         click.echo(json.dumps(found.json(), indent=2, allow_nan=False))
     else:
         print_document(document(found, times=True), Console())
+        if out is not None:
+            click.echo(f"\n{_written(out, written)}")
     raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
+
+
+def _written(out: Path, files: Sequence[Path]) -> str:
+    """The files, those in folders of their own counted: a LaTeX file reads its tables and figures from there."""
+    beside = [str(file) for file in files if file.parent == out.parent]
+    folders = Counter(file.parent for file in files if file.parent != out.parent)
+    return ", ".join([*beside, *(f"{counted(number, 'file')} in {folder}/" for folder, number in folders.items())])

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
+from trackbench.cli.choices import NearestChoice
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.scenario.shipped import PATTERN, at_hand
@@ -16,7 +17,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 
 @click.command("completion")
-@click.argument("shell", type=click.Choice(SHELLS))
+@click.argument("shell", type=NearestChoice(SHELLS))
 @click.pass_context
 def completion_command(ctx: click.Context, shell: str) -> None:
     """Print the script that lets a shell complete trackbench.

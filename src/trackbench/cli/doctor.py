@@ -18,6 +18,7 @@ import numpy as np
 from trackbench import results
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.progress import progress
+from trackbench.cli.tracker_name import require_tracker
 from trackbench.errors import InputError
 from trackbench.results import EXAMINATION
 from trackbench.scenario.source import parse
@@ -71,13 +72,14 @@ def doctor_command(
 
     \b
     Exit status:
-      0 healthy   1 faults found   2 bad input   3 the tracker cannot be run   4 cannot write
+      0 healthy   1 faults found   2 bad input   3 cannot be run   4 cannot write
     """
     from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.subject import subject
     from trackbench.report.examination.text import text
     from trackbench.stepping import TrackFault
 
+    require_tracker(tracker)
     try:
         with _tracker_output():
             examined = subject(tracker, dict(_option(item) for item in options), scenario, isolation)

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from trackbench.cli.choices import NearestChoice
 from trackbench.errors import InputError
 from trackbench.plugins import Registry
 
@@ -122,7 +123,7 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
 
 
 @click.command("list")
-@click.argument("what", type=click.Choice(list(LISTS)), metavar="WHAT")
+@click.argument("what", type=NearestChoice(list(LISTS)), metavar="WHAT")
 def list_command(what: str) -> None:
     """Show what a scenario can name.
 

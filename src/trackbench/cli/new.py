@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from trackbench.cli.choices import NearestChoice
 from trackbench.scaffold import KINDS, class_name, decisions, new
 
 #: How a scenario names a new plug-in of each kind.
@@ -19,7 +20,7 @@ NAMED = {
 
 
 @click.command("new")
-@click.argument("kind", type=click.Choice(list(KINDS)), metavar="KIND")
+@click.argument("kind", type=NearestChoice(list(KINDS)), metavar="KIND")
 @click.argument("name")
 @click.option("--around", metavar="MODULE:CLASS", help="A filter with predict and update for the tracker to run.")
 @click.option(

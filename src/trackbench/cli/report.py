@@ -9,6 +9,7 @@ import click
 from rich.console import Console
 
 from trackbench import results
+from trackbench.cli.choices import NearestChoice
 from trackbench.errors import InputError
 from trackbench.palette import tracker_colours
 from trackbench.words import counted
@@ -26,7 +27,7 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 @click.option(
     "--format",
     "format",
-    type=click.Choice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]),
+    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]),
     default="terminal",
     show_default=True,
     help="svg and pdf: every figure; csv: every table.",

@@ -11,12 +11,10 @@ from trackbench.cli.moments import MomentCommand, opening, opening_options
 
 
 @click.command("snapshot", cls=MomentCommand)
-@click.argument("runs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN...")
-@click.argument("out", type=click.Path(path_type=Path, dir_okay=False), metavar="OUT.png")
+@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RUN... OUT.png")
 @opening_options
 def snapshot_command(
-    runs: tuple[Path, ...],
-    out: Path,
+    paths: tuple[Path, ...],
     at: float | None,
     worst: int | None,
     vehicle: str | None,
@@ -32,8 +30,13 @@ def snapshot_command(
       trackbench snapshot results/highway --at 12.4 highway.png
       trackbench snapshot results/highway --worst --vehicle v5 worst.png
     """
+    *runs, out = paths
+    if out.is_dir() or out.suffix == ".rrd":
+        raise click.UsageError(f"name the picture after the run: {out} {out.resolve().stem}.png")
     if out.suffix.lower() != ".png":
         raise click.UsageError(f"the picture is a PNG: name it {out.stem}.png, not {out.name}")
+    if not runs:
+        raise click.UsageError(f"name the run before the picture: RUN {out}")
     if at is None and worst is None:
         raise click.UsageError("a picture needs a time: give --at or --worst")
     where = opening(at, worst, vehicle, tracker)

@@ -25,6 +25,8 @@ def find(path: Path) -> ResultSet:
     folders = [path]
     if path.is_dir() and not (path / results.SUMMARY).is_file():
         folders = sorted(file.parent for file in path.glob(f"[!.]*/{results.SUMMARY}"))
+        if (path / results.EXAMINATION).is_file():
+            raise InputError("an examination is not compared; `trackbench report` shows it", file=path)
         if not folders:
             raise InputError(f"no {results.SUMMARY} in this folder, nor in the folders in it", file=path)
     entries = tuple(Entry(str(folder), Result.load(folder)) for folder in folders)

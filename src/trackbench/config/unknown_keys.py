@@ -57,6 +57,9 @@ def _advise(key: str, value: Any, keys: list[str], model: type[BaseModel], root:
     meant = _same_quantity(key, keys)
     if meant is not None:
         return Advice(f"unknown key; {_use(meant, split_key(key)[1], value)}", meant)
+    slip = get_close_matches(key, keys, n=1, cutoff=0.85)
+    if slip and split_key(slip[0])[1] is None:
+        return Advice(f"unknown key; did you mean {slip[0]!r}?", slip[0])
     homes = _homes(key, model, root, ())[:2]
     if homes:
         return Advice(f"unknown key here; it belongs to {' or '.join(homes)}", None)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
@@ -98,7 +99,12 @@ class Examination:
         try:
             found = json.loads(read_bytes(file))
             findings = [Finding.from_json(entry) for entry in found["findings"]]
-            return cls(found["tracker"], findings, [CheckResult(**check) for check in found["checks"]])
+            checks = TypeAdapter(list[CheckResult]).validate_python(found["checks"])
+            return cls(str(found["tracker"]), findings, checks)
+        except ValidationError as invalid:
+            first = invalid.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise InputError(f"not a readable examination: {where}: {first['msg']}", file=file) from None
         except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise InputError(f"not a readable examination: {error}", file=file) from error
 

@@ -9,6 +9,7 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 import yaml
+from pydantic import TypeAdapter
 
 
 class KnownFault(NamedTuple):
@@ -66,12 +67,12 @@ class Finding:
 
         Raises:
             KeyError: a value is missing.
-            ValueError: the fault is none of the known ones.
+            ValueError: the fault is none of the known ones, or a value is of another type.
         """
         if values["fault"] not in known_faults():
             raise ValueError(f"unknown fault {values['fault']!r}")
         keys = ("fault", "confidence", "evidence", "sensor", "factor", "consequence_of")
-        return cls(**{key: values[key] for key in keys})
+        return TypeAdapter(cls).validate_python({key: values[key] for key in keys})
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from trackbench.errors import InputError
 from trackbench.input_files import require_regular
 from trackbench.recording.chunks import Unreadable, read_chunks
 from trackbench.recording.data import read_data
-from trackbench.results import SUMMARY, Result, Tables, summary_of
+from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
+from trackbench.results.table_check import require_table
 
 #: The name of a recording in the folder of its run.
 RECORDING = "recording.rrd"
@@ -45,6 +46,9 @@ def read(path: Path) -> Recorded:
         InputError: there is none, it is not whole, it is not one of trackbench, or it is of a version of Rerun that
             cannot be read here and has no tables beside it.
     """
+    if (path if path.is_dir() else path.parent).joinpath(EXAMINATION).is_file():
+        message = "this is an examination, not a run; `trackbench report` shows it, `trackbench view` its recording"
+        raise InputError(message, file=path)
     if path.is_dir():
         if (path / RECORDING).exists():
             return read(path / RECORDING)
@@ -62,7 +66,10 @@ def read(path: Path) -> Recorded:
         )
     if summary is None:
         return _beside(path, "it holds no run of trackbench, or several that are laid over each other")
-    return Recorded(Result(summary_of(summary, path), Tables(tables)), path, version)
+    found = summary_of(summary, path)
+    for name, table in tables.items():
+        require_table(name, table, found.names, path)
+    return Recorded(Result(found, Tables(tables)), path, version)
 
 
 def _version(path: Path) -> str | None:
@@ -83,7 +90,8 @@ def _version(path: Path) -> str | None:
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from error
     if not head.startswith(MAGIC):
-        raise InputError("not a Rerun recording (.rrd)", file=path)
+        hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
+        raise InputError(f"not a Rerun recording (.rrd){hint}", file=path)
     if size < len(NOW) + END_BYTES:
         raise InputError(CUT_OFF, file=path)
     if not head.startswith(NOW):

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from trackbench.errors import InputError, nearest
 from trackbench.input_files import read_bytes
-from trackbench.results.folder import SUMMARY, save_files, to_json, write_file
+from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
 from trackbench.results.tables import Tables
 
@@ -135,14 +135,26 @@ class Result:
         file = path if path.name == SUMMARY and not path.is_dir() else path / SUMMARY
         if not file.parent.is_dir():
             there = "there is no such folder" if not path.exists() else f"not the folder of a run, nor its {SUMMARY}"
-            raise InputError(there, file=path)
+            hint = "; a scenario is run first: `trackbench run`" if path.suffix in (".yaml", ".yml") else ""
+            raise InputError(there + hint, file=path)
         try:
             raw = json.loads(read_bytes(file))
         except FileNotFoundError as error:
-            raise InputError(f"no {SUMMARY} in this folder: it is not the folder of a run", file=path) from error
+            raise InputError(f"no {SUMMARY} in this folder: {_instead(file.parent)}", file=path) from error
         except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
-        return cls(summary_of(raw, file), Tables({}, file.parent))
+        summary = summary_of(raw, file)
+        return cls(summary, Tables({}, file.parent, summary.names))
+
+
+def _instead(folder: Path) -> str:
+    """What a folder without a result is."""
+    if (folder / EXAMINATION).is_file():
+        return "it is that of an examination, which `trackbench report` shows, and `trackbench view` its recording"
+    inside = sorted(file.parent.name for file in folder.glob(f"[!.]*/{SUMMARY}"))
+    if inside:
+        return f"it holds the folders of runs; name one of them: {', '.join(inside)}"
+    return "it is not the folder of a run"
 
 
 def summary_of(raw: Any, file: Path) -> Summary:

@@ -341,6 +341,16 @@ class Summary(Part):
     precision: PrecisionReached | None = None
 
     @property
+    def names(self) -> dict[str, list[str]]:
+        """What the tables' columns of names hold, by column."""
+        return {
+            "tracker": [tracker.name for tracker in self.trackers],
+            "sensor": list(self.sensors),
+            "object": [*self.truth.objects, "observer"],
+            "role": ["target", "observer"],
+        }
+
+    @property
     def fingerprint(self) -> str:
         """Of the measurements of all runs together."""
         return hashlib.sha256(" ".join(self.fingerprints).encode()).hexdigest()[:16]

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 
 from trackbench.errors import InputError
 from trackbench.input_files import require_regular
+from trackbench.results.table_check import Names, require_table
 
 
 class _Table:
@@ -39,10 +40,11 @@ class Tables(Mapping[str, pa.Table]):
     recorded_nis = _Table("normalised innovation squared of every measurement of the recorded run")
     roads = _Table("lane edges to draw")
 
-    def __init__(self, known: Mapping[str, pa.Table], folder: Path | None = None) -> None:
-        """``known``: those in memory. ``folder``: where the others are read from."""
+    def __init__(self, known: Mapping[str, pa.Table], folder: Path | None = None, names: Names | None = None) -> None:
+        """``known``: those in memory. ``folder``: where the others are read from. ``names``: what these may hold."""
         self._known = dict(known)
         self._folder = folder
+        self._names = names or {}
 
     def __iter__(self) -> Iterator[str]:
         there = [] if self._folder is None else [file.stem for file in sorted(self._folder.glob("*.parquet"))]
@@ -70,7 +72,9 @@ class Tables(Mapping[str, pa.Table]):
         file = self._folder / f"{name}.parquet"
         try:
             require_regular(file)
-            return pq.read_table(file)
+            table = pq.read_table(file)
+            require_table(name, table, self._names, file)
+            return table
         except FileNotFoundError as error:
             raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error
         except (OSError, ValueError, pa.ArrowException) as error:

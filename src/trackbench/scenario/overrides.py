@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from trackbench.config import KeyPath
-from trackbench.errors import InputError
+from trackbench.errors import InputError, nearest
 from trackbench.scenario.source import Origin, YamlDocument, dotted, parse
 
 
@@ -27,10 +27,32 @@ def apply_overrides(document: YamlDocument, overrides: Sequence[str]) -> YamlDoc
         parts = key.strip().split(".")
         if not equals or not all(parts):
             raise InputError("write --set key.path=value, such as --set monte_carlo.runs=10", file=origin.file)
+        _require_entry(value, parts, origin)
         path = set_value(value, parts, _read(text, origin), origin)
         origins = {at: place for at, place in origins.items() if at[: len(path)] != path}
         origins[path] = origin
     return replace(document, value=value, origins=origins)
+
+
+#: Sections whose entries have names, and the keys that say what a new entry is: one of these comes first.
+NAMED = {"sensors": ("type", "preset"), "trackers": ("use", "filter")}
+
+
+def _require_entry(root: Any, parts: Sequence[str], origin: Origin) -> None:
+    """Make sure that a key is not set of a sensor or tracker that is not there.
+
+    Raises:
+        InputError: it is; with the names of those of that type, or the nearest name.
+    """
+    if len(parts) < 3 or parts[0] not in NAMED or not isinstance(root, dict):
+        return
+    section, name, key = parts[:3]
+    entries = root.get(section)
+    if not isinstance(entries, dict) or name in entries or key in NAMED[section]:
+        return
+    alike = [known for known, entry in entries.items() if isinstance(entry, dict) and name in entry.values()]
+    hint = f"did you mean {' or '.join(map(repr, alike))}?" if alike else nearest(name, map(str, entries))
+    raise InputError(f"there is no {name!r} in {section}; {hint}", key=dotted((section, name)), file=origin.file)
 
 
 def _read(text: str, origin: Origin) -> Any:

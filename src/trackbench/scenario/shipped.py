@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -57,7 +58,9 @@ def scenario_files(named: Iterable[Path | str]) -> Iterator[Path]:
             continue
         inside = sorted(path.glob(PATTERN))
         if not inside:
-            raise InputError("there is no scenario file (*.yaml) in this folder", file=path)
+            run = (path / "result.json").is_file()
+            hint = "; it is that of a run, which `trackbench report` shows" if run else ""
+            raise InputError(f"there is no scenario file (*.yaml) in this folder{hint}", file=path)
         yield from inside
 
 
@@ -70,11 +73,21 @@ def _name(file: Path) -> str:
     return file.relative_to(FOLDER).with_suffix("").as_posix()
 
 
+def _holds_scenarios(entry: Path) -> bool:
+    """Whether this is a scenario file or a folder of some."""
+    with suppress(OSError):
+        return entry.match(PATTERN) if entry.is_file() else any(entry.glob(PATTERN))
+    return False
+
+
 def _nearest(missing: Path, files: Iterable[str]) -> str:
     """The nearest file beside the one that is missing, and the nearest scenario of the package."""
     names = {name.rpartition("/")[2]: name for name in files}
-    beside = [entry.name for entry in missing.parent.glob(PATTERN)] if os.path.isdir(missing.parent) else []
-    found = [repr(name) for name in get_close_matches(missing.name, beside, n=1, cutoff=0.5)]
+    there = missing.parent.iterdir() if os.path.isdir(missing.parent) else ()
+    beside = [entry.name for entry in there if _holds_scenarios(entry)]
+    found = [repr(str(missing.parent / name)) for name in get_close_matches(missing.name, beside, n=1, cutoff=0.5)]
     for last in get_close_matches(missing.stem, names, n=1):
         found.append(f"{names[last]!r}, which comes with trackbench")
-    return f"; did you mean {' or '.join(found)}?" if found else ""
+    if not found:
+        return "; `trackbench list scenarios` shows those that come with trackbench"
+    return f"; did you mean {' or '.join(found)}?"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -82,7 +83,10 @@ def _bind(use: str, factory: Factory, options: Mapping[str, Any]) -> None:
         signature.bind(**options)
     except TypeError as error:
         takes = ", ".join(name for name in signature.parameters) or "none"
-        raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes})") from None
+        unknown = [name for name in options if name not in signature.parameters]
+        near = get_close_matches(unknown[0], signature.parameters, n=1) if unknown else []
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"{use!r} does not start with these options: {error} (it takes: {takes}){hint}") from None
 
 
 def create(use: str, options: dict[str, Any], folder: Path | None = None) -> Callable[[], Tracker]:

@@ -89,7 +89,7 @@ def _stamps(table: Rows, column: str, factor: float) -> list[Decimal]:
 
 def _seconds(stamps: list[Decimal], start: Decimal) -> Array:
     """To the nanosecond, below which no clock of a vehicle tells rows apart."""
-    return np.array([float(round(stamp - start, 9)) for stamp in stamps])
+    return np.array([round(float(stamp - start), 9) for stamp in stamps])
 
 
 def _values(table: Rows, columns: MotionColumns, units: Units, own: Mapping[str, str]) -> dict[str, Array]:

@@ -1,0 +1,38 @@
+"""How ``trackbench doctor`` is told which tracker is meant."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+from trackbench import input_files
+from trackbench.errors import InputError
+from trackbench.scenario import load_scenario
+from trackbench.scenario.shipped import at_hand
+
+
+def require_tracker(named: str) -> None:
+    """Make sure that a tracker is named, not the file that it is in.
+
+    Raises:
+        InputError: a Python file or a scenario is named; with the trackers in it.
+    """
+    if ":" in named or "#" in named:
+        return
+    file = Path(named) if named.endswith(".py") else Path(f"{named}.py")
+    if file.is_file():
+        place = "" if file.parent == Path() else f" in the folder {file.parent}"
+        raise InputError(f"name the class in it{place}: {' or '.join(_classes(file))}", file=file)
+    if named in at_hand() or (named.endswith((".yaml", ".yml")) and Path(named).is_file()):
+        trackers = [f"{named}#{name}" for name in load_scenario(named).config.trackers]
+        raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=named)
+
+
+def _classes(file: Path) -> list[str]:
+    """The classes of a module as a command names them; nothing in it is run."""
+    try:
+        module = ast.parse(input_files.read_bytes(file, input_files.SCENARIO))
+    except (SyntaxError, ValueError):
+        return [f"{file.stem}:Class"]
+    names = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
+    return [f"{file.stem}:{name}" for name in names] or [f"{file.stem}:Class"]

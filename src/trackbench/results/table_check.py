@@ -1,0 +1,85 @@
+"""Whether stored tables are those of a run: their columns, the names in them, and rows at the same times."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from trackbench.errors import InputError, nearest
+from trackbench.results.columns import split
+
+STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
+COVARIANCE = tuple(f"p_{a}{b}" for a in range(4) for b in range(a, 4))
+#: Of each table the columns with names, which tell its series apart, and those with numbers.
+COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "steps": (("tracker",), ("time_s", "count", "position_rmse_m", "velocity_rmse_mps", "nees_mean", "nees_low")),
+    "nis": (("tracker", "sensor"), ("time_s", "count", "nis_mean", "nis_low", "nis_high", "dof", "inside95")),
+    "runs": (("tracker",), ("run", "scene", "count", "due", "position_rmse_m", "velocity_rmse_mps", "nees_mean")),
+    "breakdown": (("tracker", "manoeuvre"), ("range_from_m", "range_to_m", "count", "position_rmse_m")),
+    "autocorrelation": (("tracker", "sensor"), ("lag", "pairs", "correlation", "low", "high")),
+    "truth": (("role", "object"), ("time_s", "alive", *STATE, "heading_rad", "course_rad", "speed_mps", "length_m")),
+    "measurements": (
+        ("sensor", "kind", "object"),
+        ("time_s", "valid", "z0", "z1", "x_m", "y_m", "sensor_x_m", "sensor_y_m", "sensor_yaw_rad"),
+    ),
+    "estimates": (
+        ("tracker", "object"),
+        ("time_s", *STATE, *COVARIANCE, "position_error_m", "velocity_error_mps", "nees", "due"),
+    ),
+    "recorded_nis": (("tracker", "sensor", "object"), ("time_s", "nis")),
+    "roads": ((), ("line", "x_m", "y_m")),
+}
+Names = Mapping[str, Collection[str]]
+
+
+def require_table(name: str, table: pa.Table, names: Names, file: Path) -> None:
+    """Make sure that a table is one of a run.
+
+    Args:
+        name: of the table; one that is not known may hold anything.
+        table: what was read.
+        names: what its columns of names may hold, by column.
+        file: for error messages.
+
+    Raises:
+        InputError: it is not.
+    """
+    # What no tracker left has no columns either.
+    if name not in COLUMNS or not (len(table) or table.num_columns):
+        return
+    texts, numbers = COLUMNS[name]
+    for column in (*texts, *numbers):
+        if table.column_names.count(column) != 1:
+            raise InputError(f"no column {column}, or several: not the table {name} of a run", file=file)
+    for field in table.schema:
+        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
+        if not (pa.types.is_string(kind) if field.name in texts else _is_number(kind)):
+            raise InputError(f"{field.name} is a column of {kind}: not the table {name} of a run", file=file)
+    for column in texts:
+        for value in pc.unique(table[column]).to_pylist():
+            if value is None or value not in names.get(column, (value,)):
+                hint = nearest(str(value), names.get(column, ()))
+                raise InputError(f"{column} {value!r} is none of this run; {hint}", file=file)
+    if "time_s" in numbers:
+        _require_times(name, table, texts, file)
+
+
+def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], file: Path) -> None:
+    """The series of one sensor have the same times, each once; so have all series of what is of no sensor."""
+    if table["time_s"].null_count or not np.isfinite(table["time_s"].to_numpy()).all():
+        raise InputError(f"time_s is not finite: not the table {name} of a run", file=file)
+    known: dict[str, np.ndarray] = {}
+    for key, rows in split(table, *texts).items():
+        sensor = key[texts.index("sensor")] if "sensor" in texts else ""
+        times = known.setdefault(sensor, rows["time_s"])
+        if not np.array_equal(times, rows["time_s"]) or not (np.diff(times) > 0).all():
+            message = f"{' '.join(key)} has not each time of the others once: not the table {name} of a run"
+            raise InputError(message, file=file)
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
