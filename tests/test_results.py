@@ -88,7 +88,7 @@ SMALL = Result.from_json(
         "steps": pa.table(
             {"tracker": ["ekf"] * 2, **{name: [0.0, 0.1] for name in COLUMNS["steps"][1]}, "own": [None, 0.25]}
         ),
-        "roads": pa.table({"line": pa.array([], "i8")}),
+        "roads": pa.table({name: pa.array([], "f8") for name in COLUMNS["roads"][1]}),
     },
 )
 
@@ -275,6 +275,7 @@ TABLE_EDITS = [
     (lambda table: table.drop_columns(["nees"]), "no column nees, or several: not the table estimates of a run"),
     (lambda table: table.set_column(2, "time_s", pa.array(["x"] * len(table))), "time_s is a column of string"),
     (lambda table: table.set_column(0, "tracker", pa.array(["ekff"] * len(table))), "did you mean 'ekf'?"),
+    (lambda table: table.set_column(3, "px_m", pa.array([1] * len(table))), "px_m is a column of int64"),
     (lambda table: table.slice(1), "has not each time of the others once"),
     (lambda table: pa.concat_tables([table, table]), "has not each time of the others once"),
     (lambda table: table.set_column(2, "time_s", pa.nulls(len(table), pa.float64())), "time_s is not finite"),
