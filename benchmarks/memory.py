@@ -43,7 +43,7 @@ def main(runs: int) -> None:
     )
     loaded = Scenario(scenario, Path("memory.yaml"), "", (), parse("", "memory.yaml"))
     begin = time.perf_counter()
-    result = run(loaded, LoadedTruth(weaving(STEPS), False))
+    result = run(loaded, [LoadedTruth(weaving(STEPS), False)])
     seconds = time.perf_counter() - begin
     assert all(entry["failed"] is None for entry in result.json()["trackers"])
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -24,6 +24,8 @@ from typing import Any
 import numpy as np
 
 import engines
+import isolation
+import stages
 import table
 
 RESULTS = Path(__file__).parent.parent / "results"
@@ -42,6 +44,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repetitions", type=int, default=REPETITIONS)
     parser.add_argument("--no-memory", action="store_true", help="leave out the large run, which takes a minute")
+    parser.add_argument("--no-stages", action="store_true", help="leave out where the time goes, three minutes")
     options = parser.parse_args()
     problem = engines.problem(RUNS, STEPS)
     tasks = {name: engines.task(problem, name, PEER_RUNS) for name in engines.PEERS}
@@ -61,6 +64,9 @@ def main() -> None:
         "microseconds_per_step": [{"problem": p, "engine": e, "value": value} for (p, e), value in best.items()],
         "ratios": ratios(best),
         "memory": None if options.no_memory else memory(),
+        "isolation": isolation.measure(),
+        "stages_before": stages.before(),
+        "stages": None if options.no_stages else stages.measure(),
     }
     text = table.markdown(found)
     print(text)

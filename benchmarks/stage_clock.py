@@ -1,7 +1,7 @@
 """One command of trackbench, with the time of each stage written to a file as JSON.
 
-Run as ``python benchmarks/stage_clock.py FILE COMMAND...``; the imports of a process are only its own in a process of its
-own. A stage's time is its own: what is spent in another stage that it calls, or in an import, counts there.
+Run as ``python benchmarks/stage_clock.py FILE COMMAND...``, because only a process of its own imports everything. A
+stage's time is its own: what is spent in another stage that it calls, or in an import, counts there.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 #: By stage, what it consists of: a function, or a method, of a module.
 STAGES = {
     "scenario": ["trackbench.scenario.load:load_scenario", "trackbench.scenario.check:check_plugins"],
-    "truth": ["trackbench.scenario.truth:truths_of"],
+    "truth": ["trackbench.scenario.truth:PendingTruths.__init__", "trackbench.scenario.truth:PendingTruths.collect"],
     "sensing": ["trackbench.sensing.scans:sense", "trackbench.sensing.scans:ideal_sensors"],
     "tracking": ["trackbench.runner.block:TrackerRun.advance"],
     "scoring": [

@@ -1,14 +1,12 @@
 """Where the time of a command goes: processor seconds and elapsed seconds of each stage, for a few commands.
 
-    python benchmarks/stages.py --before    with the trackbench of PYTHONPATH, to benchmarks/stages_before.json
-
-``make benchmark`` measures what is there now and shows both. Machines differ and are busy with other things, so a fixed
-piece of work is timed beside every command, and the times before are stated in seconds of the machine of now.
+``make benchmark`` shows them beside those of an earlier commit, which are kept in ``stages_before.json``. Machines
+differ and are busy with other things, so a fixed piece of work is timed beside every command, and the times before are
+stated in seconds of the machine of now. ``python benchmarks/stages.py`` prints the table alone.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -19,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+import table
 
 HERE = Path(__file__).parent
 BEFORE = HERE / "stages_before.json"
@@ -48,10 +48,13 @@ monte_carlo: {{runs: 20, seed: 7}}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--before", action="store_true", required=True, help=f"write {BEFORE.name}")
-    parser.parse_args()
-    BEFORE.write_text(json.dumps(measure(), indent=1) + "\n", encoding="utf-8")
+    print(table.stages(before(), measure()))
+
+
+def before() -> dict[str, Any]:
+    """What :func:`measure` gave for an earlier commit, and which that was."""
+    found: dict[str, Any] = json.loads(BEFORE.read_text(encoding="utf-8"))
+    return found
 
 
 def measure() -> list[dict[str, Any]]:
@@ -67,7 +70,7 @@ def measure() -> list[dict[str, Any]]:
             "a sweep of 100 points": [str(_sweep(folder, 100))],
             "a sweep of 200 points": [str(_sweep(folder, 200))],
         }
-        found = [_repeated("run highway, with no truth in the cache", ["highway"], out, folder / "cache", cold=True)]
+        found = [_repeated("run highway, the first time", ["highway"], out, folder / "cache", cold=True)]
         _timed(["run", str(scenarios), "--runs", "1", "--out", str(out), "--no-recording"], folder / "cache")
         found += [_repeated(name, command, out, folder / "cache") for name, command in run_warm.items()]
     return found
@@ -86,7 +89,7 @@ def _repeated(name: str, scenario: list[str], out: Path, cache: Path, *, cold: b
     begin = time.perf_counter()
     while len(repetitions) < (1 if cold else REPETITIONS) and time.perf_counter() - begin < SECONDS:
         work = fixed_work()
-        stages = _timed(["run", *scenario, "--out", str(out)], cache)
+        stages = _timed(["run", *scenario, "--workers", "1", "--out", str(out)], cache)
         repetitions.append({"command": name, "fixed_work": min(work, fixed_work()), "stages": stages})
     return min(repetitions, key=lambda one: sum(cpu for cpu, _ in one["stages"].values()) / one["fixed_work"])
 

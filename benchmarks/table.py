@@ -51,8 +51,67 @@ def markdown(found: dict[str, Any]) -> str:
         "",
         *(f"- {name}: {value:.1e}" for name, value in found["largest_difference"].items()),
         "",
+        isolation(found["isolation"]),
+        *([stages(found["stages_before"], found["stages"])] if found["stages"] else []),
     ]
     return "\n".join(parts)
+
+
+def isolation(rows: list[dict[str, Any]]) -> str:
+    """What a process of its own costs a tracker, as a section."""
+    first = rows[0]["first_start_ms"]
+    return "\n".join(
+        [
+            "## A tracker in a process of its own",
+            "",
+            f"A tracker that is not built in, and does nothing. The first one takes {first:.0f} ms to start. Median of "
+            "the time for a scan of the whole batch, asked in the bench's process and in one of its own.",
+            "",
+            "| members of the batch | to start, ms | a scan in the bench's process, µs | in its own, µs |",
+            "|---:|---:|---:|---:|",
+            *(
+                f"| {row['batch']} | {row['start_ms']:.0f} | "
+                f"{_digits(row['step_here_us'])} | {_digits(row['step_us'])} |"
+                for row in rows
+            ),
+            "",
+        ]
+    )
+
+
+def stages(before: dict[str, Any], after: list[dict[str, Any]]) -> str:
+    """Seconds of each stage of each command, before and after, as a section."""
+    old = {item["command"]: item for item in before["commands"]}
+    names = list(dict.fromkeys(stage for item in (*before["commands"], *after) for stage in item["stages"]))
+    # What a second of then is worth now.
+    scale = {item["command"]: item["fixed_work"] / old[item["command"]]["fixed_work"] for item in after}
+
+    def row(name: str, *cells: str) -> str:
+        return f"| {name} | {' | '.join(cells)} |"
+
+    def both(item: dict[str, Any], kind: int, chosen: list[str]) -> str:
+        then, now = (
+            sum(found["stages"].get(stage, (0.0, 0.0))[kind] for stage in chosen)
+            for found in (old[item["command"]], item)
+        )
+        return f"{then * scale[item['command']]:.2f} → {now:.2f}"
+
+    return "\n".join(
+        [
+            "## Where the time goes",
+            "",
+            f"Processor seconds of each stage at commit {before['commit']} → now, in one process and one thread. A "
+            "fixed piece of work, timed beside each command then and now, turns the seconds of then into those of now. "
+            "The truth is cached, but for the first command. A sweep has one vehicle, 200 measurements and 20 runs.",
+            "",
+            row("stage", *(f"`{item['command']}`" if "run" in item["command"] else item["command"] for item in after)),
+            row("---", *("---:" for _ in after)),
+            *(row(name, *(both(item, 0, [name]) for item in after)) for name in names),
+            row("all", *(both(item, 0, names) for item in after)),
+            row("elapsed", *(both(item, 1, names) for item in after)),
+            "",
+        ]
+    )
 
 
 def _digits(value: float) -> str:

@@ -21,7 +21,7 @@ MENU = {
     "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "sensor-presets"],
     "Trackers": ["motion-models", "filters", "own-tracker", "adaptors"],
     "Results": ["metrics", "reading-a-report", "reading-a-recording", "compare"],
-    "Tools": ["command-line", "doctor", "doctor-rates"],
+    "Tools": ["command-line", "execution", "doctor", "doctor-rates"],
     "Published projects": [
         "projects/range-3km",
         "projects/udacity-fusion",

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from trackbench import recording
+from trackbench.runner import work
 
 pytestmark = pytest.mark.slow
 
@@ -31,10 +32,19 @@ def processes_of(group: int) -> list[str]:
 
 @pytest.mark.skipif(shutil.which("ps") is None, reason="nothing here lists the processes")
 @pytest.mark.parametrize(
-    ("number", "workers"), [(signal.SIGINT, 1), (signal.SIGINT, 2), (signal.SIGTERM, 2), (signal.SIGKILL, 2)]
+    ("number", "where"),
+    [
+        (signal.SIGINT, "--workers 1"),
+        (signal.SIGINT, "--workers 2"),
+        (signal.SIGTERM, "--workers 2"),
+        (signal.SIGKILL, "--workers 2"),
+        (signal.SIGINT, "--cluster local:2"),
+        (signal.SIGTERM, "--cluster local:2"),
+        (signal.SIGKILL, "--cluster local:2"),
+    ],
 )
 def test_ctrl_c_and_kill(
-    tiny: Path, tmp_path: Path, trackbench: str, cli: Cli, workers: int, number: signal.Signals
+    tiny: Path, tmp_path: Path, trackbench: str, cli: Cli, where: str, number: signal.Signals
 ) -> None:
     assert cli("run", "tiny.yaml", "--no-recording").status == 0
     before = {path: path.read_bytes() for path in (tmp_path / "results").rglob("*") if path.is_file()}
@@ -48,7 +58,7 @@ def test_ctrl_c_and_kill(
         "        return 1, None\n",
         encoding="utf-8",
     )
-    command = [trackbench, "run", "tiny.yaml", "--runs", "1000000", "--workers", str(workers)]
+    command = [trackbench, "run", "tiny.yaml", "--runs", "1000000", *where.split()]
     command += ["--set", "trackers.says.use=says_so:T"]
     # A script starts what runs in the background with Ctrl-C ignored, and ends it by SIGTERM.
     on_ctrl_c = signal.SIG_IGN if number == signal.SIGTERM else signal.SIG_DFL
@@ -91,10 +101,26 @@ def test_ctrl_c_while_the_result_is_written(
     assert list((tmp_path / "results").iterdir()) == []
 
 
-def test_a_worker_that_dies(cli: Cli, tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str]) -> None:
-    code = "import os\nclass T:\n    batched = True\n    def step(self, state, scan):\n        os._exit(7)\n"
-    module = write_module(tmp_path, code)
-    done = cli("run", "tiny.yaml", "--runs", "2500", "--workers", "2", "--set", f"trackers.mine.use={module}:T")
+DEADLY = """\
+import os
+from trackbench.metrics import OwnMetric
+
+
+class Deadly(OwnMetric):
+    '''Ends the process that scores.'''
+    name, unit, meaning = "deadly", "1", "nothing"
+
+    def init(self, scope):
+        os._exit(7)
+"""
+
+
+def test_workers_that_die(
+    cli: Cli, tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(work, "BATCH_SIZE", 4)
+    metric = f"score.metrics=['{write_module(tmp_path, DEADLY)}:Deadly']"
+    done = cli("run", "tiny.yaml", "--workers", "2", "--set", metric)
     assert (done.status, done.out) == (2, "")
     assert done.err == "trackbench: worker processes died twice; --workers 1 may show what they died of\n"
     assert list((tmp_path / "results").iterdir()) == []

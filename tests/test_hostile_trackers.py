@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 
 from trackbench.results import Result, to_json
+from trackbench.scenario import load_scenario
+from trackbench.serve.session import Session, TrackerFailed, served
 from trackbench.stepping import Isolation
+from trackbench.truth.recorded.udacity import Measurement
 
 TIMEOUT = 3.0
 
@@ -246,6 +249,38 @@ def test_what_is_no_tracker_is_not_called(cli: Any, tiny: Path, use: str) -> Non
         assert done.status == 2
         assert f"{use!r} is no tracker" in done.err
     assert not (tiny.parent / "called").exists()
+
+
+@pytest.mark.parametrize(
+    ("body", "cause"),
+    [
+        ("os._exit(0)", "its process ended itself, with status 0"),
+        ("while True: pass", "it gave no answer within 3 s (see --tracker-timeout)"),
+    ],
+)
+def test_the_doctor(cli: Any, tmp_path: Path, write_module: Any, body: str, cause: str) -> None:
+    module = write_module(tmp_path, f"import os\nclass T:\n    def step(self, state, scan):\n        {body}\n")
+    done = cli("doctor", f"{module}:T", "--tracker-timeout", str(TIMEOUT))
+    assert done.status == 3
+    assert done.err.startswith(f"{module}:T cannot be examined: {cause} ({module}.py:4, in step, at ")
+
+
+def test_the_server(tmp_path: Path, write_module: Any) -> None:
+    code = "import os\nclass T:\n    def step(self, state, scan):\n        os._exit(0)\n"
+    module = write_module(tmp_path, code)
+    file = tmp_path / "live.yaml"
+    text = (
+        "name: live\ntruth: {source: scripted, duration_s: 1, rate_hz: 10,\n"
+        "  objects: {a: {start: {x: 9}, pieces: [{for_s: 1}]}}}\n"
+        "sensors: {lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15}}\n"
+        f"trackers: {{mine: {{use: '{module}:T'}}}}\n"
+    )
+    file.write_text(text, encoding="utf-8")
+    loaded = load_scenario(file)
+    for _ in range(2):
+        session = Session(served(loaded, "mine"))
+        with pytest.raises(TrackerFailed, match=r"^at measurement 1: its process ended itself, with status 0 \("):
+            session.take(Measurement("lidar", (1.0, 1.0), 0, (1.0, 1.0, 0.0, 0.0)))
 
 
 def test_in_process_for_a_debugger(cli: Any, tiny: Path, write_module: Any) -> None:

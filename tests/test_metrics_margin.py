@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics import BUILT_IN
-from trackbench.metrics.differences import differences, margin_between, verdict
-from trackbench.metrics.intervals import Interval, paired, ratio, root, unpaired
+from trackbench.metrics.differences import MOST_WITH_ALL_METRICS, differences, margin_between, verdict
+from trackbench.metrics.intervals import Interval, all_pairs, paired, ratio, root, unpaired
 from trackbench.results.summary import MarginSummary
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
@@ -91,3 +93,29 @@ def test_more_runs_lead_from_undecided_to_a_verdict_and_not_from_one_to_another(
         assert seen[0] == "undecided"
         assert seen[-1] == end
         assert set(seen) == {"undecided", end}
+
+
+@pytest.mark.parametrize("runs", [1, 2, 37])
+def test_all_pairs_at_once_are_each_pair_bit_for_bit(runs: int) -> None:
+    random = np.random.default_rng(runs)
+    several = [ratio(*random.uniform(1.0, 2.0, (2, runs))) for _ in range(5)]
+    several.append(several[2])
+
+    def margin(a: Interval, b: Interval) -> float:
+        return 0.01 * min(a.value, b.value)
+
+    each = [paired(a, b, margin(a, b)) for a, b in combinations(several, 2)]
+    assert all_pairs(several, margin) == each
+    assert len({found.p_value for found in each}) > (5 if runs > 1 else 0)
+
+
+def test_a_sweep_lists_the_pairs_of_what_ranks_and_of_what_is_expected() -> None:
+    def listed(trackers: int, *wanted: str) -> dict[str, int]:
+        both = {f"t{i}": {"position_rmse": of(i, 1.0), "velocity_rmse": of(2 * i, 1.0)} for i in range(1, trackers + 1)}
+        found = differences(both, BUILT_IN, MARGIN, dict.fromkeys(both, 1.0), wanted)
+        return {metric: sum(item.metric == metric for item in found) for metric in ("position_rmse", "velocity_rmse")}
+
+    few, many = MOST_WITH_ALL_METRICS, MOST_WITH_ALL_METRICS + 1
+    assert listed(few) == dict.fromkeys(("position_rmse", "velocity_rmse"), few * (few - 1) // 2)
+    assert listed(many) == {"position_rmse": many * few // 2, "velocity_rmse": 0}
+    assert listed(many, "velocity_rmse") == dict.fromkeys(("position_rmse", "velocity_rmse"), many * few // 2)

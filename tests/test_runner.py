@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ import pytest
 
 from trackbench.results import Difference, Result, to_json
 from trackbench.runner import expectations, work
+from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Expectation
+from trackbench.scenario.truth import truths_of
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -89,6 +92,16 @@ def test_blocks_merge_exactly(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) ->
                 assert other[field].to_pylist() == table[field].to_pylist(), field
             elif not field.startswith("position_p"):  # percentiles are those of the first block
                 np.testing.assert_allclose(column(other, field), column(table, field), rtol=1e-12, atol=1e-12)
+
+
+def test_more_runs_change_no_block_but_the_last(tiny: Path) -> None:
+    loaded = load_scenario(tiny)
+    truths = truths_of(loaded)
+    few, many = (replace(work.work_of(loaded, truths), runs=runs).pieces() for runs in (9000, 50_000))
+    assert [len(piece.runs) for piece in few] == [1000, 1000, 2000, 2000, 3000]
+    assert few[:-1] == many[: len(few) - 1]
+    assert max(len(piece.runs) for piece in many) == work.LARGEST_BATCH // 2
+    assert [run for piece in many for run in piece.runs] == list(range(50_000))
 
 
 def test_workers_change_nothing(run_tiny: Run, monkeypatch: pytest.MonkeyPatch) -> None:

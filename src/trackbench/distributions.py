@@ -6,6 +6,7 @@ From ``scipy.special``: the import of ``scipy.stats``, which wraps the same func
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ def normal_within(x: float) -> float:
     return math.erf(x / math.sqrt(2))
 
 
+@lru_cache(maxsize=1024)
 def t_quantile(probability: float, freedom: float) -> float:
     """Of Student's t; ``freedom`` may be infinite."""
     return float(_special().stdtrit(freedom, probability))

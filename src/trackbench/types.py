@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+T = TypeVar("T", bound=np.generic)
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]
@@ -23,6 +24,11 @@ Progress = Callable[[float, float], None]
 
 def no_progress(done: float, total: float) -> None:
     """Report no progress."""
+
+
+def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
+    """Some runs of an array whose last axis is the runs, or has length 1 where all are alike."""
+    return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
 #: The space in which trackers of different state are compared, in the fixed frame.

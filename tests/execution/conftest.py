@@ -64,6 +64,7 @@ Write = Callable[..., Scenario]
 def write(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write_module: Callable[[Path, str], str]) -> Write:
     """Writes a scenario of twelve blocks under a name."""
     monkeypatch.setattr(work, "BATCH_SIZE", 4)
+    monkeypatch.setattr(work, "LARGEST_BATCH", 4)
     module = write_module(tmp_path, METRIC)
 
     def call(name: str = "line", *settings: str) -> Scenario:

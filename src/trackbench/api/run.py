@@ -57,8 +57,7 @@ def run(
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
-    The result is the same wherever it is made, to the last bit, but for the times. With ``local:N``, a script calls
-    this under ``if __name__ == "__main__":``, since each worker imports it.
+    The result is the same wherever it is made, to the last bit, but for the times.
 
     Args:
         scenario: what :func:`load` gave or takes; or a list or tuple of these, which gives a list of results.

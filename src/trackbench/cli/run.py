@@ -100,8 +100,8 @@ def run_command(
       trackbench run scenarios/ --set score.settle_s=2 --runs-until 0.01
 
     \b
-    Exit status: 0 expectations met, 1 one failed, 2 bad input, 3 a tracker failed,
-    4 cannot write
+    Exit status: 0 expectations met, 1 one failed, 2 bad input,
+    3 a tracker failed, 4 cannot write
     """
     if runs_until is not None and (runs is not None or not math.isfinite(runs_until)):
         raise InputError("give a share between 0 and 1, and no --runs beside it", key="--runs-until")

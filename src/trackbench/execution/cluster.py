@@ -28,7 +28,7 @@ except ImportError as missing:
     ) from missing
 
 #: How long a scheduler or its workers may take to answer, s.
-PATIENCE = 10
+PATIENCE = 20
 #: How long the workers of this machine may take to start, s.
 START = 60
 #: How long a worker that is told to end may take, s.

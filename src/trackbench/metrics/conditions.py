@@ -4,14 +4,13 @@ scores are broken down, and under each of which a covariance is judged."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from trackbench.sensing.scans import IdealSensor
 from trackbench.truth.jumps import after_jump
-from trackbench.types import Array, Indices, Mask, Truth
+from trackbench.types import Array, Indices, Mask, Truth, of_runs
 
 #: An object is in one of these at each instant: the last that applies.
 MANOEUVRES = ("straight", "accelerating", "braking", "turning", "sensor gap")
@@ -37,7 +36,6 @@ SHAPE = (len(MANOEUVRES), BANDS, len(AGES), len(JUMPS))
 #: Of times, relative.
 ROUNDING = 1e-9
 
-T = TypeVar("T", bound=np.generic)
 Classes = npt.NDArray[np.int16]
 
 
@@ -50,14 +48,10 @@ def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], 
         sensors: those that the tracker reads.
         runs: the runs that are wanted, where the motion is another one in each.
     """
-
-    def of_runs(values: npt.NDArray[T]) -> npt.NDArray[T]:
-        return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
-
     acceleration, yaw_rate = (
-        _smoothed(of_runs(values), truth)[instants] for values in (truth.acceleration, truth.yaw_rate)
+        _smoothed(of_runs(values, runs), truth)[instants] for values in (truth.acceleration, truth.yaw_rate)
     )
-    seen = [(sensor, of_runs(sensor.visible)) for sensor in sensors]
+    seen = [(sensor, of_runs(sensor.visible, runs)) for sensor in sensors]
     manoeuvre = np.zeros(acceleration.shape, dtype=np.int16)
     manoeuvre[acceleration > CHANGING_SPEED] = MANOEUVRES.index("accelerating")
     manoeuvre[acceleration < -CHANGING_SPEED] = MANOEUVRES.index("braking")
@@ -65,11 +59,11 @@ def conditions(truth: Truth, instants: Indices, sensors: Sequence[IdealSensor], 
     manoeuvre = np.where(_in_gap(truth.time, instants, seen), MANOEUVRES.index("sensor gap"), manoeuvre)
     observer = truth.observer
     distance = np.hypot(
-        of_runs(truth.px)[instants] - observer.px[instants, None, None],
-        of_runs(truth.py)[instants] - observer.py[instants, None, None],
+        of_runs(truth.px, runs)[instants] - observer.px[instants, None, None],
+        of_runs(truth.py, runs)[instants] - observer.py[instants, None, None],
     )
     later = truth.time[instants][:, None, None] - _first_seen(seen) >= FIRST * (1 - ROUNDING)
-    jumped = of_runs(after_jump(truth))[instants]
+    jumped = of_runs(after_jump(truth), runs)[instants]
     parts = np.broadcast_arrays(manoeuvre, np.digitize(distance, BAND_EDGES), later.astype(int), jumped.astype(int))
     return np.ravel_multi_index(parts, SHAPE).astype(np.int16)
 

@@ -43,8 +43,9 @@ def whitened_innovation(estimate: Estimate, members: slice = slice(None)) -> Arr
 
 def mean_bounds(dof: int, count: Array | float) -> tuple[Array, Array]:
     """Two-sided 95 % bounds of the mean of ``count`` independent chi-square variables of ``dof`` degrees of freedom."""
-    n = np.maximum(np.asarray(count, dtype=float), 1.0)
-    low, high = (chi_square_quantile(q, n * dof) / n for q in (0.025, 0.975))
+    # The numbers are few: mostly that of all runs.
+    n, where = np.unique(np.maximum(np.asarray(count, dtype=float), 1.0), return_inverse=True)
+    low, high = ((chi_square_quantile(q, n * dof) / n)[where] for q in (0.025, 0.975))
     return low, high
 
 

@@ -119,7 +119,7 @@ class BlockScores:
         found = [sums for others, sums in self.errors.items() if givers <= others]
         if not found:
             rows, instants = len(ERROR_FIELDS), self.spread.shape[1]
-            nothing = Cells(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((rows, 0)))
+            nothing = Cells(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((6, 0)))
             return ErrorSums(np.zeros((rows, instants)), np.zeros((rows, len(self.due))), nothing)
         return ErrorSums(
             _total([sums.per_step for sums in found]),

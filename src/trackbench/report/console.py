@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from trackbench.document.terminal import STYLE
+from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import conditions_off, mean_text
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
@@ -128,7 +129,7 @@ def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) 
 def _coverage(trackers: Sequence[TrackerResult]) -> list[str]:
     """How much some trackers gave of what they should."""
     shares = [(tracker.name, metric_of(tracker, "coverage").value or 0.0) for tracker in trackers]
-    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 0.99]
+    part = [f"{name} {100 * share:.1f} %" for name, share in shares if share < 1 - SILENCE]
     rest = "; of the others 99 % or more" if len(part) < len(trackers) else ""
     return [f"coverage: {', '.join(part)}{rest}"] if part else []
 

@@ -93,7 +93,7 @@ def assemble(
             margin=margin,
             metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         ),
-        recorded_run=work.recorded_scene * work.runs + work.recorded_run,
+        recorded_run=work.number(work.recorded_scene, work.recorded_run),
         trackers=trackers,
         ranking=[*found.ranked, *(name for name in work.trackers if name not in found.ranked)],
         differences=pairs,

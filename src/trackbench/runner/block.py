@@ -23,7 +23,7 @@ from trackbench.sensing.scans import Measurements, sense
 from trackbench.stepping import Stepper, TrackFault, fault_of, masked, start
 from trackbench.streams import stream
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress
+from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress, of_runs
 
 
 @dataclass
@@ -237,7 +237,7 @@ class TrackerRun:
 
         def at_start(values: Array) -> Array:
             found = values[first, objects]
-            own = found if found.shape[1] == 1 else found[:, self._runs.start : self._runs.stop]
+            own = of_runs(found, self._runs)
             return np.broadcast_to(own, shape).reshape(-1)
 
         fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
@@ -288,7 +288,7 @@ class TrackerRun:
             step=instant,
             time_s=float(self._target.time[instant]),
             sensor=sensor,
-            run=None if at is None else self._piece.scene * self._work.runs + self._runs.start + at[1],
+            run=None if at is None else self._work.number(self._piece.scene, self._runs.start + at[1]),
             object=None if at is None else self._scene.truth.ids[at[0]],
         )
 

@@ -69,7 +69,7 @@ def evaluated(work: Work, blocks: Sequence[Block]) -> Evaluated:
         else:
             failures[name] = failure
     scores: dict[str, BlockScores] = {name: item[ESTIMATES.name] for name, item in sums.items()}
-    together = frozenset(name for name, item in scores.items() if item.coverage >= work.min_coverage)
+    together = frozenset(name for name, item in scores.items() if item.given and item.coverage >= work.min_coverage)
     evaluations = {
         name: evaluate(item, work.scene_of_run, work.metrics, together if name in together else frozenset({name}))
         for name, item in sums.items()

@@ -10,7 +10,7 @@ from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.types import Array, Mask
+from trackbench.types import Array, Mask, of_runs
 
 
 class Targets:
@@ -22,7 +22,7 @@ class Targets:
         truth, instants = self._scene.truth, self._scene.instants()
         runs = piece.runs
         state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, instants]
-        self._state = state[..., runs.start : runs.stop] if state.shape[-1] > 1 else state
+        self._state = of_runs(state, runs)
         self._time, self._alive = truth.time[instants], truth.alive[instants]
         shape = (len(truth.ids), len(runs))
         self._valid: dict[str, Mask] = {
@@ -44,10 +44,7 @@ class Targets:
     def _where_due(self) -> Mask:
         """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse."""
         runs, scene = self._piece.runs, self._scene
-        seen = [
-            (sensor, sensor.in_view if sensor.in_view.shape[-1] == 1 else sensor.in_view[..., runs.start : runs.stop])
-            for sensor in scene.sensors
-        ]
+        seen = [(sensor, of_runs(sensor.in_view, runs)) for sensor in scene.sensors]
         unseen = out_of_view(scene.truth.time, scene.instants(), seen)
         settled = self._time[:, None, None] >= self._first_detection() + self._work.settle
         return np.asarray(self._alive[:, :, None] & settled & (unseen <= self._work.lost_after))

@@ -95,6 +95,10 @@ class Work:
                 start, block = stop, block + 1
         return found
 
+    def number(self, scene: int, run: int) -> int:
+        """Of a run among those of all scenes."""
+        return scene * self.runs + run
+
     def noise_of(self, scene: int) -> str:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"

@@ -121,7 +121,10 @@ def serve(connection: socket.socket, dump: int, bench: int) -> None:
             request = receive_request(connection)
         except (EOFError, OSError):
             os._exit(0)
-        sys.path[:] = request.pop("path", sys.path)
+        if "path" in request:
+            sys.path[:] = request.pop("path")
+            with suppress(OSError):
+                os.chdir(request.pop("cwd") or ".")
         host.drop(request.pop("drop"))
         exchange = request.pop("exchange")
         try:

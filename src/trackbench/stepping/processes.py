@@ -136,7 +136,10 @@ class TrackerProcess:
         try:
             self._socket.settimeout(self.timeout)
             self._exchange += 1
-            send_request(self._socket, {"do": do, "exchange": self._exchange, "drop": self.dropped, **request})
+            request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
+            if self._exchange == 1:
+                request |= {"cwd": _cwd(), "path": sys.path}
+            send_request(self._socket, request)
             self.dropped = []
             values, arrays = receive_answer(self)
             if values.get("exchange") != self._exchange:
@@ -207,6 +210,14 @@ def _signal(process: int, number: signal.Signals) -> None:
         with suppress(ProcessLookupError, PermissionError):
             send(process, number)
             return
+
+
+def _cwd() -> str | None:
+    """The working directory; None where it was deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return None
 
 
 def _is_open(descriptor: int) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -108,7 +107,7 @@ class RemoteStepper:
     def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, batch: int, timeout: float) -> None:
         self._process = TrackerProcess(timeout)
         try:
-            answer, _ = self._process.ask("start", config=config, folder=folder, batch=batch, path=sys.path)
+            answer, _ = self._process.ask("start", config=config, folder=folder, batch=batch)
         except BaseException:
             self.close()
             raise
@@ -166,7 +165,7 @@ class RemoteTracker:
 
 
 def _named(config: PluginConfig, folder: Path | None) -> dict[str, Any]:
-    return {"use": config.use, "options": config.options, "folder": folder, "path": sys.path}
+    return {"use": config.use, "options": config.options, "folder": folder}
 
 
 def _step(process: TrackerProcess, number: int, scan: Scan) -> Estimate | None:

@@ -9,6 +9,7 @@ import os
 import signal
 import socket
 import sys
+from contextlib import suppress
 
 from trackbench.stepping import host
 from trackbench.stepping.wire import TOLD
@@ -52,4 +53,6 @@ def main(descriptor: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    # The bench may end, or be killed, before it is told what has become of a copy.
+    with suppress(BrokenPipeError):
+        main(int(sys.argv[1]))

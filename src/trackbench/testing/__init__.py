@@ -5,7 +5,8 @@ check_tracker("mypkg.mymodule:MyTracker", alpha=0.5)
 """
 
 from trackbench.testing.models import ModelCheckError, check_motion_model, check_sensor
-from trackbench.testing.tracker import Check, TrackerCheckError, check_tracker, drive
+from trackbench.testing.rules import TrackerCheckError
+from trackbench.testing.tracker import Check, check_tracker, drive
 
 __all__ = [
     "Check",

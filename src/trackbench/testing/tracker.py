@@ -4,28 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
 from trackbench import linalg
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.testing import tracks
+from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.published import create
 from trackbench.types import Array, Estimate, Scan
-
-NOISE = {
-    "radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
-    "speed_radar": np.diag([0.3, np.deg2rad(0.5), 0.1]) ** 2,
-    "lidar": np.diag([0.15, 0.15]) ** 2,
-}
-#: A tracker of a target in plain sight that is further off than this has not followed it, m and m/s.
-LOST = 5.0
-
-
-class TrackerCheckError(AssertionError):
-    """A tracker does not keep the contract; the text lists every broken rule."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +28,14 @@ class Check:
     """None where it is kept."""
 
 
-def check_tracker(use: str | Callable[..., Tracker], **options: Any) -> list[Check]:
+def check_tracker(
+    use: str | Callable[..., Any], *, identities: Literal["known", "hidden"] = "known", **options: Any
+) -> list[Check]:
     """Try a tracker on short synthetic drives, as the bench would use it.
 
     Args:
         use: its class, a published name or ``"module:Class"``.
+        identities: ``hidden`` for a tracker of several objects, whose detections say nothing of their origin.
         options: what a scenario would give it.
 
     Returns:
@@ -51,15 +45,9 @@ def check_tracker(use: str | Callable[..., Tracker], **options: Any) -> list[Che
         TrackerCheckError: rules are broken; says which and how.
         InputError: the tracker cannot be imported or started.
     """
-    if isinstance(use, str):
-        make = create(use, options)
-    else:
-        factory = use
-
-        def make() -> Tracker:
-            return factory(**options)
-
-    checks = [Check(rule, _problem(test, make)) for rule, test in RULES.items()]
+    make = create(use, options) if isinstance(use, str) else partial(use, **options)
+    rules = RULES if identities == "known" else tracks.RULES
+    checks = [Check(rule, _problem(test, make)) for rule, test in rules.items()]
     broken = [f"- {check.rule}: {check.problem}" for check in checks if check.problem]
     if broken:
         raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(broken))

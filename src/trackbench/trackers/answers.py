@@ -24,7 +24,7 @@ class TrackerFault(Exception):
 def unpack(answer: Any) -> tuple[Any, Any]:
     """State and estimate from what ``step`` returned."""
     if not isinstance(answer, tuple) or len(answer) != 2:
-        raise TrackerFault(f"step must return (state, estimate), not {_described(answer)}")
+        raise TrackerFault(f"step must return (state, estimate), not {described(answer)}")
     return answer
 
 
@@ -55,16 +55,16 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
         return None
     if not isinstance(answer, Estimate):
         if not isinstance(answer, tuple) or len(answer) != 2:
-            raise TrackerFault(f"the estimate must be (mean, covariance) or None, not {_described(answer)}")
+            raise TrackerFault(f"the estimate must be (mean, covariance) or None, not {described(answer)}")
         answer = Estimate(*answer)
     batch = np.shape(scan.valid)
-    mean = _array("mean", answer.mean, (4, *batch))
-    covariance = _array("covariance", answer.covariance, (4, 4, *batch))
+    mean = array_of("mean", answer.mean, (4, *batch))
+    covariance = array_of("covariance", answer.covariance, (4, 4, *batch))
     innovation, innovation_covariance = answer.innovation, answer.innovation_covariance
     if innovation is not None and innovation_covariance is not None:
         size = len(np.atleast_1d(innovation))
-        innovation = _array("innovation", innovation, (size, *batch))
-        innovation_covariance = _array("innovation covariance", innovation_covariance, (size, size, *batch))
+        innovation = array_of("innovation", innovation, (size, *batch))
+        innovation_covariance = array_of("innovation covariance", innovation_covariance, (size, size, *batch))
     repaired = answer.repaired
     if repaired is not None and np.shape(repaired) != batch:
         raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
@@ -74,18 +74,18 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
     )
 
 
-def _array(what: str, value: Any, shape: tuple[int, ...]) -> Array:
+def array_of(what: str, value: Any, shape: tuple[int, ...]) -> Array:
     try:
         if np.iscomplexobj(value):
             raise TypeError
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise TrackerFault(f"the {what} is not an array of numbers: {_described(value)}") from None
+        raise TrackerFault(f"the {what} is not an array of numbers: {described(value)}") from None
     if array.shape != shape:
         raise TrackerFault(f"the {what} has the shape {array.shape}, where {shape} is needed")
     return array
 
 
-def _described(value: Any) -> str:
+def described(value: Any) -> str:
     text = repr(value)
     return f"{type(value).__name__} {text if len(text) <= 60 else text[:57] + '...'}"

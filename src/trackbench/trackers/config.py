@@ -226,7 +226,9 @@ class FilterConfig(OptionsBeside):
 class PluginConfig(Config):
     """A tracker of the user's own, or one published under the entry-point group trackbench.trackers."""
 
-    use: str = Field(min_length=1, description='A published name, such as raw, or "package.module:Class".')
+    use: str = Field(
+        min_length=1, description='A published name, such as raw, or "package.module:Class", whose code is run.'
+    )
     options: dict[str, Any] = Field(
         default_factory=dict, description="Keyword arguments of the class, passed on as they are."
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
 from trackbench.report.margin import margin_words
@@ -76,7 +77,7 @@ def _complaints(health: Health, runs: int) -> list[str]:
 def common(result: Result) -> str:
     """Which estimates count, where some trackers gave more than others."""
     share = result.summary.score.common_share
-    if share is None or share > 0.99:
+    if share is None or share > 1 - SILENCE:
         return ""
     return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
 

@@ -1,0 +1,161 @@
+"""Trackers of several objects as ones that take the scans of many runs at once, their answers checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from trackbench.stepping.faults import fault_of
+from trackbench.trackers.answers import ASYMMETRY, NOT_FINITE, TrackerFault, array_of, described, unpack
+from trackbench.types import Indices, Scan, Tracks
+
+NO_TRACK = -1
+
+
+class TracksStepper(Protocol):
+    """A tracker of several objects made ready for some runs."""
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
+        """The tracks of all runs after a scan: each array with a last axis of runs, ids padded with -1.
+
+        Args:
+            scan: ``measurement`` ``(m, D, runs)`` and ``valid`` ``(D, runs)``.
+            origins: ``(D, runs)`` the object that each detection stems from, for the tracker that knows them.
+        """
+        ...
+
+    def close(self) -> None:
+        """It is no longer needed."""
+
+
+class BatchedTracks:
+    """A tracker that takes all runs at once."""
+
+    def __init__(self, tracker: Any) -> None:
+        self._tracker = tracker
+        self._state: Any = None
+        self._wants_origins = bool(getattr(tracker, "wants_origins", False))
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
+        """The tracks of all runs."""
+        more = (origins,) if self._wants_origins else ()
+        self._state, answer = unpack(self._tracker.step(self._state, scan, *more))
+        return checked_tracks(answer, scan)
+
+    def close(self) -> None:
+        """Nothing is left to end."""
+
+
+class LoopedTracks:
+    """A tracker of one run: an instance for each."""
+
+    def __init__(self, make: Callable[[], Any], runs: int) -> None:
+        self._trackers = [make() for _ in range(runs)]
+        self._states: list[Any] = [None] * runs
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
+        """The tracks of all runs.
+
+        Raises:
+            TrackFault: the tracker of a run raised, or what it gave is no tracks.
+        """
+        found = []
+        for run, tracker in enumerate(self._trackers):
+            own = scan_of_run(scan, run)
+            try:
+                self._states[run], answer = unpack(tracker.step(self._states[run], own))
+                found.append(checked_tracks(answer, own))
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                raise fault_of(error, run) from error
+        return stacked(found)
+
+    def close(self) -> None:
+        """Nothing is left to end."""
+
+
+def scan_of_run(scan: Scan, run: int) -> Scan:
+    """The detections of one run, without padding: ``measurement`` ``(m, D)``."""
+    count = int(np.count_nonzero(scan.valid[:, run]))
+    return scan._replace(measurement=scan.measurement[:, :count, run], valid=scan.valid[:count, run])
+
+
+def stacked(runs: Sequence[Tracks]) -> Tracks:
+    """The tracks of several runs with a last axis of runs, padded."""
+    most = max(len(tracks.ids) for tracks in runs)
+    shape = (most, len(runs))
+    ids = np.full(shape, NO_TRACK, dtype=np.intp)
+    mean, covariance = np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan)
+    existence = np.full(shape, np.nan) if any(tracks.existence is not None for tracks in runs) else None
+    used = np.full(shape, NO_TRACK, dtype=np.intp) if any(tracks.used is not None for tracks in runs) else None
+    for run, tracks in enumerate(runs):
+        count = len(tracks.ids)
+        ids[:count, run], mean[:, :count, run], covariance[:, :, :count, run] = tracks[:3]
+        if existence is not None and tracks.existence is not None:
+            existence[:count, run] = tracks.existence
+        if used is not None and tracks.used is not None:
+            used[:count, run] = tracks.used
+    return Tracks(ids, mean, covariance, existence, used)
+
+
+def checked_tracks(answer: Any, scan: Scan) -> Tracks:
+    """Tracks of the right shapes, of one run or of many; none where the tracker answered None.
+
+    Raises:
+        TrackerFault: they are not; says why.
+    """
+    runs = np.shape(scan.valid)[1:]
+    if answer is None:
+        return Tracks(np.zeros((0, *runs), dtype=np.intp), np.zeros((4, 0, *runs)), np.zeros((4, 4, 0, *runs)))
+    if not isinstance(answer, tuple) or not 3 <= len(answer) <= 5:
+        wanted = "Tracks(ids, mean, covariance, existence=None, used=None)"
+        raise TrackerFault(f"the answer must be {wanted} or None, not {described(answer)}")
+    given = Tracks(*answer)
+    ids = _whole("ids", given.ids, None)
+    if ids.ndim != 1 + len(runs) or ids.shape[1:] != runs:
+        raise TrackerFault(f"the ids have the shape {ids.shape}, where {('K', *runs)} is needed".replace("'K'", "K"))
+    shape = ids.shape
+    mean = array_of("mean", given.mean, (4, *shape))
+    covariance = array_of("covariance", given.covariance, (4, 4, *shape))
+    there = ids != NO_TRACK
+    if np.any(ids < NO_TRACK):
+        raise TrackerFault(f"an id is {ids.min()}; ids count from 0")
+    _require_distinct(ids)
+    if not (np.isfinite(mean[:, there]).all() and np.isfinite(covariance[:, :, there]).all()):
+        raise TrackerFault(NOT_FINITE)
+    _require_symmetric(covariance[:, :, there])
+    existence = None if given.existence is None else array_of("existence", given.existence, shape)
+    if existence is not None and not np.all((existence[there] >= 0) & (existence[there] <= 1)):
+        raise TrackerFault("an existence probability is not between 0 and 1")
+    used = None if given.used is None else _whole("used", given.used, shape)
+    if used is not None and there.any():
+        count = np.broadcast_to(np.count_nonzero(scan.valid, axis=0), shape)
+        wrong = there & ((used < NO_TRACK) | (used >= count))
+        if wrong.any():
+            raise TrackerFault(f"used names detection {used[wrong][0]}, where the scan has {count[wrong][0]}")
+    return Tracks(ids, mean, covariance, existence, used)
+
+
+def _whole(what: str, value: Any, shape: tuple[int, ...] | None) -> Indices:
+    array = np.asarray(value)
+    if array.size and array.dtype.kind not in "iu":
+        raise TrackerFault(f"the {what} are not whole numbers: {described(value)}")
+    if shape is not None and array.shape != shape:
+        raise TrackerFault(f"the {what} have the shape {array.shape}, where {shape} is needed")
+    return array.astype(np.intp)
+
+
+def _require_distinct(ids: Indices) -> None:
+    ordered = np.sort(ids, axis=0)
+    twice = (np.diff(ordered, axis=0) == 0) & (ordered[1:] != NO_TRACK)
+    if np.any(twice):
+        raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
+
+
+def _require_symmetric(covariance: Any) -> None:
+    gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
+    if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
+        raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {gap.max():.3g}")

@@ -1,0 +1,203 @@
+"""The check-up of a tracker of several objects on short synthetic drives with unlabelled detections."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.stepping.tracks import checked_tracks
+from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
+from trackbench.trackers.answers import unpack
+from trackbench.types import Array, FieldOfView, Scan, Tracks
+
+Make = Callable[[], Any]
+POSE = np.array([4.0, -3.0, 0.4])
+#: Two cars in lanes of their own, one of which comes and one of which goes: px, py, vx, vy at time 0.
+CARS = np.array([[20.0, 15.0, 12.0, 3.0], [35.0, 40.0, 9.0, -1.0]])
+DURATION, STEP = 6.0, 0.05
+FIELD = FieldOfView(np.pi, 200.0)
+
+
+def hidden_drive(
+    seed: int = 0, *, clutter: float = 0.0, probability: float = 1.0, order: int | None = None
+) -> list[Scan]:
+    """Scans of a lidar and a radar in turn, of one run.
+
+    Args:
+        seed: of noise, misses and clutter.
+        clutter: mean number of false alarms in a scan.
+        probability: of detecting a car.
+        order: seed of the order of the columns; None: as drawn.
+    """
+    random = np.random.default_rng(seed)
+    shuffled = None if order is None else np.random.default_rng(order)
+    still = np.zeros(2)
+    scans = []
+    for number in range(round(DURATION / STEP)):
+        kind, time = ("lidar", "radar")[number % 2], STEP * number
+        model, noise = SENSOR_MODELS[kind], NOISE[kind]
+        target = CARS.T + np.array([[time], [time], [0.0], [0.0]]) * np.roll(CARS.T, -2, axis=0)
+        ideal = model.measure(target, POSE[:, None], still[:, None])
+        detected = random.random(len(CARS)) < probability
+        found = ideal + np.sqrt(np.diag(noise))[:, None] * random.standard_normal(ideal.shape)
+        alarms = random.poisson(clutter)
+        anywhere = np.concatenate([random.uniform(-100, 100, (2, alarms)), random.uniform(-20, 20, (2, alarms))])
+        false = model.measure(anywhere, POSE[:, None], still[:, None])
+        measurement = np.concatenate([found[:, detected], false], axis=1)
+        if shuffled is not None:
+            measurement = measurement[:, shuffled.permutation(measurement.shape[1])]
+        valid = np.ones(measurement.shape[1], dtype=bool)
+        for shared in (measurement, valid, noise):
+            shared.setflags(write=False)
+        scan = Scan(time, kind, kind, measurement, valid, noise, POSE, still, time)
+        density = max(clutter, 1e-3) / 200.0**2
+        scans.append(scan._replace(detection_probability=probability, clutter_density=density, field_of_view=FIELD))
+    return scans
+
+
+def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
+    """What a fresh tracker says of a drive, each answer of the right form."""
+    tracker = make()
+    batched = bool(getattr(tracker, "batched", False))
+    state: Any = None
+    for scan in scans:
+        given = _as_batch([scan]) if batched else scan
+        state, answer = unpack(tracker.step(state, given))
+        tracks = checked_tracks(answer, given)
+        yield _of_run(tracks, 0) if batched else tracks
+
+
+def _as_batch(runs: Sequence[Scan]) -> Scan:
+    """The scans of several runs at one instant with a last axis of runs."""
+    most = max(scan.measurement.shape[1] for scan in runs)
+    measurement = np.full((len(runs[0].measurement), most, len(runs)), np.nan)
+    valid = np.zeros((most, len(runs)), dtype=bool)
+    for run, scan in enumerate(runs):
+        count = scan.measurement.shape[1]
+        measurement[:, :count, run], valid[:count, run] = scan.measurement, True
+    for shared in (measurement, valid):
+        shared.setflags(write=False)
+    return runs[0]._replace(measurement=measurement, valid=valid)
+
+
+def _of_run(tracks: Tracks, run: int) -> Tracks:
+    there = tracks.ids[:, run] >= 0
+    existence = None if tracks.existence is None else tracks.existence[there, run]
+    used = None if tracks.used is None else tracks.used[there, run]
+    mean, covariance = tracks.mean[:, there, run], tracks.covariance[:, :, there, run]
+    return Tracks(tracks.ids[there, run], mean, covariance, existence, used)
+
+
+def _nearest(tracks: Tracks, time: float, car: int) -> float:
+    """Distance of a car from the nearest track, m; infinity where there is none."""
+    if not len(tracks.ids):
+        return float("inf")
+    where = CARS[car, :2] + time * CARS[car, 2:]
+    return float(np.hypot(*(tracks.mean[:2] - where[:, None])).min())
+
+
+def _follows(**changes: Any) -> Callable[[Make], None]:
+    def test(make: Make) -> None:
+        scans = hidden_drive(**changes)
+        *_, last = _answers(make, scans)
+        for car in range(len(CARS)):
+            error = _nearest(last, scans[-1].time, car)
+            if not error < LOST:
+                problem = f"after {len(scans)} scans no track is within {LOST:g} m of a car in plain sight"
+                raise TrackerCheckError(problem)
+
+    return test
+
+
+def _bears_empty_scans(make: Make) -> None:
+    list(_answers(make, _with_gaps(range(10), range(60, 80))))
+
+
+def _with_gaps(*gaps: range) -> list[Scan]:
+    """A drive with false alarms and misses, some scans of which are empty."""
+    return [
+        scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0])
+        if any(number in gap for gap in gaps)
+        else scan
+        for number, scan in enumerate(hidden_drive(clutter=1.0, probability=0.9))
+    ]
+
+
+def _order_means_nothing(make: Make) -> None:
+    one, two = (list(_answers(make, hidden_drive(clutter=2.0, probability=0.9, order=order))) for order in (1, 2))
+    for first, second in zip(one, two, strict=True):
+        if not _same_places(first, second):
+            raise TrackerCheckError("detections in another order give other tracks")
+
+
+def _same_places(one: Tracks, two: Tracks) -> bool:
+    def places(tracks: Tracks) -> Array:
+        return np.array(sorted(map(tuple, np.round(tracks.mean.T, 6))))
+
+    a, b = places(one), places(two)
+    return a.shape == b.shape and bool(np.allclose(a, b, atol=1e-5))
+
+
+def _never_reuses(make: Make) -> None:
+    seen: set[int] = set()
+    before: set[int] = set()
+    for tracks in _answers(make, _with_gaps(range(40, 80))):
+        now = set(tracks.ids.tolist())
+        again = (now - before) & seen
+        if again:
+            raise TrackerCheckError(f"the id {min(again)} is used again after its track had ended")
+        seen, before = seen | now, now
+
+
+def _is_deterministic(make: Make) -> None:
+    runs = [list(_answers(make, hidden_drive(clutter=2.0))) for _ in range(2)]
+    for one, two in zip(*runs, strict=True):
+        if not (np.array_equal(one.ids, two.ids) and np.array_equal(one.mean, two.mean)):
+            raise TrackerCheckError("two fresh trackers give different tracks of the same scans")
+
+
+def _keeps_state(make: Make) -> None:
+    tracker, state = make(), None
+    batched = bool(getattr(tracker, "batched", False))
+    for scan in hidden_drive()[:40]:
+        given = _as_batch([scan]) if batched else scan
+        after, first = unpack(tracker.step(state, given))
+        again = unpack(tracker.step(state, given))[1]
+        one, two = checked_tracks(first, given), checked_tracks(again, given)
+        if not np.array_equal(one.mean, two.mean, equal_nan=True):
+            raise TrackerCheckError(
+                f"at {scan.time:g} s the same state and scan give other tracks the second time: "
+                "the state was changed in place, or the tracker remembers something beside it"
+            )
+        state = after
+
+
+def _batch_is_loop(make: Make) -> None:
+    if not getattr(make(), "batched", False):
+        return
+    drives = [hidden_drive(seed, clutter=1.0, probability=0.9) for seed in range(3)]
+    tracker, state = make(), None
+    alone = [list(_answers(make, drive)) for drive in drives]
+    for number, scans in enumerate(zip(*drives, strict=True)):
+        given = _as_batch(scans)
+        state, answer = unpack(tracker.step(state, given))
+        tracks = checked_tracks(answer, given)
+        for run, single in enumerate(alone):
+            one, two = _of_run(tracks, run), single[number]
+            if not (np.array_equal(one.ids, two.ids) and np.allclose(one.mean, two.mean, rtol=1e-9, atol=1e-9)):
+                raise TrackerCheckError(f"run {run} of a batch of {len(drives)} has other tracks than alone")
+
+
+RULES: dict[str, Callable[[Make], None]] = {
+    "gives tracks of the right form, and follows two cars in plain sight": _follows(),
+    "follows them through missed detections and false alarms": _follows(clutter=1.0, probability=0.9),
+    "takes scans without a detection": _bears_empty_scans,
+    "gives the same tracks whatever the order of the detections": _order_means_nothing,
+    "uses no id again": _never_reuses,
+    "gives the same tracks every time": _is_deterministic,
+    "leaves the state that it is given as it is": _keeps_state,
+    "gives a batch the same tracks as single runs (if batched)": _batch_is_loop,
+}
