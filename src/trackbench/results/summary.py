@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.table_check import OBSERVER
 from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 3
@@ -346,8 +347,8 @@ class Summary(Part):
         return {
             "tracker": [tracker.name for tracker in self.trackers],
             "sensor": list(self.sensors),
-            "object": [*self.truth.objects, "observer"],
-            "role": ["target", "observer"],
+            "object": [*self.truth.objects, OBSERVER],
+            "role": ["target", OBSERVER],
         }
 
     @property
