@@ -133,6 +133,9 @@ class ScriptedObject(Config):
     start: ScriptedStart = Field(default_factory=ScriptedStart, description="Position and velocity at the start.")
     length_m: Positive = Field(4.5, description="Length, m, to draw it.")
     width_m: Positive = Field(1.8, description="Width, m, to draw it.")
+    target: bool = Field(
+        True, description="Whether it is tracked; false needs hidden identities, where it still causes detections."
+    )
     pieces: list[Piece] = Field(
         default_factory=lambda: [Piece()],
         min_length=1,
