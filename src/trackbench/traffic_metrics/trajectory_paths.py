@@ -75,33 +75,48 @@ def _kept_throughout(couples: Couples, half: float) -> Mask:
     return found
 
 
-def _costs(gain: Array, half: float) -> Array:
-    """``(T, E + 1)`` least cost up to each instant, ending with each couple or, last, with none."""
-    saved = np.hstack([gain, np.zeros((len(gain), 1))])
+def _costs(saved: Array, half: float) -> Array:
+    """``(T, ..., E + 1)`` least cost up to each instant that ends with each couple or, last, with none.
+
+    Args:
+        saved: ``(T, ..., E + 1)`` gains, 0 with none.
+        half: cost of beginning or ending.
+    """
     costs = np.empty_like(saved)
-    cost = np.zeros(saved.shape[1])
+    cost = np.zeros_like(saved[0])
     for k, now in enumerate(saved):
-        free = min(cost[-1], cost[:-1].min() + half)
-        cost = np.minimum(cost, free + half)
-        cost[-1] = free
+        free = np.minimum(cost[..., -1:], cost[..., :-1].min(axis=-1, keepdims=True) + half)
+        np.minimum(cost, free + half, out=cost)
+        cost[..., -1:] = free
         cost -= now
         costs[k] = cost
     return costs
 
 
 def _path_of_one(gain: Array, half: float) -> tuple[Array, float]:
-    """``(T, E)`` the couple to take at each instant, and the cost."""
-    costs = _costs(gain, half)
+    """``(T, E)`` the couple to take at each instant, and the cost.
+
+    While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
+    """
+    saved = _with_none(gain)
+    order = np.argsort(saved, axis=1, kind="stable")
+    starts = np.concatenate([[0], np.flatnonzero(np.any(order[1:] != order[:-1], axis=1)) + 1])
+    costs = _costs(np.add.reduceat(saved, starts, axis=0), half)
     none = gain.shape[1]
     change = np.full(none + 1, 2 * half)
     change[none] = half
-    taken = np.empty(len(gain), dtype=np.intp)
+    taken = np.empty(len(starts), dtype=np.intp)
     taken[-1] = now = int(np.argmin(costs[-1]))
-    for k in range(len(gain) - 2, -1, -1):
+    for k in range(len(starts) - 2, -1, -1):
         before = costs[k] + (change if now != none else half)
         before[now] = costs[k, now]
         taken[k] = now = int(np.argmin(before))
-    return (taken[:, None] == np.arange(none)).astype(float), float(costs[-1].min())
+    path = np.repeat(taken, np.diff(starts, append=len(gain)))
+    return (path[:, None] == np.arange(none)).astype(float), float(costs[-1].min())
+
+
+def _with_none(gain: Array) -> Array:
+    return np.hstack([gain, np.zeros((len(gain), 1))])
 
 
 def _bounds(couples: Couples, half: float) -> tuple[bool, Array, Mask]:
@@ -110,23 +125,26 @@ def _bounds(couples: Couples, half: float) -> tuple[bool, Array, Mask]:
     Each object alone gives a lower bound, for the whole and for every couple; one after another, with the tracks that
     are taken left out, an upper one. What does not fit between them is no part of an optimum.
     """
-    upper = lower = 0.0
-    weight = np.zeros(couples.gain.shape)
-    excess = np.zeros(len(couples.object))
+    owns = [np.flatnonzero(couples.object == item) for item in np.unique(couples.object)]
+    weight, upper = np.zeros(couples.gain.shape), 0.0
     taken = np.zeros((len(weight), couples.track.max() + 1), dtype=bool)
-    for item in np.unique(couples.object):
-        own = np.flatnonzero(couples.object == item)
+    # (T, objects, E + 1), where the couples of others are out of the question.
+    alone = np.full((len(weight), len(owns), len(couples.object) + 1), -np.inf)
+    alone[..., -1] = 0.0
+    for number, own in enumerate(owns):
         gain, track = couples.gain[:, own], couples.track[own]
-        path, cost = _path_of_one(np.where(taken[:, track], -np.inf, gain), half)
-        weight[:, own] = path
+        alone[:, number, own] = gain
+        weight[:, own], cost = _path_of_one(np.where(taken[:, track], -np.inf, gain), half)
+        taken[:, track] |= weight[:, own] > 0
         upper += cost
-        taken[:, track] |= path > 0
-        through = _costs(gain, half)[:, :-1] + _costs(gain[::-1], half)[::-1, :-1] + gain
-        alone = float(_costs(gain, half)[-1].min())
-        excess[own] = through.min(axis=0) - alone
-        lower += alone
-    slack = upper - lower + ROUNDING
-    return slack <= 2 * ROUNDING, weight, excess <= slack
+    forward, backward = np.split(_costs(np.hstack([alone, alone[::-1]]), half), 2, axis=1)
+    least = forward[-1].min(axis=-1)
+    excess = np.full(len(couples.object), np.inf)
+    for number, own in enumerate(owns):
+        through = forward[:, number, own] + backward[::-1, number, own] + alone[:, number, own]
+        excess[own] = through.min(axis=0) - least[number]
+    slack = upper - least.sum() + ROUNDING
+    return bool(slack <= 2 * ROUNDING), weight, excess <= slack
 
 
 def _joint_assignments(couples: Couples) -> Array | None:
