@@ -6,21 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.traffic_metrics.couples import Couples, Settled, settled
 from trackbench.traffic_metrics.trajectory_program import relaxed_weights
-from trackbench.types import Array, Indices, Mask
+from trackbench.types import Array, Mask
 
 #: Joint assignments of a group up to which it is solved by dynamic programming.
-LARGEST = 256
+LARGEST = 64
 ROUNDING = 1e-9
-
-
-class Couples(NamedTuple):
-    """Couples ``(E,)`` of an object and a track that are near each other at some instant."""
-
-    object: Indices
-    track: Indices
-    gain: Array
-    """``(T, E)`` what it saves to have them assigned to each other."""
 
 
 class Weights(NamedTuple):
@@ -49,20 +41,20 @@ def solve_one(couples: Couples, half: float) -> Weights:
     """
     if np.any(constant := _kept_throughout(couples, half)):
         return Weights(couples, np.broadcast_to(constant.astype(float), couples.gain.shape), True)
-    return Weights(couples, _path_of_one(couples.gain, half)[0], True)
+    return Weights(couples, _path_of_one(couples.gain, half), True)
 
 
 def solve_together(couples: Couples, half: float) -> Weights:
     """The optimum for several objects that compete for tracks."""
-    bound, bounded, useful = _bounds(couples, half)
-    if bound:
-        return Weights(couples, bounded, True)
+    plain = settled(couples, half)
+    useful = plain.assigned.any(axis=0) | np.any(couples.gain * plain.open > 0, axis=0)
     couples = Couples(couples.object[useful], couples.track[useful], couples.gain[:, useful])
+    plain = Settled(plain.assigned[:, useful], plain.open[:, useful])
     members = _joint_assignments(couples)
-    if members is None:
-        weight = relaxed_weights(couples.object, couples.track, couples.gain, half)
-        return Weights(couples, weight, bool(np.all(np.minimum(weight, 1 - weight) < ROUNDING)))
-    return Weights(couples, _joint_path(couples.gain, members, half), True)
+    if members is not None:
+        return Weights(couples, _joint_path(couples.gain, members, plain, half), True)
+    weight = relaxed_weights(couples, plain, half)
+    return Weights(couples, weight, bool(np.all(np.minimum(weight, 1 - weight) == 0)))
 
 
 def _kept_throughout(couples: Couples, half: float) -> Mask:
@@ -76,29 +68,24 @@ def _kept_throughout(couples: Couples, half: float) -> Mask:
 
 
 def _costs(saved: Array, half: float) -> Array:
-    """``(T, ..., E + 1)`` least cost up to each instant that ends with each couple or, last, with none.
-
-    Args:
-        saved: ``(T, ..., E + 1)`` gains, 0 with none.
-        half: cost of beginning or ending.
-    """
+    """``(T, E + 1)`` least cost up to each instant that ends with each couple or, last, with none."""
     costs = np.empty_like(saved)
     cost = np.zeros_like(saved[0])
     for k, now in enumerate(saved):
-        free = np.minimum(cost[..., -1:], cost[..., :-1].min(axis=-1, keepdims=True) + half)
+        free = min(cost[-1], cost[:-1].min() + half)
         np.minimum(cost, free + half, out=cost)
-        cost[..., -1:] = free
+        cost[-1] = free
         cost -= now
         costs[k] = cost
     return costs
 
 
-def _path_of_one(gain: Array, half: float) -> tuple[Array, float]:
-    """``(T, E)`` the couple to take at each instant, and the cost.
+def _path_of_one(gain: Array, half: float) -> Array:
+    """``(T, E)`` the couple to take at each instant.
 
     While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
     """
-    saved = _with_none(gain)
+    saved = np.hstack([gain, np.zeros((len(gain), 1))])
     order = np.argsort(saved, axis=1, kind="stable")
     starts = np.concatenate([[0], np.flatnonzero(np.any(order[1:] != order[:-1], axis=1)) + 1])
     costs = _costs(np.add.reduceat(saved, starts, axis=0), half)
@@ -112,39 +99,7 @@ def _path_of_one(gain: Array, half: float) -> tuple[Array, float]:
         before[now] = costs[k, now]
         taken[k] = now = int(np.argmin(before))
     path = np.repeat(taken, np.diff(starts, append=len(gain)))
-    return (path[:, None] == np.arange(none)).astype(float), float(costs[-1].min())
-
-
-def _with_none(gain: Array) -> Array:
-    return np.hstack([gain, np.zeros((len(gain), 1))])
-
-
-def _bounds(couples: Couples, half: float) -> tuple[bool, Array, Mask]:
-    """Whether solving one object after another is optimal, that solution, and ``(E,)`` the couples of any optimum.
-
-    Each object alone gives a lower bound, for the whole and for every couple; one after another, with the tracks that
-    are taken left out, an upper one. What does not fit between them is no part of an optimum.
-    """
-    owns = [np.flatnonzero(couples.object == item) for item in np.unique(couples.object)]
-    weight, upper = np.zeros(couples.gain.shape), 0.0
-    taken = np.zeros((len(weight), couples.track.max() + 1), dtype=bool)
-    # (T, objects, E + 1), where the couples of others are out of the question.
-    alone = np.full((len(weight), len(owns), len(couples.object) + 1), -np.inf)
-    alone[..., -1] = 0.0
-    for number, own in enumerate(owns):
-        gain, track = couples.gain[:, own], couples.track[own]
-        alone[:, number, own] = gain
-        weight[:, own], cost = _path_of_one(np.where(taken[:, track], -np.inf, gain), half)
-        taken[:, track] |= weight[:, own] > 0
-        upper += cost
-    forward, backward = np.split(_costs(np.hstack([alone, alone[::-1]]), half), 2, axis=1)
-    least = forward[-1].min(axis=-1)
-    excess = np.full(len(couples.object), np.inf)
-    for number, own in enumerate(owns):
-        through = forward[:, number, own] + backward[::-1, number, own] + alone[:, number, own]
-        excess[own] = through.min(axis=0) - least[number]
-    slack = upper - least.sum() + ROUNDING
-    return bool(slack <= 2 * ROUNDING), weight, excess <= slack
+    return np.asarray(path[:, None] == np.arange(none), dtype=float)
 
 
 def _joint_assignments(couples: Couples) -> Array | None:
@@ -166,18 +121,19 @@ def _joint_assignments(couples: Couples) -> Array | None:
     return members
 
 
-def _joint_path(gain: Array, members: Array, half: float) -> Array:
+def _joint_path(gain: Array, members: Array, plain: Settled, half: float) -> Array:
     """``(T, E)`` the couples to take at each instant."""
     sizes = members.sum(axis=1)
     change = half * (sizes[:, None] + sizes - 2 * members @ members.T)
-    saved = gain @ members.T
-    cost = -saved[0]
-    before = np.empty(saved.shape, dtype=np.intp)
+    contradictions = plain.assigned @ (1 - members.T) + (~plain.assigned & ~plain.open) @ members.T
+    costs = np.where(contradictions > 0, np.inf, -(gain @ members.T))
+    before = np.empty(costs.shape, dtype=np.intp)
     everyone = np.arange(len(members))
+    cost = costs[0]
     for k in range(1, len(gain)):
         total = change + cost
         before[k] = total.argmin(axis=1)
-        cost = total[everyone, before[k]] - saved[k]
+        cost = total[everyone, before[k]] + costs[k]
     now = int(np.argmin(cost))
     taken = np.empty(len(gain), dtype=np.intp)
     for k in range(len(gain) - 1, -1, -1):
