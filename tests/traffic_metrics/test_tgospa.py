@@ -70,6 +70,20 @@ def test_the_linear_program_is_at_most_the_exact_value_and_mostly_equal(
         assert relaxed.total > 0.9 * exact.total
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_too_large_for_both_gets_an_upper_bound_near_the_exact_value(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth, tracks = random_histories(np.random.default_rng(seed), 12, 4, 4, 9.0)
+    counted = count(truth, tracks, CUTOFF)
+    exact = tgospa(counted, SWITCH)
+    monkeypatch.setattr(trajectory_paths, "LARGEST", 0)
+    monkeypatch.setattr(trajectory_paths, "LARGEST_PROGRAM", 0)
+    bound = tgospa(counted, SWITCH)
+    assert exact.total * (1 - 1e-9) <= bound.total < 1.2 * exact.total
+    assert not bound.exact or bound.total == pytest.approx(exact.total, rel=1e-9)
+
+
 def test_one_switch_costs_one_switch() -> None:
     truth = truth_of([[0.0]] * 6)
     parts = tgospa(count(truth, tracks_of([[0.0, NAN]] * 3 + [[NAN, 0.0]] * 3), CUTOFF), SWITCH)
