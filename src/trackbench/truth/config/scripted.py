@@ -165,6 +165,8 @@ class ScriptedOptions(SteppedTruth):
         return sigmas.pop() if len(sigmas) == 1 else None
 
     def problems(self) -> Iterator[Problem]:
+        if not any(body.target for body in self.objects.values()):
+            yield Problem(("objects",), "no object is a target; leave target out of one")
         for name, body in self.objects.items():
             for problem in self._times(body.pieces):
                 yield Problem(("objects", name, "pieces", *problem.at), problem.message)
