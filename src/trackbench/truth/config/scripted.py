@@ -131,8 +131,8 @@ class ScriptedObject(Config):
     """An object and its motion."""
 
     start: ScriptedStart = Field(default_factory=ScriptedStart, description="Position and velocity at the start.")
-    length_m: Positive = Field(4.5, description="Length, m, to draw it.")
-    width_m: Positive = Field(1.8, description="Width, m, to draw it.")
+    length_m: Positive = Field(4.5, description="Length, m, to draw it and to hide others.")
+    width_m: Positive = Field(1.8, description="Width, m, to draw it and to hide others.")
     target: bool = Field(
         True, description="Whether it is tracked; false needs hidden identities, where it still causes detections."
     )
