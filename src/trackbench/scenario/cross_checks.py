@@ -12,7 +12,7 @@ from trackbench.errors import nearest
 from trackbench.metrics.registry import MetricPath, by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
-from trackbench.scenario import recorded_checks
+from trackbench.scenario import identity_checks, recorded_checks
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import SteppedTruth
 from trackbench.truth.sources import RecordingTruth
@@ -31,6 +31,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
+    yield from identity_checks.problems(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
