@@ -41,9 +41,9 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
-        if isinstance(tracker, FilterConfig):
+        if isinstance(tracker, FilterConfig) and tracker.associate is None:
             message = (
-                "follows one object each, and the detections do not say of which they are; write identities: known"
+                "follows one object each, of which the detections do not say; add associate: {method: gnn}"
             )
             yield Problem(("trackers", name, "filter"), message)
     if scenario.score.metrics:

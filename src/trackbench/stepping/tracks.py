@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from trackbench.stepping.faults import fault_of
+from trackbench.multi import build_multi
 from trackbench.trackers.answers import ASYMMETRY, NOT_FINITE, TrackerFault, array_of, described, unpack
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import create
@@ -39,7 +40,8 @@ def local_tracks(config: FilterConfig | PluginConfig, folder: Path | None, runs:
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
     """
-    assert isinstance(config, PluginConfig)
+    if isinstance(config, FilterConfig):
+        return BatchedTracks(build_multi(config))
     make = create(config.use, config.options, folder)
     tracker = make()
     return BatchedTracks(tracker) if getattr(tracker, "batched", False) else LoopedTracks(make, runs)
