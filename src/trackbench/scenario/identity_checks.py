@@ -29,6 +29,9 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
         for key, reason in REASONS.items():
             if key in sensor.model_fields_set:
                 yield Problem(("sensors", name, key), f"{reason}; {REMEDY}")
+    for name, tracker in scenario.trackers.items():
+        if isinstance(tracker, FilterConfig) and tracker.associate is not None:
+            yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
     truth = scenario.truth
     if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
         yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")
@@ -42,9 +45,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
 def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
-            message = (
-                "follows one object each, of which the detections do not say; add associate: {method: gnn}"
-            )
+            message = "follows one object each, of which the detections do not say; add associate: {method: gnn}"
             yield Problem(("trackers", name, "filter"), message)
     if scenario.score.metrics:
         yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from trackbench.stepping.faults import fault_of
 from trackbench.multi import build_multi
+from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import ASYMMETRY, NOT_FINITE, TrackerFault, array_of, described, unpack
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import create
