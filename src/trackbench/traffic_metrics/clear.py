@@ -55,7 +55,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
             now = np.concatenate([now, won])
         matched[now] = True
         track_of[instant, pairs.object[now]] = pairs.track[now]
-    return matched
+    return np.asarray(matched)
 
 
 def _instants_before(counts: Mask) -> Indices:

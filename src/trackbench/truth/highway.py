@@ -169,11 +169,16 @@ def _targets(config: HighwayOptions, frames: Frames, observer: Observer) -> list
 
 
 def _bodies(config: HighwayOptions, frames: Frames, observer: Observer, targets: list[int]) -> list[int]:
-    """The bodies of the truth: the targets, and with hidden identities all that a sensor might reach."""
-    if config.others_within_m is None:
+    """The bodies of the truth: the targets, or with hidden identities all that a sensor might reach."""
+    limit = config.others_within_m
+    if limit is None:
         return targets
-    near = _least_distance(frames, observer) <= config.others_within_m
-    return [i for i in range(len(frames.ids)) if i in targets or (near[i] and (i > 0 or config.observer != "ego"))]
+    near = _least_distance(frames, observer) <= limit
+    named = [] if config.targets == "all" else targets
+    bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and (i > 0 or config.observer != "ego"))]
+    if not bodies:
+        raise InputError(f"no vehicle comes within {limit:g} m of the observer", key="truth.targets")
+    return bodies
 
 
 def _least_distance(frames: Frames, observer: Observer) -> Array:

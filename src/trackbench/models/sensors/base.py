@@ -119,6 +119,8 @@ class Sensor(Config, ABC):
                 yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
             elif self.max_range_m is None:
                 yield Problem(("max_range_m",), "missing: uniform clutter needs a field of view that ends")
+        if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
+            yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
 
     def _needs_volume(self) -> Iterator[KeyPath]:
         if self.clutter.per_scan:

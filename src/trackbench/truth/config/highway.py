@@ -121,8 +121,8 @@ class HighwayOptions(SteppedTruth):
     )
     others_within_m: Positive | None = Field(
         None,
-        description="With hidden identities: a vehicle that is not tracked and never comes this near to the observer "
-        "causes no detection and hides nothing, m. Unless given, the reach of the sensors and 10 m.",
+        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
+        "targets names it, m. The reach of the sensors and 10 m unless given.",
     )
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
