@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import Belief, Filter, Update
+from trackbench.filters import Belief, Filter, Measured, PredictedMeasurement, Update
 from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
@@ -148,8 +148,14 @@ class Corrected:
     def predict(self, belief: Belief, dt: float) -> Belief:
         return self.filter.predict(belief, dt)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
-        update = self.filter.update(belief, scan)
+    def measured(self, scan: Scan) -> Measured:
+        return self.filter.measured(scan)
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        return self.filter.predict_measurement(belief, scan)
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+        update = self.filter.update(belief, scan, predicted)
         return update._replace(belief=self.change(belief, update.belief, scan))
 
 

@@ -1,6 +1,6 @@
 """Filters: pure predict and update on a belief."""
 
-from trackbench.filters.base import Belief, Filter, Update
+from trackbench.filters.base import Belief, Filter, Measured, PredictedMeasurement, Update
 from trackbench.filters.kalman import ExtendedKalmanFilter, IteratedExtendedKalmanFilter, KalmanFilter
 from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, SymmetricSet, classic, scaled
 
@@ -11,6 +11,8 @@ __all__ = [
     "Filter",
     "IteratedExtendedKalmanFilter",
     "KalmanFilter",
+    "Measured",
+    "PredictedMeasurement",
     "SigmaPointFilter",
     "SymmetricSet",
     "Update",

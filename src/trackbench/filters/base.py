@@ -39,6 +39,28 @@ class Update(NamedTuple):
     """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
 
 
+class Measured(NamedTuple):
+    """What a filter takes of a scan."""
+
+    value: Array
+    """``(m, ...)``"""
+    noise: Array
+    """``(m, m)``, or ``(m, m, ...)`` where it depends on the measurement."""
+    angular: tuple[int, ...]
+    """Which components are angles."""
+
+
+class PredictedMeasurement(NamedTuple):
+    """What a belief expects to be measured."""
+
+    mean: Array
+    """``(m, ...)``"""
+    covariance: Array
+    """``(m, m, ...)`` without the noise of the measurement."""
+    cross: Array
+    """``(m, n, ...)`` covariance of measurement and state."""
+
+
 class Filter(Protocol):
     """A recursive Bayesian filter on beliefs with any batch axes."""
 
@@ -49,8 +71,19 @@ class Filter(Protocol):
         """The belief after ``dt`` seconds (zero or more)."""
         ...
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
-        """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
+    def measured(self, scan: Scan) -> Measured:
+        """The measurements of a scan in the space in which the filter compares them with its predictions."""
+        ...
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        """What the belief expects of a scan, whose measurements are not looked at."""
+        ...
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+        """The belief after a scan; where the scan is not valid, the mean and covariance stay.
+
+        ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
+        """
         ...
 
 
@@ -86,6 +119,15 @@ def correct(
     repaired = _either(belief.repaired, s.repaired)
     corrected = Belief(wrap_components(mean, angular), covariance, repaired=repaired)
     return Update(corrected, innovation, s.covariance, whitened)
+
+
+def take_in(
+    belief: Belief, predicted: PredictedMeasurement, measured: Measured, valid: Mask, angular: tuple[int, ...]
+) -> Update:
+    """The linear update with a measurement and its prediction; ``valid`` and ``angular`` as ``correct`` has them."""
+    innovation = difference(measured.value, predicted.mean, measured.angular)
+    s = predicted.covariance + linalg.expand(measured.noise, predicted.covariance)
+    return correct(belief, innovation, s, predicted.cross, valid, angular)
 
 
 def wrap_components(x: Array, angular: tuple[int, ...]) -> Array:

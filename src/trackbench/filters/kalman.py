@@ -8,7 +8,16 @@ from functools import lru_cache
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, Update, correct, guarded, wrap_components
+from trackbench.filters.base import (
+    Belief,
+    Measured,
+    PredictedMeasurement,
+    Update,
+    correct,
+    guarded,
+    take_in,
+    wrap_components,
+)
 from trackbench.models.motion import MotionModel, process_noise
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.types import Array, Scan
@@ -45,12 +54,19 @@ class KalmanFilter:
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
+    def measured(self, scan: Scan) -> Measured:
         position = SENSOR_MODELS[scan.kind].position(scan)
-        x, p = belief.mean, belief.covariance
-        noise = linalg.expand(position.covariance, p)
-        s = p[:2, :2] + np.where(scan.valid, noise, linalg.expand(np.eye(2), p))
-        update = correct(belief, position.mean - x[:2], s, p[:2], scan.valid, ())
+        like = position.mean[None]
+        noise = np.where(scan.valid, linalg.expand(position.covariance, like), linalg.expand(np.eye(2), like))
+        return Measured(position.mean, noise, ())
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        p = belief.covariance
+        return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2])
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+        predicted = predicted or self.predict_measurement(belief, scan)
+        update = take_in(belief, predicted, self.measured(scan), scan.valid, ())
         return update._replace(belief=kept_definite(update.belief))
 
 
@@ -66,13 +82,15 @@ class ExtendedKalmanFilter:
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
-        sensor = SENSOR_MODELS[scan.kind]
-        expected, h = observe(self.motion, sensor, belief.mean, scan)
-        innovation = difference(scan.measurement, expected, sensor.angular)
-        cross = linalg.matmul(h, belief.covariance)
-        s = linalg.matmul_transposed(cross, h) + linalg.expand(scan.noise_covariance, cross)
-        update = correct(belief, innovation, s, cross, scan.valid, self.motion.angular)
+    def measured(self, scan: Scan) -> Measured:
+        return as_measured(scan)
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        return linearised_measurement(self.motion, belief, scan)
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+        predicted = predicted or self.predict_measurement(belief, scan)
+        update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
         return update._replace(belief=kept_definite(update.belief))
 
 
@@ -89,7 +107,13 @@ class IteratedExtendedKalmanFilter:
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
+    def measured(self, scan: Scan) -> Measured:
+        return as_measured(scan)
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
+        return linearised_measurement(self.motion, belief, scan)
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
         sensor = SENSOR_MODELS[scan.kind]
         angular = self.motion.angular
         at = belief.mean
@@ -106,6 +130,18 @@ class IteratedExtendedKalmanFilter:
             at = update.belief.mean
         assert first is not None
         return first._replace(belief=kept_definite(update.belief))
+
+
+def as_measured(scan: Scan) -> Measured:
+    """The measurements of a scan as the sensor gives them."""
+    return Measured(scan.measurement, scan.noise_covariance, SENSOR_MODELS[scan.kind].angular)
+
+
+def linearised_measurement(motion: MotionModel, belief: Belief, scan: Scan) -> PredictedMeasurement:
+    """The expected measurement, by the measurement's derivative at the mean."""
+    expected, h = observe(motion, SENSOR_MODELS[scan.kind], belief.mean, scan)
+    cross = linalg.matmul(h, belief.covariance)
+    return PredictedMeasurement(expected, linalg.matmul_transposed(cross, h), cross)
 
 
 def observe(motion: MotionModel, sensor: type[Sensor], x: Array, scan: Scan) -> tuple[Array, Array]:

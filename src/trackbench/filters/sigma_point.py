@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, Update, correct, guarded, wrap_components
+from trackbench.filters.base import Belief, Measured, PredictedMeasurement, Update, guarded, take_in, wrap_components
+from trackbench.filters.kalman import as_measured
 from trackbench.models.motion import MotionModel, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Scan
@@ -76,7 +77,10 @@ class SigmaPointFilter:
         mean = wrap_components(moved[:, 0] + shift, motion.angular)
         return Belief(mean, covariance, points=moved if noises else None, repaired=belief.repaired)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
+    def measured(self, scan: Scan) -> Measured:
+        return as_measured(scan)
+
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         motion, sensor = self.motion, SENSOR_MODELS[scan.kind]
         points = belief.points
         if points is None:
@@ -88,11 +92,14 @@ class SigmaPointFilter:
         shift = weight * deviations.sum(axis=1)
         deviations -= shift[:, None]
         state_deviations = difference(points, belief.mean[:, None], motion.angular)
-        s = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
-        s += linalg.expand(scan.noise_covariance, s)
+        spread = linalg.symmetrise(_weighted(deviations, deviations, centre_weight, weight))
         cross = _weighted(deviations, state_deviations, centre_weight, weight)
-        innovation = difference(scan.measurement, seen[:, 0] + shift, sensor.angular)
-        update = correct(belief, innovation, s, cross, scan.valid, motion.angular)
+        return PredictedMeasurement(seen[:, 0] + shift, spread, cross)
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+        belief = belief if belief.points is not None else guarded(belief)
+        predicted = predicted or self.predict_measurement(belief, scan)
+        update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
         return update._replace(belief=guarded(update.belief))
 
     def _noise_columns(self, x: Array, dt: float) -> Array:

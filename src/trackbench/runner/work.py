@@ -78,6 +78,8 @@ class Work:
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
     isolation: Isolation = ISOLATED
+    cutoff: float | None = None
+    """Where identities are hidden, the distance from which a track is not on an object, m."""
 
     def pieces(self) -> list[BlockRuns]:
         """The runs in blocks, each of which has twice as many as the one before, up to ``LARGEST_BATCH``.
@@ -149,4 +151,5 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolatio
         min_coverage=scenario.score.min_coverage,
         metrics=(*BUILT_IN, *scenario.score.metrics),
         isolation=isolation,
+        cutoff=scenario.score.cutoff_m if scenario.sensing.identities == "hidden" else None,
     )

@@ -32,7 +32,7 @@ FILTERS = {
 def build(config: FilterConfig) -> FilterTracker:
     """The tracker that a scenario's ``filter:`` entry describes; its keys are the options of the functions below."""
     return FilterTracker(
-        _filter(config),
+        filter_of(config),
         config.initial,
         sensor_models=config.sensor_models,
         sensors=config.sensors,
@@ -71,7 +71,8 @@ for _factory in (kf, ekf, iekf, ukf, ckf):
     _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined]
 
 
-def _filter(config: FilterConfig) -> Filter:
+def filter_of(config: FilterConfig) -> Filter:
+    """The filter that the keys describe."""
     motion = config.model
     match config.filter:
         case "kf":

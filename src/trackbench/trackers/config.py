@@ -12,6 +12,7 @@ from trackbench.config.key_units import in_words
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers.associate import AssociateConfig
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 InitialSource = Literal["first_reading", "two_readings", "truth"]
@@ -76,10 +77,11 @@ class InitialConfig(Config):
         description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
         "latest measurement says, its velocity being as unknown as from first_reading.",
     )
-    velocity: Literal["zero", "radial"] = Field(
+    velocity: Literal["zero", "radial", "range_rate"] = Field(
         "zero",
         description="First velocity, from first_reading only. radial: the third component of a radar's measurement, "
-        "along the line of sight.",
+        "along the line of sight. range_rate: the same, and along the line of sight as certain as the range rate is; "
+        "velocity_sigma_mps holds across it, and for sensors without a range rate.",
     )
     position_sigma_m: Positive = Field(
         1, description="Standard deviation of each position component, m; from truth only."
@@ -167,7 +169,20 @@ class FilterConfig(OptionsBeside):
         description="For a sensor's name, the kind of sensor (`trackbench list sensors` shows them) that the tracker "
         "takes it for, in place of what it is: shows what a wrong sensor model costs.",
     )
+    associate: AssociateConfig | None = Field(
+        None,
+        description="Follows several objects from detections of hidden identities: how it associates them, and when "
+        "its tracks begin and end. Tracks then start from one detection, with initial: {from: first_reading, velocity: "
+        "range_rate} unless given.",
+    )
     sweep: Sweep = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one_detection(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("associate") is not None:
+            return {"initial": {"from": "first_reading", "velocity": "range_rate"}, **data}
+        return data
 
     @property
     def sensors_used(self) -> list[str] | None:
@@ -219,8 +234,19 @@ class FilterConfig(OptionsBeside):
             if diagonal is not None and len(diagonal) != len(components):
                 needed = f"motion {motion} needs {len(components)} variances ({', '.join(components)})"
                 yield Problem(at, f"{needed}, not {len(diagonal)}")
+        if self.associate is not None:
+            yield from self._not_associated()
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
+
+    def _not_associated(self) -> Iterator[Problem]:
+        """What a tracker of one object has and one of several has not."""
+        if self.initial.source != "first_reading":
+            message = "with associate a track starts from one detection: use from: first_reading"
+            yield Problem(("initial", "from"), message)
+        for key in ("skip", "waiting"):
+            if key in self.initial.model_fields_set:
+                yield Problem(("initial", key), "not used with associate, which has confirm; remove it")
 
 
 class PluginConfig(Config):

@@ -52,8 +52,11 @@ def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: Tenta
     after = _taken_in(waiting, scan, position, counts)
     if config.source == "first_reading":
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
-        velocity = velocity if config.velocity == "radial" else np.zeros_like(velocity)
-        belief = motion.from_cartesian(_from_one(position, velocity, config.velocity_sigma_mps), sigmas(config))
+        velocity = np.zeros_like(velocity) if config.velocity == "zero" else velocity
+        known = _from_one(position, velocity, config.velocity_sigma_mps)
+        if config.velocity == "range_rate":
+            known = _with_range_rate(known, scan)
+        belief = motion.from_cartesian(known, sigmas(config))
         return Start(counts, _stated(belief, config), after)
     elapsed = scan.time - waiting.time
     ready = counts & (elapsed > 0.0)
@@ -94,6 +97,20 @@ def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gau
     covariance[:2, :2] = position.covariance
     covariance[2, 2] = covariance[3, 3] = velocity_sigma**2
     return Gaussian(np.concatenate([position.mean, velocity]), covariance)
+
+
+def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
+    """The belief with the variance of the range rate along the line of sight, if the sensor measures it."""
+    components = SENSOR_MODELS[scan.kind].components
+    if "range_rate" not in components:
+        return belief
+    i = components.index("range_rate")
+    sight = belief.mean[:2] - linalg.expand(scan.sensor_pose[:2], belief.mean)
+    sight = sight / np.hypot(*sight)
+    loss = belief.covariance[2, 2] - scan.noise_covariance[i, i]
+    covariance = belief.covariance.copy()
+    covariance[2:, 2:] -= loss * sight[:, None] * sight[None]
+    return Gaussian(belief.mean, covariance)
 
 
 def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.clear import object_of_each
 from trackbench.traffic_metrics.histories import FALSE_ALARM, NO_DETECTION, Associations
 from trackbench.types import Indices
 
@@ -51,8 +52,7 @@ def association_counts(counted: Counted, matched: NearPairs, taken: Associations
 def _own_objects(counted: Counted, matched: NearPairs) -> Indices:
     """``(T, tracks)``, -1 where a track has none yet."""
     steps = len(counted.due)
-    object_of = np.full((steps, len(counted.ids)), -1)
-    object_of[matched.instant, matched.track] = matched.object
+    object_of = object_of_each(matched, steps, len(counted.ids))
     last = np.maximum.accumulate(np.where(object_of >= 0, np.arange(steps)[:, None], -1), axis=0)
     before = np.vstack([np.full((1, last.shape[1]), -1), last[:-1]])
     earlier = np.take_along_axis(object_of, np.maximum(before, 0), axis=0)

@@ -10,7 +10,7 @@ from trackbench.traffic_metrics.assignment import NearPairs
 from trackbench.traffic_metrics.matching import matched_in_group, parts_of
 from trackbench.types import Array, Indices, Mask
 
-NO_TRACK = -1
+NO_TRACK = NOBODY = -1
 
 
 class Switches(NamedTuple):
@@ -39,7 +39,7 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
     rows, columns = objects.shape[1], tracks.shape[1]
     at_object, at_column = pairs.instant * rows + pairs.object, pairs.instant * columns + pairs.column
     alone = (np.bincount(at_object)[at_object] == 1) & (np.bincount(at_column)[at_column] == 1)
-    matched = alone.copy()
+    matched: Mask = alone.copy()
     track_of = np.full(objects.shape, NO_TRACK)
     track_of[pairs.instant[alone], pairs.object[alone]] = pairs.track[alone]
     before = _instants_before(np.asarray(objects.any(axis=1) & tracks.any(axis=1)))
@@ -55,19 +55,26 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
             now = np.concatenate([now, won])
         matched[now] = True
         track_of[instant, pairs.object[now]] = pairs.track[now]
-    return matched
+    return np.asarray(matched)
 
 
 def _instants_before(counts: Mask) -> Indices:
     """``(T,)`` the last earlier instant that counts, -1 where there is none."""
-    last = np.maximum.accumulate(np.where(counts, np.arange(len(counts)), -1))
-    return np.asarray(np.concatenate([[-1], last[:-1]]))
+    last: Indices = np.maximum.accumulate(np.where(counts, np.arange(len(counts)), -1))
+    return np.concatenate([[-1], last[:-1]])
 
 
 def _among(values: Indices, some: Indices, size: int) -> Mask:
     mark = np.zeros(size, dtype=bool)
     mark[some] = True
     return np.asarray(mark[values])
+
+
+def object_of_each(matched: NearPairs, steps: int, tracks: int) -> Indices:
+    """``(T, tracks)`` the object that each track is matched with, ``NOBODY`` where there is none."""
+    object_of = np.full((steps, tracks), NOBODY)
+    object_of[matched.instant, matched.track] = matched.object
+    return object_of
 
 
 def track_of_each(matched: NearPairs, shape: tuple[int, ...]) -> Indices:

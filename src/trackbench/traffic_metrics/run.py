@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from trackbench.traffic_metrics.assignment import Counted, NearPairs, count
 from trackbench.traffic_metrics.association import association_counts
 from trackbench.traffic_metrics.clear import Switches, clear_matches, resumptions, switches, track_of_each
+from trackbench.traffic_metrics.events import TrafficEvent, events
 from trackbench.traffic_metrics.existence import ExistenceBins, existence_bins
 from trackbench.traffic_metrics.gospa import GospaParts, gospa
 from trackbench.traffic_metrics.histories import Associations, TrackHistory, TruthHistory
@@ -17,6 +19,7 @@ from trackbench.traffic_metrics.identity import identity
 from trackbench.traffic_metrics.lifetimes import durations, false_tracks, latencies, lost, purity
 from trackbench.traffic_metrics.matched import matched_errors
 from trackbench.traffic_metrics.ospa import ospa, ospa2
+from trackbench.traffic_metrics.strips import strips
 from trackbench.traffic_metrics.tgospa import tgospa
 from trackbench.types import Array
 
@@ -45,6 +48,10 @@ class RunScores(NamedTuple):
     """``(N,)`` s until each object was tracked, NaN for those that never were due."""
     existence: ExistenceBins | None
     """None where the tracks have no existence probability."""
+    events: tuple[TrafficEvent, ...]
+    """In the order of time."""
+    strips: npt.NDArray[np.int8]
+    """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
     tgospa_exact: bool
     """Whether T-GOSPA is exact, and not the value of its linear program."""
 
@@ -61,6 +68,7 @@ def score_run(
     pairs = counted.pairs
     matched = pairs.where(clear_matches(pairs, 1 - pairs.distance / (2 * options.cutoff), counted.due, counted.present))
     track_of = track_of_each(matched, counted.due.shape)
+    changes = switches(track_of)
     duration = durations(truth.time)
     parts, waited = gospa(counted), latencies(track_of, counted.due, duration)
     trajectory = tgospa(counted, options.switch)
@@ -77,7 +85,7 @@ def score_run(
         "ospa": (float(ospa(counted, parts).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
         **_detection_and_association(counted),
-        **_counts(counted, matched, switches(track_of), duration, int(resumptions(track_of, counted.due).sum())),
+        **_counts(counted, matched, changes, duration, int(resumptions(track_of, counted.due).sum())),
         **_latency(waited),
         "lost_time_share": lost(track_of, counted.due),
         "track_purity": purity(matched, counted.due.shape[1], len(counted.ids)),
@@ -88,7 +96,13 @@ def score_run(
         values |= {f"association_{name}": (float(share), float(sum(found))) for name, share in found._asdict().items()}
     bins = None if tracks.existence is None else existence_bins(counted, matched, tracks.existence)
     return RunScores(
-        {path: sums for path, sums in values.items() if sums[1] > 0}, parts, waited, bins, trajectory.exact
+        values={path: sums for path, sums in values.items() if sums[1] > 0},
+        gospa=parts,
+        latencies=waited,
+        existence=bins,
+        events=events(truth, tracks, counted, matched, track_of, changes, options.switch),
+        strips=strips(track_of, counted.due, changes),
+        tgospa_exact=trajectory.exact,
     )
 
 

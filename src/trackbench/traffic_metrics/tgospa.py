@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.traffic_metrics.assignment import Counted
-from trackbench.traffic_metrics.trajectory_paths import ROUNDING, Couples, Weights, solve_one, solve_together
+from trackbench.traffic_metrics.couples import Couples
+from trackbench.traffic_metrics.trajectory_paths import ROUNDING, Weights, solve_one, solve_together
 from trackbench.types import Array, Indices
 
 

@@ -6,21 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.traffic_metrics.couples import Couples, Settled, settled
 from trackbench.traffic_metrics.trajectory_program import relaxed_weights
-from trackbench.types import Array, Indices, Mask
+from trackbench.types import Array, Mask
 
 #: Joint assignments of a group up to which it is solved by dynamic programming.
-LARGEST = 256
+LARGEST = 64
 ROUNDING = 1e-9
-
-
-class Couples(NamedTuple):
-    """Couples ``(E,)`` of an object and a track that are near each other at some instant."""
-
-    object: Indices
-    track: Indices
-    gain: Array
-    """``(T, E)`` what it saves to have them assigned to each other."""
 
 
 class Weights(NamedTuple):
@@ -49,20 +41,20 @@ def solve_one(couples: Couples, half: float) -> Weights:
     """
     if np.any(constant := _kept_throughout(couples, half)):
         return Weights(couples, np.broadcast_to(constant.astype(float), couples.gain.shape), True)
-    return Weights(couples, _path_of_one(couples.gain, half)[0], True)
+    return Weights(couples, _path_of_one(couples.gain, half), True)
 
 
 def solve_together(couples: Couples, half: float) -> Weights:
     """The optimum for several objects that compete for tracks."""
-    bound, bounded, useful = _bounds(couples, half)
-    if bound:
-        return Weights(couples, bounded, True)
+    plain = settled(couples, half)
+    useful = plain.assigned.any(axis=0) | np.any(couples.gain * plain.open > 0, axis=0)
     couples = Couples(couples.object[useful], couples.track[useful], couples.gain[:, useful])
+    plain = Settled(plain.assigned[:, useful], plain.open[:, useful])
     members = _joint_assignments(couples)
-    if members is None:
-        weight = relaxed_weights(couples.object, couples.track, couples.gain, half)
-        return Weights(couples, weight, bool(np.all(np.minimum(weight, 1 - weight) < ROUNDING)))
-    return Weights(couples, _joint_path(couples.gain, members, half), True)
+    if members is not None:
+        return Weights(couples, _joint_path(couples.gain, members, plain, half), True)
+    weight = relaxed_weights(couples, plain, half)
+    return Weights(couples, weight, bool(np.all(np.minimum(weight, 1 - weight) == 0)))
 
 
 def _kept_throughout(couples: Couples, half: float) -> Mask:
@@ -75,58 +67,39 @@ def _kept_throughout(couples: Couples, half: float) -> Mask:
     return found
 
 
-def _costs(gain: Array, half: float) -> Array:
-    """``(T, E + 1)`` least cost up to each instant, ending with each couple or, last, with none."""
-    saved = np.hstack([gain, np.zeros((len(gain), 1))])
+def _costs(saved: Array, half: float) -> Array:
+    """``(T, E + 1)`` least cost up to each instant that ends with each couple or, last, with none."""
     costs = np.empty_like(saved)
-    cost = np.zeros(saved.shape[1])
+    cost = np.zeros_like(saved[0])
     for k, now in enumerate(saved):
         free = min(cost[-1], cost[:-1].min() + half)
-        cost = np.minimum(cost, free + half)
+        np.minimum(cost, free + half, out=cost)
         cost[-1] = free
         cost -= now
         costs[k] = cost
     return costs
 
 
-def _path_of_one(gain: Array, half: float) -> tuple[Array, float]:
-    """``(T, E)`` the couple to take at each instant, and the cost."""
-    costs = _costs(gain, half)
+def _path_of_one(gain: Array, half: float) -> Array:
+    """``(T, E)`` the couple to take at each instant.
+
+    While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
+    """
+    saved = np.hstack([gain, np.zeros((len(gain), 1))])
+    order = np.argsort(saved, axis=1, kind="stable")
+    starts = np.concatenate([[0], np.flatnonzero(np.any(order[1:] != order[:-1], axis=1)) + 1])
+    costs = _costs(np.add.reduceat(saved, starts, axis=0), half)
     none = gain.shape[1]
     change = np.full(none + 1, 2 * half)
     change[none] = half
-    taken = np.empty(len(gain), dtype=np.intp)
+    taken = np.empty(len(starts), dtype=np.intp)
     taken[-1] = now = int(np.argmin(costs[-1]))
-    for k in range(len(gain) - 2, -1, -1):
+    for k in range(len(starts) - 2, -1, -1):
         before = costs[k] + (change if now != none else half)
         before[now] = costs[k, now]
         taken[k] = now = int(np.argmin(before))
-    return (taken[:, None] == np.arange(none)).astype(float), float(costs[-1].min())
-
-
-def _bounds(couples: Couples, half: float) -> tuple[bool, Array, Mask]:
-    """Whether solving one object after another is optimal, that solution, and ``(E,)`` the couples of any optimum.
-
-    Each object alone gives a lower bound, for the whole and for every couple; one after another, with the tracks that
-    are taken left out, an upper one. What does not fit between them is no part of an optimum.
-    """
-    upper = lower = 0.0
-    weight = np.zeros(couples.gain.shape)
-    excess = np.zeros(len(couples.object))
-    taken = np.zeros((len(weight), couples.track.max() + 1), dtype=bool)
-    for item in np.unique(couples.object):
-        own = np.flatnonzero(couples.object == item)
-        gain, track = couples.gain[:, own], couples.track[own]
-        path, cost = _path_of_one(np.where(taken[:, track], -np.inf, gain), half)
-        weight[:, own] = path
-        upper += cost
-        taken[:, track] |= path > 0
-        through = _costs(gain, half)[:, :-1] + _costs(gain[::-1], half)[::-1, :-1] + gain
-        alone = float(_costs(gain, half)[-1].min())
-        excess[own] = through.min(axis=0) - alone
-        lower += alone
-    slack = upper - lower + ROUNDING
-    return slack <= 2 * ROUNDING, weight, excess <= slack
+    path = np.repeat(taken, np.diff(starts, append=len(gain)))
+    return np.asarray(path[:, None] == np.arange(none), dtype=float)
 
 
 def _joint_assignments(couples: Couples) -> Array | None:
@@ -148,18 +121,19 @@ def _joint_assignments(couples: Couples) -> Array | None:
     return members
 
 
-def _joint_path(gain: Array, members: Array, half: float) -> Array:
+def _joint_path(gain: Array, members: Array, plain: Settled, half: float) -> Array:
     """``(T, E)`` the couples to take at each instant."""
     sizes = members.sum(axis=1)
     change = half * (sizes[:, None] + sizes - 2 * members @ members.T)
-    saved = gain @ members.T
-    cost = -saved[0]
-    before = np.empty(saved.shape, dtype=np.intp)
+    contradictions = plain.assigned @ (1 - members.T) + (~plain.assigned & ~plain.open) @ members.T
+    costs = np.where(contradictions > 0, np.inf, -(gain @ members.T))
+    before = np.empty(costs.shape, dtype=np.intp)
     everyone = np.arange(len(members))
+    cost = costs[0]
     for k in range(1, len(gain)):
         total = change + cost
         before[k] = total.argmin(axis=1)
-        cost = total[everyone, before[k]] - saved[k]
+        cost = total[everyone, before[k]] + costs[k]
     now = int(np.argmin(cost))
     taken = np.empty(len(gain), dtype=np.intp)
     for k in range(len(gain) - 1, -1, -1):

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import Belief, SigmaPointFilter, Update, classic
-from trackbench.filters.base import correct
+from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic
+from trackbench.filters.base import take_in
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
 from trackbench.trackers.config import FilterConfig
@@ -32,10 +32,10 @@ class FaultyUkf(SigmaPointFilter):
     def predict(self, belief: Belief, dt: float) -> Belief:
         return super().predict(belief._replace(factor=stopped_cholesky(belief.covariance)), dt)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
+    def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         motion, sensor, points = self.motion, SENSOR_MODELS[scan.kind], belief.points
         if points is None:
-            return super().update(belief, scan)
+            return super().predict_measurement(belief, scan)
         _, _, centre, other = self.rule.weights((points.shape[1] - 1) // 2)
         weights = np.full(points.shape[1], other)
         weights[0] = centre
@@ -44,10 +44,14 @@ class FaultyUkf(SigmaPointFilter):
         deviations = difference(seen, expected[:, None], sensor.angular)
         state_deviations = difference(points, belief.mean[:, None], motion.angular)
         s = np.einsum("s,is...,js...->ij...", weights, deviations, deviations)
-        s += linalg.expand(scan.noise_covariance, s)
         cross = np.einsum("s,is...,js...->ij...", weights, deviations, state_deviations)
-        innovation = difference(scan.measurement, expected, sensor.angular)
-        return correct(belief, innovation, s, cross, scan.valid, motion.angular)
+        return PredictedMeasurement(expected, s, cross)
+
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+        if belief.points is None:
+            return super().update(belief, scan, predicted)
+        predicted = predicted or self.predict_measurement(belief, scan)
+        return take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
 
 
 class FaultyTracker(FilterTracker):

@@ -1,0 +1,72 @@
+"""One detection for a track, one track for a detection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from trackbench.multi.gate import Pairs
+from trackbench.types import Array, Indices
+
+
+def best_assignment(pairs: Pairs, weight: Array, run: Indices) -> Indices:
+    """Those pairs, each track and each detection in at most one, whose weights have the largest sum.
+
+    Args:
+        pairs: of all runs.
+        weight: ``(P,)``; a pair of negative weight is never taken.
+        run: ``(P,)`` of each pair, ascending.
+    """
+    worth = np.flatnonzero(weight > 0.0)
+    track, detection = pairs.track[worth], pairs.detection[worth]
+    alone = (np.bincount(track)[track] == 1) & (np.bincount(detection)[detection] == 1) if len(worth) else worth > 0
+    contested = worth[~alone]
+    taken: list[Indices] = [worth[alone]]
+    for part in _split(contested, run[contested]):
+        rows, row = np.unique(pairs.track[part], return_inverse=True)
+        columns, column = np.unique(pairs.detection[part], return_inverse=True)
+        value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
+        value[row, column], index[row, column] = weight[part], part
+        chosen = index[_solver()(value, maximize=True)]
+        taken.append(chosen[chosen >= 0])
+    return np.sort(np.concatenate(taken))
+
+
+def in_order_of_list(pairs: Pairs) -> Indices:
+    """Each detection, in the order of the list, with the nearest track that has none yet."""
+    taken_tracks, taken_detections, taken = set(), set(), []
+    for pair in np.lexsort((pairs.distance, pairs.detection)):
+        track, detection = pairs.track[pair], pairs.detection[pair]
+        if track not in taken_tracks and detection not in taken_detections:
+            taken_tracks.add(track)
+            taken_detections.add(detection)
+            taken.append(pair)
+    return np.sort(np.array(taken, dtype=np.intp))
+
+
+def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices]:
+    """Tracks and detections of the same object.
+
+    Args:
+        track: ``(L,)`` a number for the run and object of each track.
+        detection: ``(N,)`` the same of each detection; negative for false alarms.
+    """
+    order = np.argsort(detection, kind="stable")
+    place = np.searchsorted(detection[order], track)
+    found = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
+    same = np.flatnonzero(detection[found] == track) if len(order) else found
+    return same, found[same]
+
+
+def _split(values: Indices, group: Indices) -> Sequence[Indices]:
+    """``values`` by their group, which ascends."""
+    return np.split(values, np.flatnonzero(np.diff(group)) + 1) if len(values) else []
+
+
+def _solver() -> Any:
+    # A scenario that is only checked need not wait for this import.
+    from scipy.optimize import linear_sum_assignment
+
+    return linear_sum_assignment

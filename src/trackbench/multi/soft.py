@@ -1,0 +1,76 @@
+"""Association that weighs all possibilities: each track takes the mean of what it would be with each detection."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.filters.base import wrap_components
+from trackbench.multi.gate import Pairs
+from trackbench.multi.hard import Association, Situation, updates
+from trackbench.multi.marginals import marginals
+from trackbench.multi.table import NONE
+from trackbench.types import Array, Indices
+from trackbench.units import difference
+
+
+def weighed(at: Situation, pairs: Pairs, existence: Array | None, density: float, max_cluster: int) -> Association:
+    """Joint probabilistic data association, with or without existence probabilities.
+
+    Source: Fortmann, Bar-Shalom and Scheffe (1983), "Sonar tracking of multiple targets using joint probabilistic
+    data association"; with existence Musicki and Evans (2004), "Joint integrated probabilistic data association:
+    JIPDA", and Williams (2015), "Marginal multi-Bernoulli filters", equations 36 to 52, whose Bernoulli components are
+    the same.
+
+    Args:
+        at: the situation.
+        pairs: in the gates.
+        existence: ``(L,)`` predicted probability that the object exists; None: it does.
+        density: of detections that stem from none of the tracks.
+        max_cluster: size of cluster up to which the association probabilities are exact.
+    """
+    track, detection = pairs.track, pairs.detection
+    count, detections = len(at.run), len(at.detections.run)
+    exists = np.ones(count) if existence is None else existence
+    hit = exists[track] * at.detection_probability[track] * np.exp(pairs.log_likelihood) / density
+    missed_existing, unseen = exists * at.miss, 1.0 - exists + exists * at.miss
+    share = marginals(track, detection, hit / unseen[track], (count, detections), max_cluster)
+    none = np.maximum(1.0 - np.bincount(track, share, count), 0.0)
+    kept = none * missed_existing / unseen
+    after = np.minimum(kept + np.bincount(track, share, count), 1.0)
+    mean, covariance = _mixture(at, track, detection, share / after[track], kept / after)
+    unclaimed = np.maximum(1.0 - np.bincount(detection, share, detections), 0.0)
+    ratio = np.log(unseen + np.bincount(track, hit, count))
+    used = _largest(track, detection, share, none)
+    return Association(mean, covariance, used, unclaimed, ratio, None if existence is None else after)
+
+
+def _mixture(at: Situation, track: Indices, detection: Indices, share: Array, kept: Array) -> tuple[Array, Array]:
+    """Mean and covariance ``(n, L)`` of the mixture of the prediction and of the update with each detection.
+
+    For a gain that is the same for each detection this is the usual covariance with the spread of the innovations.
+    """
+    mean, covariance = at.belief.mean.copy(), at.belief.covariance.copy()
+    if not len(track):
+        return mean, covariance
+    angular = at.filter.motion.angular
+    updated = updates(at, track, detection)
+    offset = difference(updated.mean, mean[:, track], angular)
+    begins = np.flatnonzero(np.diff(track, prepend=-1))
+    own = track[begins]
+    shift = np.add.reduceat(share * offset, begins, axis=-1)
+    spread = share * (updated.covariance + offset[:, None] * offset[None])
+    spread = np.add.reduceat(spread, begins, axis=-1) - shift[:, None] * shift[None]
+    mean[:, own] = wrap_components(mean[:, own] + shift, angular)
+    covariance[..., own] = linalg.symmetrise(kept[own] * covariance[..., own] + spread)
+    return mean, covariance
+
+
+def _largest(track: Indices, detection: Indices, share: Array, none: Array) -> Indices:
+    """``(L,)`` the detection of the largest share of each track, -1 where none is likelier."""
+    used, largest = np.full(len(none), NONE), none.copy()
+    # The last of several writes to the same place stays.
+    order = np.argsort(share, kind="stable")
+    order = order[share[order] > largest[track[order]]]
+    used[track[order]] = detection[order]
+    return used

@@ -1,0 +1,100 @@
+"""The tracks of all runs side by side."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.models.motion import MotionModel
+from trackbench.types import Array, Gaussian, Indices, Mask, Tracks
+
+#: The id of a track that is not confirmed, and what stands for "none" wherever an index is expected.
+NONE = -1
+
+
+class TrackTable(NamedTuple):
+    """The L tracks of all runs, those of a run together and in the order in which they began."""
+
+    run: Indices
+    """``(L,)``"""
+    id: Indices
+    """``(L,)`` counts up from 0 within a run as tracks are confirmed; -1 before."""
+    mean: Array
+    """``(n, L)``"""
+    covariance: Array
+    """``(n, n, L)``"""
+    seen: Array
+    """``(L,)`` time of the latest detection, s."""
+    evidence: Array
+    """``(k, L)`` what speaks for each track; ``management`` knows what it means."""
+    used: Indices
+    """``(L,)`` the column that it took in from the latest scan; -1 for none."""
+    origin: Indices
+    """``(L,)`` number of the object that started it, where the tracker is told; else -1."""
+
+    def select(self, which: Mask | Indices) -> TrackTable:
+        """Some of the tracks."""
+        return TrackTable(*(values[..., which] for values in self))
+
+
+def empty(components: int, evidence: int) -> TrackTable:
+    """No tracks, of so many components of the state and of the evidence."""
+    none = np.zeros(0, dtype=np.intp)
+    size = components
+    states = np.zeros((size, 0)), np.zeros((size, size, 0))
+    return TrackTable(none, none, *states, np.zeros(0), np.zeros((evidence, 0)), none, none)
+
+
+def joined(table: TrackTable, more: TrackTable, runs: int) -> TrackTable:
+    """Both, the tracks of a run together and ``more`` behind the others."""
+    both = TrackTable(*(np.concatenate(pair, axis=-1) for pair in zip(table, more, strict=True)))
+    return both if runs == 1 else both.select(np.argsort(both.run, kind="stable"))
+
+
+def rank_in_run(run: Indices, runs: int) -> Indices:
+    """The how-manieth of its run each is, of ascending runs ``(...)``."""
+    counts = np.bincount(run, minlength=runs)
+    return np.arange(len(run)) - (np.cumsum(counts) - counts)[run]
+
+
+def numbered(table: TrackTable, confirmed: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
+    """The table with ids for the tracks that are confirmed now, and the next id of each run ``(runs,)``."""
+    fresh = np.flatnonzero(confirmed & (table.id == NONE))
+    if not len(fresh):
+        return table, next_id
+    run = table.run[fresh]
+    ids = table.id.copy()
+    ids[fresh] = next_id[run] + rank_in_run(run, len(next_id))
+    return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
+
+
+def reported(table: TrackTable, motion: MotionModel, existence: Array | None, runs: int) -> Tracks:
+    """The confirmed tracks as arrays with a last axis of runs, padded.
+
+    Args:
+        table: of all tracks.
+        motion: of their states.
+        existence: ``(L,)``, if the tracker has it.
+        runs: how many.
+    """
+    which = np.flatnonzero(table.id != NONE)
+    run = table.run[which]
+    mean, covariance = motion.cartesian_belief(Gaussian(table.mean[:, which], table.covariance[..., which]))
+    probability = None if existence is None else existence[which]
+    if runs == 1:
+        given = (table.id[which], mean, covariance, probability, table.used[which])
+        return Tracks(*(None if part is None else part[..., None] for part in given))  # type: ignore[arg-type]
+    place = (rank_in_run(run, runs), run)
+    shape = (int(place[0].max(initial=-1)) + 1, runs)
+    tracks = Tracks(
+        np.full(shape, NONE),
+        np.full((4, *shape), np.nan),
+        np.full((4, 4, *shape), np.nan),
+        None if probability is None else np.full(shape, np.nan),
+        np.full(shape, NONE),
+    )
+    for into, values in zip(tracks, (table.id[which], mean, covariance, probability, table.used[which]), strict=True):
+        if into is not None:
+            into[(..., *place)] = values
+    return tracks

@@ -1,0 +1,219 @@
+"""A tracker of several objects: a filter, an association and a rule for tracks to begin and end."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from trackbench.distributions import chi_square_quantile
+from trackbench.filters import Belief, Filter
+from trackbench.multi import assign
+from trackbench.multi.detections import Detections, side_by_side
+from trackbench.multi.gate import gated, in_view
+from trackbench.multi.hard import Association, Situation, decided
+from trackbench.multi.intensity import intensity
+from trackbench.multi.management import Judged, TrackLogic, track_logic
+from trackbench.multi.soft import weighed
+from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
+from trackbench.trackers.associate import COUNTING, AssociateConfig
+from trackbench.trackers.base import require_in_sequence
+from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.initial import start
+from trackbench.types import Array, Indices, Scan, Tracks
+
+#: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
+CLAIMED = 0.5
+
+
+class MultiObjectState(NamedTuple):
+    """What the tracker knows after a scan."""
+
+    time: float
+    """Of the latest scan at which the state advanced, s."""
+    table: TrackTable
+    next_id: Indices
+    """``(runs,)``"""
+    undetected: float
+    """Expected number of objects in the field of view that have no track."""
+
+
+@dataclass(frozen=True)
+class MultiObjectTracker:
+    """Follows several objects by detections that nobody labelled, in one run or in many runs at once.
+
+    The tracks of all runs lie side by side, ``(n, L)``, each with the number of its run: none waits unused, and a run
+    may have as many as it needs.
+    """
+
+    filter: Filter
+    associate: AssociateConfig
+    initial: InitialConfig
+    sensor_models: Mapping[str, str] = field(default_factory=dict)
+    """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose detections it takes in; None: all."""
+    advance_at: AdvanceAt = "own_scans"
+
+    batched: ClassVar = True
+    multi_object: ClassVar = True
+
+    @property
+    def wants_origins(self) -> bool:
+        """Whether ``step`` is to be told which object caused each detection."""
+        return self.associate.method == "oracle"
+
+    def step(
+        self, state: MultiObjectState | None, scan: Scan, origins: Indices | None = None
+    ) -> tuple[MultiObjectState, Tracks]:
+        """Predict to the scan's time, associate its detections, and let tracks begin and end.
+
+        Args:
+            state: None at first.
+            scan: of one run (``measurement`` ``(m, D)``) or of many (``(m, D, runs)``).
+            origins: ``(D,)`` or ``(D, runs)`` number of the object that caused each detection, negative for none;
+                only for the oracle.
+
+        Raises:
+            TrackbenchError: the scan is older than the state.
+        """
+        if scan.valid.ndim == 1:
+            one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
+            state, tracks = self.step(state, one, None if origins is None else origins[:, None])
+            return state, Tracks(*(None if part is None else part[..., 0] for part in tracks))  # type: ignore[arg-type]
+        scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
+        runs = scan.valid.shape[1]
+        state = state or self._nothing_yet(scan.time, runs)
+        require_in_sequence(scan, state.time)
+        ahead, belief = self._predicted(state, scan.time)
+        if self._reads(scan.sensor):
+            return self._after(ahead, belief, scan, origins)
+        asked = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
+        return (ahead if self.advance_at == "all_scans" else state), self._tracks(asked, runs)
+
+    def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
+        table = empty(len(self.filter.motion.components), self._logic.size)
+        return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), self.associate.undetected)
+
+    def _predicted(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Belief]:
+        """The state at a later time, and the belief with what the filter can reuse for its update."""
+        elapsed, table, config = time - state.time, state.table, self.associate
+        survival = float(np.exp(-elapsed / config.lifetime_s))
+        undetected = state.undetected * survival + config.new_objects_per_s * elapsed
+        belief = Belief(table.mean, table.covariance)
+        if len(table.run):
+            belief = self.filter.predict(belief, elapsed)
+        evidence = self._logic.after_time(table.evidence, survival)
+        table = table._replace(mean=belief.mean, covariance=belief.covariance, evidence=evidence)
+        return MultiObjectState(time, table, state.next_id, undetected), belief
+
+    def _after(
+        self, ahead: MultiObjectState, belief: Belief, scan: Scan, origins: Indices | None
+    ) -> tuple[MultiObjectState, Tracks]:
+        config, runs = self.associate, len(ahead.next_id)
+        detections = side_by_side(scan, as_listed=config.method == "naive")
+        origin = None if origins is None else origins[detections.column, detections.run]
+        at = self._situation(ahead, belief, detections)
+        found = self._associated(at, ahead.table, origin)
+        table = self._judged(ahead.table, found, at)
+        if self.initial.sensors is None or scan.sensor in self.initial.sensors:
+            table = joined(table, self._begun(at, found.unclaimed, origin), runs)
+        confirmed = (table.id != NONE) | self._logic.confirms(table.evidence)
+        table, next_id = numbered(table, confirmed, ahead.next_id)
+        undetected = ahead.undetected * (1.0 - self._stated_probability(scan))
+        return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
+
+    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: Detections) -> Situation:
+        scan, run = detections.scan, ahead.table.run
+        position = self.filter.motion.to_cartesian(belief.mean)[:2]
+        predicted = self.filter.predict_measurement(belief, scan)
+        expected = intensity(
+            scan, len(predicted.mean), self.associate, ahead.undetected, self.initial.velocity_sigma_mps
+        )
+        probability = np.where(in_view(position, scan), self._stated_probability(scan), 0.0)
+        return Situation(self.filter, belief, predicted, detections, run, probability, self.associate.gate, expected)
+
+    def _associated(self, at: Situation, table: TrackTable, origin: Indices | None) -> Association:
+        config, probability = self.associate, self._stated_probability(at.detections.scan)
+        if config.method == "oracle":
+            assert origin is not None
+            return _by_origin(at, table.origin, origin)
+        measured = self.filter.measured(at.detections.scan)
+        threshold = float(chi_square_quantile(config.gate, len(at.predicted.mean)))
+        pairs = gated(at.predicted, measured, at.detections, at.run, threshold)
+        # What is in a gate has been in view.
+        at.detection_probability[pairs.track] = probability
+        if config.method == "naive":
+            chosen = assign.in_order_of_list(pairs)
+            return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
+        false_alarms, new_objects = at.intensity.false_alarms, at.intensity.new_objects * probability
+        if config.method == "gnn":
+            ratio = np.log(probability / false_alarms) + pairs.log_likelihood
+            chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
+            return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
+        density = false_alarms + (new_objects if config.method == "pmb" else 0.0)
+        return weighed(at, pairs, self._existence(table), density, config.max_cluster)
+
+    def _judged(self, before: TrackTable, found: Association, at: Situation) -> TrackTable:
+        """The tracks after the scan, without those that end."""
+        hit, detections, time = found.detection != NONE, at.detections, at.detections.scan.time
+        visible = at.detection_probability > 0.0
+        evidence = self._logic.after_scan(before.evidence, Judged(hit, visible | hit, found.log_ratio, found.existence))
+        used = np.full(len(hit), NONE)
+        used[hit] = detections.column[found.detection[hit]]
+        seen = np.where(hit, time, before.seen)
+        ends = self._logic.deletes(evidence, before.id != NONE) | (time - seen >= self.associate.delete_after_s)
+        after = before._replace(mean=found.mean, covariance=found.covariance, evidence=evidence, used=used, seen=seen)
+        return after.select(~ends)
+
+    def _begun(self, at: Situation, unclaimed: Array, origin: Indices | None) -> TrackTable:
+        """A track for each detection that probably stems from none."""
+        config, scan = self.associate, at.detections.scan
+        existence: Array | None = None
+        if config.method in COUNTING:
+            which = unclaimed > CLAIMED
+        else:
+            new = at.intensity.new_objects * self._stated_probability(scan)
+            existence = unclaimed * new / (at.intensity.false_alarms + new)
+            which = existence >= config.delete_existence
+        if origin is not None:
+            which &= origin >= 0
+        own = np.flatnonzero(which)
+        of = scan._replace(measurement=scan.measurement[:, own], valid=scan.valid[own])
+        belief = start(self.filter.motion, self.initial, of, None).belief
+        return TrackTable(
+            at.detections.run[own],
+            np.full(len(own), NONE),
+            belief.mean,
+            belief.covariance,
+            np.full(len(own), scan.time),
+            self._logic.begun(len(own), None if existence is None else existence[own]),
+            at.detections.column[own],
+            np.full(len(own), NONE) if origin is None else origin[own],
+        )
+
+    def _stated_probability(self, scan: Scan) -> float:
+        stated = 1.0 if scan.detection_probability is None else scan.detection_probability
+        return self.associate.detection_probability.get(scan.sensor, stated)
+
+    def _tracks(self, table: TrackTable, runs: int) -> Tracks:
+        return reported(table, self.filter.motion, self._existence(table), runs)
+
+    def _existence(self, table: TrackTable) -> Array | None:
+        return None if self.associate.method in COUNTING else table.evidence[0]
+
+    def _reads(self, sensor: str) -> bool:
+        return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
+
+    @property
+    def _logic(self) -> TrackLogic:
+        return track_logic(self.associate)
+
+
+def _by_origin(at: Situation, of_track: Indices, of_detection: Indices) -> Association:
+    objects = int(max(of_track.max(initial=-1), of_detection.max(initial=-1))) + 1
+    detection = np.where(of_detection >= 0, at.detections.run * objects + of_detection, NONE)
+    track, taken = assign.of_same_object(at.run * objects + of_track, detection)
+    return decided(at, track, taken, np.zeros(len(track)))

@@ -1,0 +1,116 @@
+"""How a tracker of several objects associates detections with its tracks, and when tracks begin and end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from trackbench.config import Config, NonNegative, Positive, Probability, Problem
+
+AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
+Fraction = Annotated[float, Field(gt=0, lt=1)]
+
+#: Methods that confirm tracks by counting or by score; the others by the probability that the object exists.
+COUNTING = ("gnn", "jpda", "oracle", "naive")
+EXISTENCE = ("jipda", "pmb")
+#: The methods that have a key, where not all have it.
+METHODS: dict[str, tuple[AssociationMethod, ...]] = {
+    "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),
+    "confirm": COUNTING,
+    "confirm_score": COUNTING,
+    "score_drop": COUNTING,
+    "delete_misses": COUNTING,
+    "confirm_existence": EXISTENCE,
+    "delete_existence": EXISTENCE,
+    "lifetime_s": EXISTENCE,
+    "new_objects_per_s": EXISTENCE,
+    "undetected": EXISTENCE,
+    "max_cluster": ("jpda", "jipda", "pmb"),
+}
+#: Most scans within which a track may be confirmed.
+LONGEST_WINDOW = 100
+
+
+class AssociateConfig(Config):
+    """Tracks of several objects from detections that nobody labelled."""
+
+    method: AssociationMethod = Field(
+        description="gnn: global nearest neighbour. jpda: joint probabilistic data association. jipda: the same with "
+        "existence probabilities. pmb: Poisson multi-Bernoulli filter. oracle: knows which object caused each "
+        "detection. naive: each detection, in the order of the list, goes to the nearest track."
+    )
+    gate: Fraction = Field(
+        0.9999,
+        description="Probability that an object's detection falls into the gate of its track (chi-square); not oracle.",
+    )
+    confirm: Annotated[list[int], Field(min_length=2, max_length=2)] | Literal["score"] = Field(
+        [3, 5],
+        description="gnn, jpda, oracle, naive. [M, N]: a track is confirmed with M detections in its first N scans, "
+        "the one that started it included, and deleted as soon as it can no longer have them. score: by the logarithm "
+        "of the likelihood ratio of object and false alarms.",
+    )
+    confirm_score: float = Field(12, gt=0, description="With confirm: score. A track is confirmed at this score.")
+    score_drop: Positive = Field(
+        10, description="With confirm: score. A track is deleted when its score is this far below its largest."
+    )
+    delete_misses: Annotated[int, Field(ge=1, le=10_000)] | None = Field(
+        None,
+        description="gnn, jpda, oracle, naive. A confirmed track is deleted after this many scans in a row without a "
+        "detection, of sensors in whose field of view it was; no such rule unless given.",
+    )
+    delete_after_s: Positive = Field(1, description="A track is deleted this long after its latest detection, s.")
+    confirm_existence: Fraction = Field(
+        0.95, description="jipda and pmb. A track is reported from this probability of existence on."
+    )
+    delete_existence: Fraction = Field(
+        1e-4, description="jipda and pmb. A track is deleted below this probability of existence."
+    )
+    lifetime_s: Positive = Field(
+        60, description="jipda and pmb. Mean time that an object stays, s; existence fades at this rate."
+    )
+    new_objects_per_s: Positive = Field(
+        1,
+        description="jipda and pmb. Expected number of objects per second that come into the field of view.",
+    )
+    undetected: NonNegative = Field(
+        10, description="pmb only. Expected number of objects in the field of view before the first scan."
+    )
+    max_cluster: int = Field(
+        6,
+        ge=0,
+        le=12,
+        description="jpda, jipda, pmb. Tracks and detections that compete form a cluster. With at most this many "
+        "tracks, or detections if these are fewer, its association probabilities are exact; beyond, and with 0 in "
+        "each cluster, by loopy belief propagation.",
+    )
+    detection_probability: dict[str, Probability] = Field(
+        default_factory=dict,
+        description="For a sensor's name, the detection probability that the tracker takes in place of the stated one.",
+    )
+    clutter_density: dict[str, Positive] = Field(
+        default_factory=dict,
+        description="For a sensor's name, the false alarms per unit volume of its measurement space (m, rad, m/s) and "
+        "scan that the tracker takes in place of the stated ones.",
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        given = [name for name in type(self).model_fields if name in self.model_fields_set]
+        for key in given:
+            methods = METHODS.get(key, (self.method,))
+            if self.method not in methods:
+                yield Problem((key,), f"not used with method: {self.method}; remove it, or use {' or '.join(methods)}")
+            elif key in ("confirm_score", "score_drop") and self.confirm != "score":
+                yield Problem((key,), "only used with confirm: score; remove it, or write confirm: score")
+        if self.confirm == "score" and self.method in ("oracle", "naive"):
+            yield Problem(("confirm",), f"method: {self.method} has no score; use [M, N]")
+        elif self.confirm != "score":
+            needed, scans = self.confirm
+            if not 1 <= needed <= scans <= LONGEST_WINDOW:
+                limits = f"1 to N, and N at most {LONGEST_WINDOW}"
+                yield Problem(("confirm",), f"[M, N] needs M from {limits}, not [{needed}, {scans}]")
+        if self.method in EXISTENCE and self.delete_existence >= self.confirm_existence:
+            yield Problem(
+                ("delete_existence",), f"must be less than confirm_existence, which is {self.confirm_existence:g}"
+            )
