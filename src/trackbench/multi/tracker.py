@@ -12,6 +12,7 @@ from trackbench.distributions import chi_square_quantile
 from trackbench.filters import Belief, Filter
 from trackbench.multi import assign
 from trackbench.multi.detections import Detections, side_by_side
+from trackbench.multi.duplicates import duplicates
 from trackbench.multi.gate import gated, in_view
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
@@ -82,7 +83,7 @@ class MultiObjectTracker:
         if scan.valid.ndim == 1:
             one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, one, None if origins is None else origins[:, None])
-            return state, Tracks(*(None if part is None else part[..., 0] for part in tracks))  # type: ignore[arg-type]
+            return state, Tracks._make(None if part is None else part[..., 0] for part in tracks)
         scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
         runs = scan.valid.shape[1]
         state = state or self._nothing_yet(scan.time, runs)
@@ -164,7 +165,9 @@ class MultiObjectTracker:
         used = np.full(len(hit), NONE)
         used[hit] = detections.column[found.detection[hit]]
         seen = np.where(hit, time, before.seen)
-        ends = self._logic.deletes(evidence, before.id != NONE) | (time - seen >= self.associate.delete_after_s)
+        confirmed = before.id != NONE
+        ends = self._logic.deletes(evidence, confirmed) | (time - seen >= self.associate.delete_after_s)
+        ends |= duplicates(found.detection, confirmed, found.mean, found.covariance, self.filter.motion.angular)
         after = before._replace(mean=found.mean, covariance=found.covariance, evidence=evidence, used=used, seen=seen)
         return after.select(~ends)
 

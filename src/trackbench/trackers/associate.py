@@ -13,8 +13,8 @@ AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 #: Methods that confirm tracks by counting or by score; the others by the probability that the object exists.
-COUNTING = ("gnn", "jpda", "oracle", "naive")
-EXISTENCE = ("jipda", "pmb")
+COUNTING: tuple[AssociationMethod, ...] = ("gnn", "jpda", "oracle", "naive")
+EXISTENCE: tuple[AssociationMethod, ...] = ("jipda", "pmb")
 #: The methods that have a key, where not all have it.
 METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),

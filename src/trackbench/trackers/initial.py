@@ -54,7 +54,7 @@ def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: Tenta
         velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
         velocity = np.zeros_like(velocity) if config.velocity == "zero" else velocity
         known = _from_one(position, velocity, config.velocity_sigma_mps)
-        if config.velocity == "range_rate":
+        if config.velocity == "range_rate" and "vx" in motion.components:
             known = _with_range_rate(known, scan)
         belief = motion.from_cartesian(known, sigmas(config))
         return Start(counts, _stated(belief, config), after)
