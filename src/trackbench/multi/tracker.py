@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -19,10 +20,10 @@ from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
-from trackbench.trackers.associate import COUNTING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, SHARING, AssociateConfig
 from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
-from trackbench.trackers.initial import start
+from trackbench.trackers.initial import from_first
 from trackbench.types import Array, Indices, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
@@ -142,8 +143,7 @@ class MultiObjectTracker:
             assert origin is not None
             return _by_origin(at, table.origin, origin)
         measured = self.filter.measured(at.detections.scan)
-        threshold = float(chi_square_quantile(config.gate, len(at.predicted.mean)))
-        pairs = gated(at.predicted, measured, at.detections, at.run, threshold)
+        pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
         # What is in a gate has been in view.
         at.detection_probability[pairs.track] = probability
         if config.method == "naive":
@@ -167,7 +167,8 @@ class MultiObjectTracker:
         seen = np.where(hit, time, before.seen)
         confirmed = before.id != NONE
         ends = self._logic.deletes(evidence, confirmed) | (time - seen >= self.associate.delete_after_s)
-        ends |= duplicates(found.detection, confirmed, found.mean, found.covariance, self.filter.motion.angular)
+        if self.associate.method in SHARING:
+            ends |= duplicates(found.detection, confirmed, found.mean, found.covariance, self.filter.motion.angular)
         after = before._replace(mean=found.mean, covariance=found.covariance, evidence=evidence, used=used, seen=seen)
         return after.select(~ends)
 
@@ -185,7 +186,7 @@ class MultiObjectTracker:
             which &= origin >= 0
         own = np.flatnonzero(which)
         of = scan._replace(measurement=scan.measurement[:, own], valid=scan.valid[own])
-        belief = start(self.filter.motion, self.initial, of, None).belief
+        belief = from_first(self.filter.motion, self.initial, of)
         return TrackTable(
             at.detections.run[own],
             np.full(len(own), NONE),
@@ -210,9 +211,15 @@ class MultiObjectTracker:
     def _reads(self, sensor: str) -> bool:
         return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
 
-    @property
+    @cached_property
     def _logic(self) -> TrackLogic:
         return track_logic(self.associate)
+
+
+@lru_cache(maxsize=64)
+def _threshold(gate: float, components: int) -> float:
+    """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
+    return float(chi_square_quantile(gate, components))
 
 
 def _by_origin(at: Situation, of_track: Indices, of_detection: Indices) -> Association:
