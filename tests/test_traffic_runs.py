@@ -106,6 +106,7 @@ def test_association_by_column_is_chance(scenario: Path, write_module: Any) -> N
     assert found.summary.ranking[-1] == "column"
 
 
+@pytest.mark.slow
 def test_the_same_bits_in_one_process_and_in_two(scenario: Path) -> None:
     # More runs than a block of three objects takes.
     text = SCENARIO.replace("duration_s: 6", "duration_s: 1").replace("for_s: 6", "for_s: 1")
