@@ -13,7 +13,7 @@ import numpy.typing as npt
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
 from trackbench.sensing.due import Due, find_due
 from trackbench.stepping import TrackFault, fault_of, start_tracks
 from trackbench.stepping.tracks import NO_TRACK
@@ -26,7 +26,7 @@ from trackbench.traffic_metrics import (
     score_run,
 )
 from trackbench.traffic_metrics.histories import NO_DETECTION
-from trackbench.types import Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
+from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
 
 
 @dataclass
