@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long doctor-rates calibration lint types contracts docs install benchmark reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -26,6 +26,13 @@ test-long: $(VENV)/.installed-dev
 
 # Everything that must hold of a commit.
 test-all: test test-long
+
+# Damaged scenarios, recordings and results, ten thousand of the first: an hour. FUZZ_FROM goes on where another run ended.
+FUZZ_FROM ?= 0
+fuzz: $(VENV)/.installed-dev
+	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=10000 $(BIN)/pytest tests/fuzz/test_fuzz_scenarios.py
+	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=5000 $(BIN)/pytest tests/fuzz/test_fuzz_recordings.py
+	TRACKBENCH_FUZZ_FROM=$(FUZZ_FROM) TRACKBENCH_FUZZ=1000 $(BIN)/pytest tests/fuzz/test_fuzz_results.py
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ exclude_patterns = ["site"]
 #: The menu: by heading, the pages in their order.
 MENU = {
     "Start": ["Quick start <self>", "tour"],
-    "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "sensor-presets"],
+    "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "traffic-sensing", "sensor-presets"],
     "Trackers": ["motion-models", "filters", "own-tracker", "adaptors"],
     "Results": ["metrics", "reading-a-report", "reading-a-recording", "compare"],
     "Tools": ["command-line", "execution", "doctor", "doctor-rates"],

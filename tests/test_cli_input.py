@@ -22,7 +22,20 @@ BAD_USAGE = [
     (["run", "tiny.yaml", "--runs", "many"], "'many' is not a valid integer"),
     (["run", "tiny.yaml", "--workers", "0"], "0 is not in the range x>=1"),
     (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
+    (["list", "motion"], "'envs'. Did you mean 'motion-models'?"),
+    (["report", "results", "--format", "tex"], "Did you mean 'latex'?"),
     (["run", "tiny.yaml", "--out", "tiny.yaml"], "'tiny.yaml' is a file"),
+    (["snapshot", "empty", "--at", "5"], "name the picture after the run: empty empty.png"),
+    (["snapshot", "--at", "5", "x.png"], "name the run before the picture: RUN x.png"),
+    (["doctor", "own.py"], "own.py: name the class in it: own:Mine or own:Other"),
+    (["doctor", "own"], "own.py: name the class in it: own:Mine or own:Other"),
+    (["doctor", "tiny.yaml"], "tiny.yaml: name the tracker in it: tiny.yaml#raw or tiny.yaml#ekf"),
+    (["inspect", "exam"], "exam: this is an examination, not a run; `trackbench report` shows it"),
+    (["compare", "exam"], "exam: an examination is not compared; `trackbench report` shows it"),
+    (["report", "tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json; a scenario is run first"),
+    (["inspect", "tiny.yaml"], "tiny.yaml: not a Rerun recording (.rrd); a scenario is run first: `trackbench run`"),
+    (["run", "emty/"], "emty: there is no such file; `trackbench list scenarios` shows those that come with"),
+    (["run", "scenaris/"], "scenaris: there is no such file; did you mean 'scenarios'?"),
 ]
 
 BAD_INPUT = [
@@ -36,6 +49,10 @@ BAD_INPUT = [
     (["tiny.yaml", "--set", "seed=1"], "--set seed=1: seed: unknown key"),
     (["tiny.yaml", "--set", "truth.env=higway-v0"], "--set truth.env=higway-v0: truth.env: unknown highway-env id"),
     (["tiny.yaml", "--seed", "99999999999"], "monte_carlo.seed: "),
+    (["tiny.yaml", "--set", "sensors.front.rate_hz=5"], "sensors.front: there is no 'front' in sensors; choose from:"),
+    (["tiny.yaml", "--set", "sensors.rader.rate_hz=5"], "there is no 'rader' in sensors; did you mean 'radar'?"),
+    (["tiny.yaml", "--set", "trackers.cv.motion=ca"], "there is no 'cv' in trackers; did you mean 'ekf'?"),
+    (["tiny.yaml", "--set", "monte_carlo.run=5"], "monte_carlo.run: unknown key; did you mean 'runs'?"),
     (["taken.yaml"], "results/taken: there already, and not the folder of a run: not replaced"),
 ]
 
@@ -58,7 +75,12 @@ BAD_SCENARIO = [
 
 
 @pytest.mark.parametrize(("arguments", "message"), BAD_USAGE)
-def test_wrong_usage(cli: Cli, tiny: Path, arguments: list[str], message: str) -> None:
+def test_wrong_usage(cli: Cli, tiny: Path, tmp_path: Path, arguments: list[str], message: str) -> None:
+    for name in ("empty", "exam", "scenarios"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "exam" / "examination.json").touch()
+    (tmp_path / "scenarios" / "a.yaml").touch()
+    (tmp_path / "own.py").write_text("class Mine: ...\nclass Other: ...\n", encoding="utf-8")
     done = cli(*arguments)
     assert (done.status, done.out) == (2, "")
     assert message in done.err

@@ -181,7 +181,8 @@ def test_a_folder_of_several_scenarios(cli: Cli, versions: Path) -> None:
 )
 def test_the_ending_of_a_file_is_its_format(cli: Cli, two: Path, name: str, begins: bytes, beside: set[str]) -> None:
     done = cli("compare", "base/tiny", "new/tiny", "--out", f"made/{name}")
-    assert (done.status, done.err) == (0, "")
+    folders = ", 1 file in made/tables/x/, 1 file in made/figures/x/" if beside else ""
+    assert (done.status, done.err) == (0, f"made/{name}{folders}\n")
     assert (two / "made" / name).read_bytes().startswith(begins)
     made = {path.relative_to(two / "made").as_posix() for path in (two / "made").rglob("*") if path.is_file()}
     assert made == {name, *beside}

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from tests.scenes import truth
 
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.sensing.hidden import hide_identities
-from trackbench.sensing.scans import ideal_sensors, sense
-from trackbench.types import Scan
+from trackbench.sensing.detections import PADDING, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.scans import IdealSensor, Measurements, ideal_sensors, sense
 
 SENSORS = {
     "radar": Radar(
@@ -24,48 +19,75 @@ SENSORS = {
 }  # fmt: skip
 
 
-def known() -> list[Scan]:
+def ideal() -> list[IdealSensor]:
     time = np.arange(40) / 10
     x = 10.0 + 5.0 * np.arange(6)[:, None] + 3.0 * time[:, None, None]
     of = truth(time, x, np.zeros_like(x), np.full_like(x, 3.0), np.zeros_like(x))
-    return sense(ideal_sensors(of, SENSORS), 1, "test", range(1)).scans
+    return ideal_sensors(of, SENSORS)
+
+
+def known(runs: range = range(1)) -> Measurements:
+    return sense(ideal(), 1, "test", runs)
+
+
+def hidden(runs: range = range(1)) -> HiddenMeasurements:
+    return sense_hidden(ideal(), 1, "test", runs)
 
 
 def test_only_detections_are_left_and_each_once() -> None:
-    scans = known()
-    hidden = hide_identities(scans, SENSORS, 1, "test", 0)
-    assert [(scan.time, scan.sensor) for scan in hidden] == [(scan.time, scan.sensor) for scan in scans]
     counts = set()
-    for before, after in zip(scans, hidden, strict=True):
-        detections = before.measurement[:, before.valid]
-        counts.add(detections.shape[1])
-        assert after.measurement.shape == detections.shape
-        assert after.valid.shape == (detections.shape[1],)
-        assert after.valid.all()
-        np.testing.assert_array_equal(*(np.sort(values[0]) for values in (detections, after.measurement)))
-        assert {tuple(column) for column in after.measurement.T} == {tuple(column) for column in detections.T}
+    found = hidden(range(3))
+    for before, after, origin in zip(known(range(3)).scans, found.scans, found.origins, strict=True):
+        assert (before.time, before.sensor) == (after.time, after.sensor)
+        measurement, valid = before.measurement.reshape(-1, 6, 3), before.valid.reshape(6, 3)
+        for run in range(3):
+            detections, one = measurement[:, valid[:, run], run], of_run(after, run)
+            counts.add(detections.shape[1])
+            assert one.measurement.shape == detections.shape
+            assert one.valid.shape == (detections.shape[1],)
+            assert one.valid.all()
+            own = origin[after.valid[:, run], run]
+            assert sorted(own) == list(np.flatnonzero(valid[:, run]))
+            np.testing.assert_array_equal(one.measurement, measurement[:, own, run])
     assert 0 in counts
     assert max(counts) > 3
 
 
-def test_the_order_means_nothing_and_is_the_same_for_the_same_run() -> None:
-    scans = known()
-    first, again, other = (hide_identities(scans, SENSORS, 1, "test", run) for run in (0, 0, 1))
-    same = [np.array_equal(a.measurement, b.measurement) for a, b in zip(first, other, strict=True)]
-    assert not all(same)
-    for a, b in zip(first, again, strict=True):
-        np.testing.assert_array_equal(a.measurement, b.measurement)
+def test_a_block_pads_each_run_at_its_end() -> None:
+    found = hidden(range(5))
+    for scan, origins, merged in zip(found.scans, found.origins, found.merged, strict=True):
+        counts = scan.valid.sum(axis=0)
+        assert scan.measurement.shape[1:] == scan.valid.shape == origins.shape == merged.shape == (counts.max(), 5)
+        np.testing.assert_array_equal(scan.valid, np.arange(counts.max())[:, None] < counts)
+        assert np.isnan(scan.measurement[:, ~scan.valid]).all()
+        assert (origins[~scan.valid] == PADDING).all()
+        assert (origins[scan.valid] >= 0).all()
+        assert (merged == -1).all()
+
+
+def test_a_run_is_the_same_in_whatever_block() -> None:
+    block, single = hidden(range(2, 6)), hidden(range(4, 5))
+    for many, one in zip(block.scans, single.scans, strict=True):
+        np.testing.assert_array_equal(of_run(many, 2).measurement, of_run(one, 0).measurement)
+    assert block.digests[2] == single.digests[0]
+    assert len(set(block.digests)) == 4
+
+
+def test_the_order_means_nothing() -> None:
     # Ranges grow with the object's number, so an order that kept identities would be sorted at every scan.
-    several = [scan.measurement[0] for scan in first if scan.sensor == "radar" and scan.valid.size > 2]
-    assert sum(bool(np.all(np.diff(ranges) > 0)) for ranges in several) < len(several) / 2
+    scans = [of_run(scan, run) for run in range(20) for scan in hidden(range(20)).scans if scan.sensor == "radar"]
+    several = [scan.measurement[0] for scan in scans if scan.valid.size == 3]
+    ascending = np.array([bool(np.all(np.diff(ranges) > 0)) for ranges in several])
+    assert len(several) > 100
+    assert abs(ascending.mean() - 1 / 6) < 4 * np.sqrt(5 / 36 / len(several))
 
 
 def test_what_the_sensor_states() -> None:
-    scans = known()
     assert all(
-        (scan.detection_probability, scan.clutter_density, scan.field_of_view) == (None, None, None) for scan in scans
+        (scan.detection_probability, scan.clutter_density, scan.field_of_view) == (None, None, None)
+        for scan in known().scans
     )
-    stated = {scan.sensor: scan for scan in hide_identities(scans, SENSORS, 1, "test", 0)}
+    stated = {scan.sensor: scan for scan in hidden().scans}
     assert stated["radar"].detection_probability == 0.6
     assert stated["radar"].clutter_density == 0.0
     assert stated["radar"].field_of_view == (np.deg2rad(60), 80)
@@ -73,16 +95,7 @@ def test_what_the_sensor_states() -> None:
 
 
 def test_the_scans_cannot_be_written_into() -> None:
-    scan = hide_identities(known(), SENSORS, 1, "test", 0)[0]
-    with pytest.raises(ValueError, match="read-only"):
-        scan.measurement[:] = 0
-
-
-def test_a_run_says_that_no_tracker_associates_yet(tiny: Path, cli: Callable[..., Any]) -> None:
-    tiny.write_text(tiny.read_text(encoding="utf-8") + "sensing: {identities: hidden}\n", encoding="utf-8")
-    assert cli("check", tiny).status == 0
-    done = cli("run", tiny)
-    assert done.status == 2
-    message = "sensing.identities: no tracker here associates detections with objects yet; use identities: known"
-    assert done.err == f"{tiny}:18: {message}\n"
-    assert not list((tiny.parent / "results").glob("*"))
+    scan = hidden().scans[0]
+    for one in (scan, of_run(scan, 0)):
+        with pytest.raises(ValueError, match="read-only"):
+            one.measurement[:] = 0

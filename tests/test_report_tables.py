@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -99,7 +100,7 @@ def test_letters_say_exactly_who_differs() -> None:
         for i, x in enumerate(names)
         for y in names[i + 1 :]
     ]
-    found = groups(names, Pairs(entries))
+    found = groups(names, Pairs(SimpleNamespace(headline="position_rmse", differences=entries)))
     for i, x in enumerate(names):
         for y in names[i + 1 :]:
             assert bool(set(found[x]) & set(found[y])) == ((x, y) not in differ)

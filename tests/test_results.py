@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
 from trackbench import results
 from trackbench.errors import InputError, TrackbenchError
 from trackbench.results import SCHEMA_VERSION, MetricValue, Result, folder, to_json
+from trackbench.results.table_check import COLUMNS
 
 SMALL = Result.from_json(
     {
@@ -83,8 +85,10 @@ SMALL = Result.from_json(
         "artifacts": {},
     },
     {
-        "steps": pa.table({"time_s": [0.0, 0.1], "error_m": [None, 0.25]}),
-        "roads": pa.table({"line": pa.array([], "i8")}),
+        "steps": pa.table(
+            {"tracker": ["ekf"] * 2, **{name: [0.0, 0.1] for name in COLUMNS["steps"][1]}, "own": [None, 0.25]}
+        ),
+        "roads": pa.table({name: pa.array([], "f8") for name in COLUMNS["roads"][1]}),
     },
 )
 
@@ -264,3 +268,26 @@ def test_a_folder_without_a_result(tmp_path: Path) -> None:
         results.Result.load(tmp_path)
     with pytest.raises(InputError, match="there is no such folder"):
         results.Result.load(tmp_path / "nowhere")
+
+
+# What is done to a table of a run, and what is said of it.
+TABLE_EDITS = [
+    (lambda table: table.drop_columns(["nees"]), "no column nees, or several: not the table estimates of a run"),
+    (lambda table: table.set_column(2, "time_s", pa.array(["x"] * len(table))), "time_s is a column of string"),
+    (lambda table: table.set_column(0, "tracker", pa.array(["ekff"] * len(table))), "did you mean 'ekf'?"),
+    (lambda table: table.set_column(3, "px_m", pa.array([1] * len(table))), "px_m is a column of int64"),
+    (lambda table: table.slice(1), "has not each time of the others once"),
+    (lambda table: pa.concat_tables([table, table]), "has not each time of the others once"),
+    (lambda table: table.set_column(2, "time_s", pa.nulls(len(table), pa.float64())), "time_s is not finite"),
+]
+
+
+@pytest.mark.parametrize(("edit", "message"), TABLE_EDITS)
+def test_a_table_that_is_none_of_a_run(tiny_result: Result, tmp_path: Path, edit, message: str) -> None:
+    tiny_result.save(tmp_path / "run", {})
+    file = tmp_path / "run" / "estimates.parquet"
+    pq.write_table(edit(pq.read_table(file)), file)
+    with pytest.raises(InputError) as caught:
+        _ = results.Result.load(tmp_path / "run").tables.estimates
+    assert message in str(caught.value)
+    assert str(caught.value).startswith(str(file))

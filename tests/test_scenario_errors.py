@@ -49,7 +49,7 @@ BAD = [
         "env: highway-v0\n  speed_kmh: 90",
         [
             "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, seeds, "
-            "observer, targets, ego, steering_rate_degps, audit"
+            "observer, targets, ego, steering_rate_degps, sizes, others_within_m, audit"
         ],
     ),
     ("{nearest: 4}", "{nearst: 4}", ["9: truth.targets: write all, {nearest: 4} or {ids: [v1, v2]}"]),

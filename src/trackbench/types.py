@@ -158,7 +158,9 @@ class Observer:
 
 @dataclass(frozen=True)
 class Truth:
-    """The motion of every target and of the observer, on a grid of times that is regular unless it was recorded.
+    """The motion of every object and of the observer, on a grid of times that is regular unless it was recorded.
+
+    With known identities every object is a target. With hidden ones all objects cause detections and hide each other.
 
     Kinematic arrays are ``(steps, objects, runs)``, where the last axis has length 1 if the motion is the same in
     every run. Values where ``alive`` is False are finite but mean nothing.
@@ -195,6 +197,12 @@ class Truth:
     """Where the truth came from, as it goes into the result (JSON values only)."""
     audit: dict[str, Any] = field(default_factory=dict)
     """What the audit found and did, as it goes into the result (JSON values only)."""
+    target: Mask = field(default_factory=lambda: np.ones(0, dtype=bool))
+    """``(objects,)``: whether tracks of it are wanted; all unless given."""
+
+    def __post_init__(self) -> None:
+        if len(self.target) != len(self.ids):
+            object.__setattr__(self, "target", np.ones(len(self.ids), dtype=bool))
 
     @property
     def vx(self) -> Array:

@@ -12,7 +12,7 @@ import pytest
 
 Tried = Callable[..., int]
 #: What a command may take: s, and bytes of address space.
-TIME, MEMORY = 60, 8 * 2**30
+TIME, MEMORY = 300, 8 * 2**30
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from trackbench import recording
 from trackbench.errors import InputError
 from trackbench.metrics.moments import worst
 from trackbench.metrics.recorded_run import recorded_run
+from trackbench.recording import chunks
 from trackbench.recording.data import KEYS
 from trackbench.recording.inspection import inspect
 from trackbench.recording.reader import read
@@ -230,3 +231,12 @@ def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
     recorded = recorded_run(read(folder).result)
     recorded.tracks["ekf"].nees[:] = np.nan
     assert {moment.nees for moment in worst(recorded, ["ekf"], 3)} == {None}
+
+
+def test_a_reader_that_dies_is_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Rerun's reader panics over some damaged files, and ends its process."""
+    dies = tmp_path / "dies.py"
+    dies.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr(chunks, "__file__", str(dies))
+    with pytest.raises(InputError, match="this recording is damaged: it cannot be read to its end"):
+        read(folder / "recording.rrd")

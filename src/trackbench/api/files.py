@@ -23,8 +23,10 @@ def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
     from trackbench.document.html import to_html
     from trackbench.document.markdown import to_markdown
     from trackbench.report.run import run_document
+    from trackbench.report.traffic.document import traffic_document
 
-    document = run_document(result, colours)
+    make = run_document if result.summary.identities == "known" else traffic_document
+    document = make(result, colours)
     return {"report.html": to_html(document), "report.md": to_markdown(document)}
 
 
@@ -56,7 +58,7 @@ def save(
     from trackbench import recording as rerun
 
     artifacts: dict[str, Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
-    if recording:
+    if recording and result.summary.identities == "known":
         artifacts["recording.rrd"] = partial(rerun.write, result, colours=colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})

@@ -8,7 +8,7 @@ from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
-from trackbench.sensing.hidden import hide_identities
+from trackbench.sensing.detections import of_run, sense_hidden
 from trackbench.types import Scan, Truth
 
 
@@ -51,9 +51,10 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
         raise InputError(message, key="runs", file=loaded.path)
     found = truth_of(loaded)
     work = work_of(loaded, [found])
-    seen = scans.sense(work.scenes[0].sensors, work.seed, work.scenario, runs).scans
+    sensors = work.scenes[0].sensors
     if hidden:
-        return hide_identities(seen, loaded.config.sensors, work.seed, work.scenario, runs[0])
+        return [of_run(scan, 0) for scan in sense_hidden(sensors, work.seed, work.scenario, runs).scans]
+    seen = scans.sense(sensors, work.seed, work.scenario, runs).scans
     shape = (len(found.truth.ids), len(runs))
     return [
         scan._replace(measurement=scan.measurement.reshape(-1, *shape), valid=scan.valid.reshape(shape))

@@ -57,6 +57,9 @@ def _checked(scenario: Scenario, plan: Plan) -> Scenario:
     if plan.precision is not None:
         from trackbench.runner.until import first_look
 
+        if scenario.config.sensing.identities == "hidden":
+            problem = "stops by the position RMSE of labelled objects; with hidden identities give --runs"
+            raise InputError(problem, file=scenario.path, key="--runs-until")
         scenario = first_look(scenario, plan.precision[1])
         if len(scenario.config.truth.scenes()) > 1:
             problem = "more runs of the same scenes do not narrow an interval over scenes; take more scenes"

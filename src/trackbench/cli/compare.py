@@ -87,7 +87,7 @@ def compare_command(
     else:
         print_document(document(found, times=True), Console())
         if out is not None:
-            click.echo(f"\n{_written(out, written)}")
+            click.echo(_written(out, written), err=True)
     raise click.exceptions.Exit(0 if found.passed else FAILED_EXPECTATION)
 
 

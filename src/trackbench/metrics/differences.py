@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
+from typing import Protocol
 
 from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
-from trackbench.metrics.protocol import Direction, Metric
+from trackbench.metrics.protocol import Direction
 from trackbench.results import Difference
 from trackbench.results.summary import MarginSummary
 
@@ -22,16 +23,30 @@ EQUIVALENT, UNDECIDED = "equivalent", "undecided"
 VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 
+class ComparedBy(Protocol):
+    """What trackers may be compared by."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def better(self) -> Direction | None: ...
+    @property
+    def compared(self) -> bool: ...
+
+
 def differences(
     trackers: Mapping[str, Mapping[str, Interval]],
-    metrics: Sequence[Metric],
+    metrics: Sequence[ComparedBy],
     margin: MarginSummary,
     coverage: Mapping[str, float],
     wanted: Collection[str] = (),
+    ranks: str = "position_rmse",
 ) -> list[Difference]:
     """Every pair of trackers by every metric that is compared, the p-values of each metric corrected for their number.
 
-    With more than ``MOST_WITH_ALL_METRICS`` trackers by their position RMSE and the metrics ``wanted`` alone.
+    With more than ``MOST_WITH_ALL_METRICS`` trackers by the metric that ranks and the metrics ``wanted`` alone.
 
     Args:
         trackers: by name, the metrics that are means over runs, by path.
@@ -39,8 +54,9 @@ def differences(
         margin: what does not matter.
         coverage: by name, the share of the estimates that it should give that a tracker gave.
         wanted: paths of metrics that an expectation compares.
+        ranks: the metric that trackers are ranked by.
     """
-    kept = None if len(trackers) <= MOST_WITH_ALL_METRICS else {"position_rmse", *wanted}
+    kept = None if len(trackers) <= MOST_WITH_ALL_METRICS else {ranks, *wanted}
     found = [
         difference
         for metric in metrics
@@ -84,7 +100,7 @@ def verdict(found: Contrast, p_value: float, better: Direction | None) -> str:
     return "better" if (found.value > 0) == (better == "larger") else "worse"
 
 
-def _paths(metric: Metric, trackers: Mapping[str, Mapping[str, Interval]]) -> list[str]:
+def _paths(metric: ComparedBy, trackers: Mapping[str, Mapping[str, Interval]]) -> list[str]:
     """The metric itself, or that of each sensor."""
     found = (path for intervals in trackers.values() for path in intervals)
     return list(dict.fromkeys(path for path in found if path == metric.name or path.startswith(f"{metric.name}.")))

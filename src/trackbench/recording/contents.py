@@ -60,7 +60,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         colours=colours_of(names, colours),
         sensors=summary.sensors,
         tables=_of_trackers(result.tables, names) if len(names) < len(summary.trackers) else result.tables,
-        reference=summary.reference.label,
+        reference=summary.held_against.label,
         ranking=text.ranking(result),
         about=text.about(result),
     )

@@ -56,7 +56,7 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         table: _joined({label: result.tables[table] for label, result in named.items()}, column)
         for table, column in parts.items()
     }
-    called = {result.summary.reference.label for result in named.values()}
+    called = {result.summary.held_against.label for result in named.values()}
     name, runs = " over ".join(named), _each(result.summary.runs for result in named.values())
     return Contents(
         name=name,

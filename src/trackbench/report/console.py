@@ -19,6 +19,7 @@ from trackbench.report.run.pairs import Pairs, groups
 from trackbench.report.run.scenes import basis_of_intervals, runs_in_words
 from trackbench.report.run.sentences import common, duration, expectations_met, failure, precision_reached
 from trackbench.report.run.tables import found
+from trackbench.report.traffic import console as traffic
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
 from trackbench.words import counted
 
@@ -85,17 +86,28 @@ class _Column:
 def _ranked(result: Result, width: int) -> list[Text]:
     """The table, line by line; a name that its column has no room for stands on a line of its own."""
     trackers = result.scored
-    diverged = [tracker.health.diverged_runs or 0 for tracker in trackers]
     letters = _groups(result)
+    if result.summary.identities == "hidden":
+        columns = [_Column(heading, cells) for heading, cells in traffic.values(trackers)]
+        return _rows(trackers, columns[:1] + _grouped(letters) + columns[1:], width)
+    diverged = [tracker.health.diverged_runs or 0 for tracker in trackers]
     columns = [
         _Column("position m", _values(trackers, "position_rmse")),
-        *([_Column("group", [Text(group) for group in letters], right=False)] if letters else []),
+        *_grouped(letters),
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
         _Column("/ref", _values(trackers, "position_over_reference")),
         _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
         _Column("diverged", [Text(str(runs), style=STYLE["bad"] if runs else "") for runs in diverged]),
         _Column("µs/step", _values(trackers, "step_time", 2)),
     ]
+    return _rows(trackers, columns, width)
+
+
+def _grouped(letters: Sequence[str]) -> list[_Column]:
+    return [_Column("group", [Text(group) for group in letters], right=False)] if letters else []
+
+
+def _rows(trackers: Sequence[TrackerResult], columns: Sequence[_Column], width: int) -> list[Text]:
     room = width - sum(1 + column.width for column in columns)
     names = [Text(tracker.name, style="bold") for tracker in trackers]
     first = _Column("tracker", [name for name in names if len(name) <= room] or [Text()], right=False)
@@ -115,7 +127,7 @@ def _row(columns: Sequence[_Column], cells: Sequence[Text]) -> Text:
 
 def _groups(result: Result) -> list[str]:
     """The letters of each tracker; nothing where there are so many that they say nothing at a glance."""
-    found = groups([tracker.name for tracker in result.scored], Pairs(result.summary.differences))
+    found = groups([tracker.name for tracker in result.scored], Pairs(result.summary))
     return list(found.values()) if max(map(len, found.values())) <= _MOST_LETTERS else []
 
 
@@ -155,10 +167,12 @@ def _nees(metrics: Sequence[MetricValue]) -> list[Text]:
 def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
-    assumed = " (white acceleration)" if summary.reference.kind == "reference" else ""
+    if summary.identities == "hidden":
+        return traffic.notes(result)
+    assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
     notes = [
         f"±: 95 %, {basis_of_intervals(result)}",
-        f"/ref: over the {summary.reference.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
+        f"/ref: over the {summary.held_against.label}{assumed}; diverged: of {counted(summary.runs, 'run')}",
         *_coverage(trackers),
         *([common(result).strip()] if common(result) else []),
     ]

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.table_check import OBSERVER
 from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 3
@@ -42,7 +43,7 @@ class SceneSummary(Part):
     duration_s: float
     audit: Audit
     position_rmse: dict[str, float]
-    """Of each ranked tracker with an estimate in it, m."""
+    """Of each ranked tracker with an estimate in it, m; where identities are hidden, its GOSPA."""
 
     @property
     def order(self) -> list[str]:
@@ -186,6 +187,8 @@ class ScoreSummary(Part):
     to_s: float
     """The last one."""
     margin: MarginSummary
+    cutoff_m: float | None = None
+    """Where identities are hidden, the distance from which a track is not on an object."""
     metrics: list[OwnMetricSummary] = Field(default_factory=list)
 
 
@@ -217,6 +220,8 @@ class Health(Part):
     repaired_covariances: int | None = None
     repaired_runs: int | None = None
     non_finite_estimates: int = 0
+    reused_ids: int | None = None
+    """Identities that were used again after their track had ended; None where identities are known."""
 
 
 class ConditionScores(Part):
@@ -325,11 +330,14 @@ class Summary(Part):
     versions: dict[str, str]
     engine: str = "numpy"
     command: str
+    identities: Literal["known", "hidden"] = "known"
+    """hidden: scans do not say of which objects they are, and the result is one of tracks."""
     fingerprints: list[str]
     """One a run, of all its measurements: equal fingerprints mean equal measurements."""
     truth: TruthSummary
     sensors: dict[str, SensorSummary]
-    reference: ReferenceSummary
+    reference: ReferenceSummary | None
+    """None where identities are hidden."""
     score: ScoreSummary
     recorded_run: int
     trackers: list[TrackerResult]
@@ -346,9 +354,20 @@ class Summary(Part):
         return {
             "tracker": [tracker.name for tracker in self.trackers],
             "sensor": list(self.sensors),
-            "object": [*self.truth.objects, "observer"],
-            "role": ["target", "observer"],
+            "object": [*self.truth.objects, OBSERVER],
+            "role": ["target", OBSERVER],
         }
+
+    @property
+    def held_against(self) -> ReferenceSummary:
+        """The reference of a result whose identities are known."""
+        assert self.reference is not None
+        return self.reference
+
+    @property
+    def headline(self) -> str:
+        """The metric that trackers are ranked by."""
+        return "position_rmse" if self.identities == "known" else "gospa"
 
     @property
     def fingerprint(self) -> str:

@@ -33,6 +33,9 @@ COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "recorded_nis": (("tracker", "sensor", "object"), ("time_s", "nis")),
     "roads": ((), ("line", "x_m", "y_m")),
 }
+#: Columns of counts and of what holds or not; all other numbers are floats.
+WHOLE = ("due", "alive", "valid")
+OBSERVER = "observer"
 Names = Mapping[str, Collection[str]]
 
 
@@ -57,7 +60,7 @@ def require_table(name: str, table: pa.Table, names: Names, file: Path) -> None:
             raise InputError(f"no column {column}, or several: not the table {name} of a run", file=file)
     for field in table.schema:
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        if not (pa.types.is_string(kind) if field.name in texts else _is_number(kind)):
+        if not (pa.types.is_string(kind) if field.name in texts else _is_number(field.name, kind)):
             raise InputError(f"{field.name} is a column of {kind}: not the table {name} of a run", file=file)
     for column in texts:
         for value in pc.unique(table[column]).to_pylist():
@@ -66,6 +69,17 @@ def require_table(name: str, table: pa.Table, names: Names, file: Path) -> None:
                 raise InputError(f"{column} {value!r} is none of this run; {hint}", file=file)
     if "time_s" in numbers:
         _require_times(name, table, texts, file)
+    if name == "truth":
+        _require_objects(table, names, file)
+
+
+def _require_objects(table: pa.Table, names: Names, file: Path) -> None:
+    """The truth has each object of the run and what carries the sensors."""
+    there = set(split(table, "role", "object"))
+    targets = [name for name in names.get("object", ()) if name != OBSERVER]
+    for key in [*(("target", name) for name in targets), (OBSERVER, OBSERVER)]:
+        if key not in there:
+            raise InputError(f"{key[1]} is missing: not the table truth of this run", file=file)
 
 
 def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], file: Path) -> None:
@@ -81,5 +95,8 @@ def _require_times(name: str, table: pa.Table, texts: tuple[str, ...], file: Pat
             raise InputError(message, file=file)
 
 
-def _is_number(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
+def _is_number(name: str, kind: pa.DataType) -> bool:
+    if name in WHOLE:
+        return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
+    # What has no value in any row has no type either.
+    return bool(pa.types.is_floating(kind) or (name in ("range_from_m", "range_to_m") and pa.types.is_null(kind)))

@@ -31,13 +31,14 @@ from trackbench.results.summary import (
 from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
-from trackbench.runner.evaluated import Evaluated, evaluated
+from trackbench.runner.evaluated import evaluated
 from trackbench.runner.expectations import judge
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.trackers.answers import NOT_FINITE
 from trackbench.truth import LoadedTruth, TruthSource
+from trackbench.types import Array
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +73,9 @@ def assemble(
         versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
         command=command,
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
-        truth=_truth_summary(truths, work, scenario.truth.scenes(), found),
+        truth=truth_summary(
+            truths, work, scenario.truth.scenes(), {name: found.error_by_scene(name) for name in found.ranked}
+        ),
         sensors=assembly.sensors(),
         reference=ReferenceSummary(
             kind="bound" if work.acceleration_as_drawn else "reference",
@@ -142,17 +145,7 @@ class _Assembly:
         for number, sensor in enumerate(self._work.scenes[0].sensors):
             detected = sum(block.detections[sensor.name].sum() for block in self._blocks)
             seen = sum(self._in_view(scene.sensors[number]) for scene in self._work.scenes)
-            found[sensor.name] = SensorSummary(
-                kind=sensor.config.type,
-                dof=len(sensor.noise_covariance),
-                noise=_noise(sensor.config),
-                fov_deg=sensor.config.fov_deg,
-                max_range_m=sensor.config.max_range_m,
-                mount=MountSummary.model_validate(sensor.config.mount.model_dump()),
-                rate_hz=scan_rate(sensor),
-                preset=sensor.config.preset,
-                detection_rate=float(detected / seen) if seen > 0 else None,
-            )
+            found[sensor.name] = sensor_summary(sensor, float(detected / seen) if seen > 0 else None)
         return found
 
     def _in_view(self, sensor: IdealSensor) -> float:
@@ -185,6 +178,21 @@ class _Assembly:
         }
 
 
+def sensor_summary(sensor: IdealSensor, detection_rate: float | None) -> SensorSummary:
+    """A sensor as it stands in a result."""
+    return SensorSummary(
+        kind=sensor.config.type,
+        dof=len(sensor.noise_covariance),
+        noise=_noise(sensor.config),
+        fov_deg=sensor.config.fov_deg,
+        max_range_m=sensor.config.max_range_m,
+        mount=MountSummary.model_validate(sensor.config.mount.model_dump()),
+        rate_hz=scan_rate(sensor),
+        preset=sensor.config.preset,
+        detection_rate=detection_rate,
+    )
+
+
 def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
     """Of each component, angles in degrees."""
     found = {}
@@ -194,9 +202,17 @@ def _noise(sensor: Sensor) -> dict[str, ComponentNoise]:
     return found
 
 
-def _truth_summary(
-    truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource], found: Evaluated
+def truth_summary(
+    truths: Sequence[LoadedTruth], work: Work, sources: Sequence[TruthSource], errors: Mapping[str, Array]
 ) -> TruthSummary:
+    """The truth as it stands in a result.
+
+    Args:
+        truths: of each scene.
+        work: what was run.
+        sources: of each scene.
+        errors: by ranked tracker ``(scenes,)`` its error in each.
+    """
     loaded = truths[work.recorded_scene]
     truth = loaded.truth
     entries = {
@@ -206,13 +222,14 @@ def _truth_summary(
         "duration_s": float(truth.time[-1]),
         "audit": truth.audit,
         "cached": all(item.cached for item in truths),
-        "scenes": _scenes(truths, sources, found) if len(truths) > 1 else [],
+        "scenes": _scenes(truths, sources, errors) if len(truths) > 1 else [],
     }
     return TruthSummary.model_validate({**truth.source, **entries})
 
 
-def _scenes(truths: Sequence[LoadedTruth], sources: Sequence[TruthSource], found: Evaluated) -> list[SceneSummary]:
-    errors = {name: found.error_by_scene(name) for name in found.ranked}
+def _scenes(
+    truths: Sequence[LoadedTruth], sources: Sequence[TruthSource], errors: Mapping[str, Array]
+) -> list[SceneSummary]:
     return [
         SceneSummary(
             name=source.scene_name or f"scene {number + 1}",

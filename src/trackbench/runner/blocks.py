@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from typing import Any
 
 from trackbench.execution import Here, InProcess, Task
-from trackbench.runner.block import Block, OnRecordedRun, RecordedInstant, run_block
+from trackbench.runner.block import OnRecordedRun, RecordedInstant, run_block
+from trackbench.runner.traffic import run_traffic_block
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.modules import own_folder
@@ -40,7 +42,8 @@ class PendingBlocks:
         self._progress: Progress = no_progress
         self._on_recorded_run: OnRecordedRun | None = None
         folder = own_folder(loaded)
-        tasks = {scene: Task(run_block, work.of_scene(scene), folder) for scene in {piece.scene for piece in pieces}}
+        make = run_block if work.cutoff is None else run_traffic_block
+        tasks = {scene: Task(make, work.of_scene(scene), folder) for scene in {piece.scene for piece in pieces}}
         here = InProcess()
         if alone and len(pieces) == 1:
             executor = here
@@ -51,10 +54,9 @@ class PendingBlocks:
             for piece in pieces
         ]
 
-    def collect(
-        self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None
-    ) -> Iterator[Block]:
-        """The blocks in their order, as they are done.
+    def collect(self, progress: Progress = no_progress, on_recorded_run: OnRecordedRun | None = None) -> Iterator[Any]:
+        """The blocks in their order, as they are done: each a ``Block``, or where identities are hidden a
+        ``TrafficBlock``.
 
         Args:
             progress: called with the number of runs done and of all.

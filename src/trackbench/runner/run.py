@@ -6,12 +6,14 @@ import logging
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from typing import Any
 
 from trackbench.execution import InProcess
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
-from trackbench.runner.block import Block, OnRecordedRun
+from trackbench.runner.block import OnRecordedRun
 from trackbench.runner.blocks import PendingBlocks
+from trackbench.runner.traffic_results import assemble_traffic
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.stepping import ISOLATED, Isolation
@@ -87,10 +89,12 @@ class PendingRun:
         """The result, once all runs are done; as ``run``."""
         blocks = list(self._blocks.collect(progress, on_recorded_run))
         _log_times(self._work, blocks, time.perf_counter() - self._begin)
-        return assemble(self._loaded, self._truths, self._work, blocks, command)
+        if self._work.cutoff is None:
+            return assemble(self._loaded, self._truths, self._work, blocks, command)
+        return assemble_traffic(self._loaded, self._truths, self._work, blocks, command)
 
 
-def _log_times(work: Work, blocks: list[Block], seconds: float) -> None:
+def _log_times(work: Work, blocks: list[Any], seconds: float) -> None:
     runs = counted(work.runs * len(work.scenes), "run")
     log.info("%s: %s in %.1f s, %s", work.scenario, runs, seconds, counted(len(blocks), "block"))
     spent = {name: [block.scores[name] for block in blocks] for name in work.trackers}

@@ -19,8 +19,8 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.types import Indices, Truth
 
-#: Objects times runs of the first two blocks of a scene, so that two processes share a small run; and of the largest: a
-#: Kalman filter's step takes a third less for each of 8,000 than of 2,000, and then grows out of the cache.
+#: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
+#: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.
 BATCH_SIZE, LARGEST_BATCH = 2000, 8000
 
 
@@ -78,9 +78,11 @@ class Work:
     """A tracker with a smaller share of the estimates that it should give is not ranked."""
     metrics: tuple[Metric, ...] = BUILT_IN
     isolation: Isolation = ISOLATED
+    cutoff: float | None = None
+    """Where identities are hidden, the distance from which a track is not on an object, m."""
 
     def pieces(self) -> list[BlockRuns]:
-        """The runs in blocks, two of each size, which doubles.
+        """The runs in blocks, each of which has twice as many as the one before, up to ``LARGEST_BATCH``.
 
         Where a block begins depends on the scenes alone, not on the number of runs: with more runs all blocks stay but
         the last.
@@ -89,7 +91,7 @@ class Work:
         for number, scene in enumerate(self.scenes):
             start = block = 0
             while start < self.runs:
-                lanes = min(BATCH_SIZE * 2 ** (block // 2), LARGEST_BATCH)
+                lanes = min(BATCH_SIZE * 2**block, LARGEST_BATCH)
                 stop = min(start + max(1, lanes // max(1, len(scene.truth.ids))), self.runs)
                 found.append(BlockRuns(number, range(start, stop)))
                 start, block = stop, block + 1
@@ -149,4 +151,5 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolatio
         min_coverage=scenario.score.min_coverage,
         metrics=(*BUILT_IN, *scenario.score.metrics),
         isolation=isolation,
+        cutoff=scenario.score.cutoff_m if scenario.sensing.identities == "hidden" else None,
     )

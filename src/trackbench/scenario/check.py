@@ -42,12 +42,8 @@ def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """Start each plug-in once, for a run.
 
     Raises:
-        InputError: identities are hidden, which no tracker here can follow; or every one that cannot be found or does
-            not take its options, with file and line.
+        InputError: every one that cannot be found or does not take its options, with file and line.
     """
-    if loaded.config.sensing.identities == "hidden":
-        unknown = "no tracker here associates detections with objects yet; use identities: known"
-        raise loaded.locate(InputError(unknown, key="sensing.identities"))
     _all(loaded, list(_trackers(loaded, _start, isolation)))
 
 

@@ -56,6 +56,11 @@ class Score(Config):
         description="An object that has been out of range or view of every sensor for longer is not scored until it is "
         "in view again, s.",
     )
+    cutoff_m: Positive = Field(
+        5,
+        description="With hidden identities: a track this far from an object or further is not on it, m (the cutoff of "
+        "GOSPA).",
+    )
     min_coverage: float = Field(
         0.95,
         ge=0,

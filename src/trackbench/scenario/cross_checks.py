@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
 from trackbench.errors import nearest
-from trackbench.metrics.registry import MetricPath, by_path
+from trackbench.metrics.registry import HEALTH, MetricPath, by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
-from trackbench.scenario import recorded_checks
+from trackbench.scenario import identity_checks, recorded_checks
 from trackbench.trackers.config import FilterConfig
+from trackbench.traffic_metrics import METRICS
 from trackbench.truth import SteppedTruth
 from trackbench.truth.sources import RecordingTruth
 
@@ -31,6 +32,7 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, sensor in scenario.sensors.items():
         if sensor.rate_hz is None and name not in fed:
             yield Problem(("sensors", name, "rate_hz"), "missing; measurements per second, Hz")
+    yield from identity_checks.problems(scenario)
     yield from _tracker_sensors(scenario)
     runs = scenario.monte_carlo.runs
     scenes = len(scenario.truth.scenes())
@@ -115,7 +117,7 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator
     if tracker is None:
         message = f"the scenario has no tracker {expectation.tracker!r}"
         yield Problem(("tracker",), f"{message}; {nearest(expectation.tracker, scenario.trackers)}")
-    metrics = by_path(scenario.sensors, scenario.score.metrics)
+    metrics = _metrics(scenario)
     metric = metrics.get(expectation.metric)
     if metric is None:
         message = f"there is no metric {expectation.metric!r}; {nearest(expectation.metric, metrics)}"
@@ -127,6 +129,18 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator
         message = f"tracker {expectation.tracker} does not read {sensor}; it reads {', '.join(read)}"
         yield Problem(("metric",), message)
     yield from _limit(scenario, expectation, metric, metrics)
+
+
+def _metrics(scenario: ScenarioConfig) -> dict[str, MetricPath]:
+    """Every path that an expectation may name."""
+    if scenario.sensing.identities == "known":
+        return by_path(scenario.sensors, scenario.score.metrics)
+    found = {}
+    for path, metric in METRICS.items():
+        better = None if metric.better == "none" else metric.better
+        found[path] = MetricPath(path, metric.unit or "1", metric.meaning, better=better, compared=better is not None)
+    reused = HEALTH + "reused_ids"
+    return {**found, reused: MetricPath(reused, "1", "identities that were used again after their track had ended")}
 
 
 def _limit(

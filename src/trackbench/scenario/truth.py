@@ -10,14 +10,16 @@ from trackbench.errors import InputError
 from trackbench.execution import Here, InProcess, Task
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.modules import own_folder
+from trackbench.sensing.view import reach
 from trackbench.truth import Draw, LoadedTruth, TruthSource
+from trackbench.truth.limits import LARGEST
 from trackbench.types import Progress, no_progress
 
 
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:
     """As ``truths_of``, of the first scene alone."""
     try:
-        return _Load.of(loaded, loaded.config.truth).made(progress)
+        return _Load.of(loaded, source_of(loaded)).made(progress)
     except InputError as error:
         raise loaded.locate(error) from None
 
@@ -41,6 +43,14 @@ def truths_of(
     return PendingTruths(loaded, executor or InProcess()).collect(progress)
 
 
+def source_of(loaded: Scenario) -> TruthSource:
+    """The source of the truth: with hidden identities, of every object that a sensor may reach."""
+    config = loaded.config
+    if config.sensing.identities == "known":
+        return config.truth
+    return config.truth.with_all_objects(min(reach(config.sensors.values()), LARGEST["length"]))
+
+
 class PendingTruths:
     """The truths of a scenario's scenes, being made.
 
@@ -54,7 +64,7 @@ class PendingTruths:
         self._made = 0
         self._progress: Progress = no_progress
         self._here = InProcess()
-        self._scenes = [self._begun(source, executor) for source in loaded.config.truth.scenes()]
+        self._scenes = [self._begun(source, executor) for source in source_of(loaded).scenes()]
 
     def collect(self, progress: Progress = no_progress) -> list[LoadedTruth]:
         """The truths, once they are there; as ``truths_of``."""

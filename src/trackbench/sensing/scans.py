@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trackbench.models.sensors import Radar, Sensor
-from trackbench.sensing.geometry import sensor_motion
+from trackbench.models.sensors import Sensor
+from trackbench.sensing.geometry import SensorMotion, sensor_motion
 from trackbench.sensing.schedule import firing_steps, silent
+from trackbench.sensing.view import detection_probability, in_view, polar
 from trackbench.streams import stream
 from trackbench.types import Array, Indices, Mask, RecordedMeasurements, Scan, Truth
 from trackbench.units import difference
@@ -31,13 +32,18 @@ class IdealSensor:
     visible: Mask
     """``(instants, objects, runs or 1)``: in view, and the sensor not silent."""
     in_view: Mask
-    """``(instants, objects, runs or 1)``: present, in range and in the field of view."""
+    """``(instants, objects, runs or 1)``: present, in range and in the field of view, and not occluded."""
+    probability: Array
+    """``(instants, objects, runs or 1)`` that an object is detected where it is visible."""
     pose: Array
     """``(3, instants)``."""
     velocity: Array
     """``(2, instants)``."""
     noise_covariance: Array
     """``(m, m)``."""
+    polar: Array | None = None
+    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s, of a sensor of limited
+    resolution."""
     cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     recorded: bool = False
@@ -79,7 +85,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
     hashes = [hashlib.sha256() for _ in runs]
     detections: dict[str, Array] = {}
     for sensor in sensors:
-        measurement, valid = _noisy(sensor, seed, scenario, runs, hashes)
+        measurement, valid = _stacked(sensor, seed, scenario, runs, hashes)
         detections[sensor.name] = valid.sum(axis=-1).astype(float)
         size, batch = len(sensor.noise_covariance), valid.shape[1] * valid.shape[2]
         for shared in (measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity):
@@ -106,34 +112,63 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
 
 def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     steps = firing_steps(config, truth.time)
-    motion = sensor_motion(truth.observer, config.mount)
-    pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
+    motion = _motion(truth, config, steps)
+    pose, velocity = motion
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
     measurement = config.measure(target, pose[:, :, None, None], velocity[:, :, None, None])
-    in_view = _in_view(truth, steps, config, pose)
-    visible = in_view & ~silent(config, truth.time[steps])[:, None, None]
-    noise = config.noise_covariance()
-    return IdealSensor(name, config, steps, truth.time[steps], measurement, visible, in_view, pose, velocity, noise)
+    seen = polar(truth, steps, motion)
+    within = in_view(truth, steps, config, motion, seen)
+    visible = within & ~silent(config, truth.time[steps])[:, None, None]
+    probability = detection_probability(truth, steps, config, pose, seen)
+    noise, time = config.noise_covariance(), truth.time[steps]
+    return IdealSensor(
+        name,
+        config,
+        steps,
+        time,
+        measurement,
+        visible,
+        within,
+        probability,
+        pose,
+        velocity,
+        noise,
+        polar=None if config.resolution is None else seen,
+    )
 
 
 def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: RecordedMeasurements) -> IdealSensor:
     steps, valid = measurements.steps, measurements.valid
-    motion = sensor_motion(truth.observer, config.mount)
-    pose, velocity = motion.pose[:, steps], motion.velocity[:, steps]
+    motion = _motion(truth, config, steps)
+    pose, velocity = motion
     cycle = np.arange(len(steps)) if measurements.cycle is None else measurements.cycle
     _, first, number = np.unique(cycle, return_index=True, return_inverse=True)
     in_cycle = np.logical_or.reduceat(valid, first, axis=0)[number] if len(steps) else valid
     # An object that a cycle detected at another of its instants was not missed at this one.
     missed = ~in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
     silenced = silent(config, truth.time[steps])[:, None, None]
-    in_view = _in_view(truth, steps, config, pose)
-    visible = (valid[:, :, None] | (missed[:, :, None] & in_view)) & ~silenced
-    in_view = in_view | valid[:, :, None]
+    seen = polar(truth, steps, motion)
+    within = in_view(truth, steps, config, motion, seen)
+    visible = (valid[:, :, None] | (missed[:, :, None] & within)) & ~silenced
+    within = within | valid[:, :, None]
+    probability = np.broadcast_to(1.0, within.shape)
     noise = config.noise_covariance()
     measurement = measurements.measurement[..., None]
     time = truth.time[steps]
     return IdealSensor(
-        name, config, steps, time, measurement, visible, in_view, pose, velocity, noise, first, recorded=True
+        name,
+        config,
+        steps,
+        time,
+        measurement,
+        visible,
+        within,
+        probability,
+        pose,
+        velocity,
+        noise,
+        cycle_starts=first,
+        recorded=True,
     )
 
 
@@ -145,37 +180,42 @@ def scan_rate(sensor: IdealSensor) -> float | None:
     return float(1.0 / np.median(np.diff(starts))) if len(starts) > 1 else None
 
 
-def _in_view(truth: Truth, steps: Indices, config: Sensor, pose: Array) -> Mask:
-    """``(instants, objects, runs or 1)``: present, in range and in the field of view."""
-    position = np.stack([truth.px, truth.py, np.zeros_like(truth.px), np.zeros_like(truth.px)])[:, steps]
-    polar = Radar.measure(position, pose[:, :, None, None], np.zeros((2, 1, 1, 1)))
-    visible = truth.alive[steps][:, :, None] & (np.abs(polar[1]) <= np.deg2rad(config.fov_deg) / 2)
-    if config.max_range_m is not None:
-        visible = visible & (polar[0] <= config.max_range_m)
-    return np.asarray(visible)
+def _motion(truth: Truth, config: Sensor, steps: Indices) -> SensorMotion:
+    motion = sensor_motion(truth.observer, config.mount)
+    return SensorMotion(motion.pose[:, steps], motion.velocity[:, steps])
 
 
-def _noisy(
+def measured(sensor: IdealSensor, seed: int, scenario: str, run: int) -> tuple[Array, Mask]:
+    """One run's measurements ``(m, instants, objects)``, NaN where not detected, and where they are."""
+    of_run = run if sensor.measurement.shape[-1] > 1 else 0
+    ideal, visible = sensor.measurement[..., of_run], sensor.visible[..., of_run]
+    random = stream(seed, scenario, run, sensor.name)
+    draws, chance = random.standard_normal(ideal.shape), random.random(visible.shape)
+    detected = visible & (chance < sensor.probability[..., of_run])
+    if sensor.recorded:
+        detected = detected & np.isfinite(ideal).all(axis=0)
+        noisy = difference(ideal, np.zeros_like(ideal), sensor.config.angular)
+    else:
+        noisy = with_noise(sensor.config, ideal, draws)
+    return np.where(detected, noisy, np.nan), detected
+
+
+def with_noise(config: Sensor, ideal: Array, draws: Array) -> Array:
+    """Measurements ``(m, ...)`` with the sensor's noise, from ``draws`` of a standard normal, and its bias."""
+    own = (slice(None), *(None,) * (ideal.ndim - 1))
+    error = draws * np.array(config.sigmas())[own] + np.array(config.biases())[own]
+    return difference(ideal, -error, config.angular)
+
+
+def _stacked(
     sensor: IdealSensor, seed: int, scenario: str, runs: range, hashes: Sequence[hashlib._Hash]
 ) -> tuple[Array, Mask]:
     """Measurements ``(instants, m, objects, runs)``, NaN where not detected, and where they are."""
     size, instants, objects = sensor.measurement.shape[:3]
-    sigma, bias = np.array(sensor.config.sigmas()), np.array(sensor.config.biases())
-    probability = sensor.config.detection_probability
-    if sensor.recorded:
-        sigma, bias, probability = np.zeros_like(sigma), np.zeros_like(bias), 1.0
     measurements = np.empty((instants, size, objects, len(runs)))
     valid = np.empty((instants, objects, len(runs)), dtype=bool)
     for i, run in enumerate(runs):
-        random = stream(seed, scenario, run, sensor.name)
-        error = random.standard_normal((size, instants, objects)) * sigma[:, None, None] + bias[:, None, None]
-        chance = random.random((instants, objects))
-        of_run = run if sensor.measurement.shape[-1] > 1 else 0
-        detected = sensor.visible[..., of_run] & (chance < probability)
-        if sensor.recorded:
-            detected = detected & np.isfinite(sensor.measurement[..., of_run]).all(axis=0)
-        noisy = difference(sensor.measurement[..., of_run], -error, sensor.config.angular)
-        noisy = np.where(detected, noisy, np.nan)
+        noisy, detected = measured(sensor, seed, scenario, run)
         hashes[i].update(noisy.tobytes())
         measurements[..., i] = np.swapaxes(noisy, 0, 1)
         valid[..., i] = detected

@@ -20,13 +20,14 @@ import numpy as np
 from trackbench.errors import InputError, InputErrors
 from trackbench.stepping.faults import fault_of
 from trackbench.stepping.steppers import local
+from trackbench.stepping.tracks import local_tracks
 from trackbench.stepping.wire import Arrays, receive_request, send_answer
 from trackbench.trackers.answers import shaped, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
-from trackbench.types import Estimate, Scan
+from trackbench.types import Estimate, Scan, Tracks
 
 #: How often a process looks whether the bench is still there, s.
 ORPHANED = 2.0
@@ -35,7 +36,7 @@ ORPHANED = 2.0
 class Stepped(Protocol):
     """A tracker with its state."""
 
-    def step(self, scan: Scan) -> Estimate | None: ...
+    def step(self, scan: Scan) -> Estimate | Tracks | None: ...
 
 
 class Alone:
@@ -66,6 +67,10 @@ class Host:
     def start(self, config: PluginConfig, folder: Path | None, batch: int) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker for a batch, whose answers are checked."""
         return {"number": self._keep(local(config, folder, batch, _refuse_truth))}, {}
+
+    def start_tracks(self, config: PluginConfig, folder: Path | None, runs: int) -> tuple[dict[str, Any], Arrays]:
+        """A fresh tracker of several objects for some runs, whose answers are checked."""
+        return {"number": self._keep(local_tracks(config, folder, runs))}, {}
 
     def fresh(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
@@ -146,7 +151,9 @@ def _told(error: BaseException) -> dict[str, Any]:
     return {"fault": [fault.cause, fault.kind, fault.place, fault.member]}
 
 
-def _arrays(estimate: Estimate) -> Arrays:
+def _arrays(estimate: Estimate | Tracks) -> Arrays:
+    if isinstance(estimate, Tracks):
+        return {name: np.asarray(value) for name, value in estimate._asdict().items() if value is not None}
     found = {"mean": estimate.mean, "covariance": estimate.covariance}
     for name in ("state", "innovation", "innovation_covariance", "repaired"):
         value = getattr(estimate, name)

@@ -12,12 +12,13 @@ from trackbench.errors import InputError
 from trackbench.stepping.faults import TrackFault
 from trackbench.stepping.processes import NO_ANSWER, TrackerProcess
 from trackbench.stepping.steppers import Stepper, local
+from trackbench.stepping.tracks import TracksStepper, checked_tracks, local_tracks
 from trackbench.trackers.answers import TrackerFault, shaped
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import built_in, check_options, create
-from trackbench.types import Array, Estimate, Scan
+from trackbench.types import Array, Estimate, Indices, Scan, Tracks
 
 #: Stands for the state of a tracker that has it in its process.
 KEPT_THERE = "kept in the tracker's process"
@@ -85,6 +86,20 @@ def start(
     return RemoteStepper(config, folder, batch, isolation.timeout)
 
 
+def start_tracks(
+    config: FilterConfig | PluginConfig, folder: Path | None, runs: int, isolation: Isolation
+) -> TracksStepper:
+    """A fresh tracker of several objects for some runs, its answers checked.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options.
+        TrackFault: its process ended.
+    """
+    if not isolation.of(config):
+        return local_tracks(config, folder, runs)
+    return RemoteTracks(config, folder, runs, isolation.timeout)
+
+
 def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Isolation) -> Callable[[], Tracker]:
     """A function that gives fresh trackers as they are, one after the other from one process.
 
@@ -101,17 +116,28 @@ def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Iso
     return make
 
 
-class RemoteStepper:
-    """A tracker that follows a batch in a process of its own."""
+class _Remote:
+    """A tracker in a process of its own, started by a request."""
 
-    def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, batch: int, timeout: float) -> None:
+    def __init__(self, timeout: float, do: str, **request: Any) -> None:
         self._process = TrackerProcess(timeout)
         try:
-            answer, _ = self._process.ask("start", config=config, folder=folder, batch=batch)
+            answer, _ = self._process.ask(do, **request)
         except BaseException:
             self.close()
             raise
         self._number = answer["number"]
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.close()
+
+
+class RemoteStepper(_Remote):
+    """A tracker that follows a batch in a process of its own."""
+
+    def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, batch: int, timeout: float) -> None:
+        super().__init__(timeout, "start", config=config, folder=folder, batch=batch)
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimates of all members.
@@ -121,9 +147,24 @@ class RemoteStepper:
         """
         return _step(self._process, self._number, scan)
 
-    def close(self) -> None:
-        """End the process."""
-        self._process.close()
+
+class RemoteTracks(_Remote):
+    """A tracker of several objects in a process of its own."""
+
+    def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, runs: int, timeout: float) -> None:
+        super().__init__(timeout, "start_tracks", config=config, folder=folder, runs=runs)
+
+    def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
+        """The tracks of all runs; their origins are not told.
+
+        Raises:
+            TrackFault: the tracker failed.
+        """
+        _, arrays = self._process.ask("step", number=self._number, scan=scan)
+        try:
+            return checked_tracks(Tracks(**arrays), scan)
+        except (TypeError, TrackerFault) as error:
+            raise TrackFault(NO_ANSWER, "died") from error
 
 
 class RemoteTracker:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from trackbench.multi import build_multi
 from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import ASYMMETRY, NOT_FINITE, TrackerFault, array_of, described, unpack
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.published import create
 from trackbench.types import Indices, Scan, Tracks
 
 NO_TRACK = -1
@@ -28,6 +32,19 @@ class TracksStepper(Protocol):
 
     def close(self) -> None:
         """It is no longer needed."""
+
+
+def local_tracks(config: FilterConfig | PluginConfig, folder: Path | None, runs: int) -> TracksStepper:
+    """A fresh tracker in this process, as a scenario names it.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options.
+    """
+    if isinstance(config, FilterConfig):
+        return BatchedTracks(build_multi(config))
+    make = create(config.use, config.options, folder)
+    tracker = make()
+    return BatchedTracks(tracker) if getattr(tracker, "batched", False) else LoopedTracks(make, runs)
 
 
 class BatchedTracks:

@@ -22,7 +22,7 @@ _LENGTH = struct.Struct("<Q")
 LARGEST_HEADER = 1 << 20
 #: Of an answer's arrays together, bytes.
 LARGEST_ARRAYS = 1 << 32
-_TYPES = {"d": np.dtype(np.float64), "?": np.dtype(np.bool_)}
+_TYPES = {"d": np.dtype(np.float64), "?": np.dtype(np.bool_), "l": np.dtype(np.int64)}
 
 Arrays = Mapping[str, npt.NDArray[Any]]
 
@@ -55,7 +55,7 @@ def receive_request(source: Source) -> dict[str, Any]:
 
 
 def send_answer(to: socket.socket, values: Mapping[str, Any], arrays: Arrays) -> None:
-    """Send JSON values, and arrays of float or bool."""
+    """Send JSON values, and arrays of float, bool or int."""
     described = [[name, array.dtype.char, array.shape] for name, array in arrays.items()]
     header = json.dumps({"values": values, "arrays": described}).encode()
     parts = [np.ascontiguousarray(array).data.cast("B") for array in arrays.values() if array.size]

@@ -117,6 +117,14 @@ class TruthSource(Config, ABC):
         """The number of runs whose motion fits the memory; None where it does not depend on them."""
         return None
 
+    def with_all_objects(self, within_m: float) -> Self:
+        """The source whose truth has every object, with ``Truth.target``: for hidden identities.
+
+        Args:
+            within_m: an object that is no target and never comes this near to the observer may be left out.
+        """
+        return self
+
     def feeds(self, kinds: Mapping[str, str]) -> dict[str, str]:
         """Those of the sensors, given by name with their kinds, whose measurements the source has."""
         return {}

@@ -43,9 +43,9 @@ class Frames:
         """``(steps, bodies)``."""
         return np.isfinite(self.px)
 
-    def truth(self, targets: Sequence[int], observer: Observer) -> Truth:
-        """The truth of the bodies numbered in ``targets``: course along the motion, speed not negative."""
-        chosen = list(targets)
+    def truth(self, bodies: Sequence[int], observer: Observer) -> Truth:
+        """The truth of the bodies with these numbers: course along the motion, speed not negative."""
+        chosen = list(bodies)
         alive = self.alive[:, chosen]
         heading, slip, speed = (held(a[:, chosen], alive) for a in (self.heading, self.slip, self.speed))
         course = heading + slip + np.where(speed < 0.0, np.pi, 0.0)

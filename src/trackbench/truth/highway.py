@@ -23,7 +23,8 @@ from trackbench.truth.frames import Frames, held
 from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
-from trackbench.types import Observer, Progress, Truth, no_progress
+from trackbench.truth.sizes import with_sizes
+from trackbench.types import Array, Observer, Progress, Truth, no_progress
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")
@@ -112,6 +113,8 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
         finally:
             env.close()
     frames = recorder.result(steps, 1.0 / config.rate_hz)
+    if config.sizes is not None:
+        frames = with_sizes(frames, config.sizes, config.seed)
     early = None
     if len(frames.px) < steps:
         early = EndedEarly(time_s=(len(frames.px) - 1) * frames.dt, reason=ended or "")
@@ -121,22 +124,29 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
 def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: EndedEarly | None) -> Truth:
     observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
     targets = _targets(config, frames, observer)
-    truth = frames.truth(targets, observer)
+    bodies = _bodies(config, frames, observer, targets)
+    truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
     truth = replace(
         truth,
         roads=lane_edges(lanes, *everywhere),
-        source=config.model_dump(mode="json", exclude={"seeds"}),
+        source=_source(config),
+        target=np.isin(bodies, targets),
     )
-    velocity = [held(a[:, targets], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
+    velocity = [held(a[:, bodies], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
     observer_collided = frames.collided[:, 0] & (config.observer == "ego")
-    stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, targets], observer_collided)
+    stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, bodies], observer_collided)
     return audit(truth, config.audit, stated, ended_early)
 
 
 def _fixed(at: FixedObserver, steps: int) -> Observer:
     px, py, yaw, zero = (np.full(steps, value) for value in (at.x, at.y, math.radians(at.yaw_deg), 0.0))
     return Observer(px, py, yaw, zero, zero, zero)
+
+
+def _source(config: HighwayOptions) -> dict[str, Any]:
+    unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
+    return config.model_dump(mode="json", exclude={"seeds", *unused})
 
 
 def _targets(config: HighwayOptions, frames: Frames, observer: Observer) -> list[int]:
@@ -150,12 +160,31 @@ def _targets(config: HighwayOptions, frames: Frames, observer: Observer) -> list
                 )
         bodies = sorted({known[name] for name in config.targets.ids})
     elif isinstance(config.targets, NearestTargets):
-        distance = np.hypot(frames.px - observer.px[:, None], frames.py - observer.py[:, None])
-        bodies.sort(key=lambda i: float(np.nanmin(distance[:, i])))
+        nearest_m = _least_distance(frames, observer)
+        bodies.sort(key=lambda i: float(nearest_m[i]))
         bodies = sorted(bodies[: config.targets.nearest])
     if not bodies:
         raise InputError(f"there is no vehicle to track in {config.env} with this configuration", key="truth.targets")
     return bodies
+
+
+def _bodies(config: HighwayOptions, frames: Frames, observer: Observer, targets: list[int]) -> list[int]:
+    """The bodies of the truth: the targets, or with hidden identities all that a sensor might reach."""
+    limit = config.others_within_m
+    if limit is None:
+        return targets
+    near = _least_distance(frames, observer) <= limit
+    named = [] if config.targets == "all" else targets
+    bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and (i > 0 or config.observer != "ego"))]
+    if not bodies:
+        raise InputError(f"no vehicle comes within {limit:g} m of the observer", key="truth.targets")
+    return bodies
+
+
+def _least_distance(frames: Frames, observer: Observer) -> Array:
+    """``(bodies,)`` m, over the time that each is there."""
+    distance = np.hypot(frames.px - observer.px[:, None], frames.py - observer.py[:, None])
+    return np.asarray(np.nanmin(distance, axis=0))
 
 
 def _prepare(config: HighwayOptions) -> AbstractEnv:

@@ -24,8 +24,8 @@ Velocity = Annotated[float, Field(ge=-LARGEST["speed"], le=LARGEST["speed"])]
 
 
 def why_too_large(value: float, quantity: str | None) -> str | None:
-    """What is wrong with a value in SI units or radians; None if nothing is."""
-    if quantity is None or abs(value) <= LARGEST[quantity]:
+    """What is wrong with a value in SI units or radians; None if nothing is. NaN stands for none."""
+    if quantity is None or not abs(value) > LARGEST[quantity]:
         return None
     unit = UNITS[quantity]
     return f"it would be {value:.3g} {unit}, and at most {LARGEST[quantity]:.0e} {unit} can be meant: check its unit"
@@ -56,9 +56,9 @@ def require_possible(truth: Truth) -> None:
         if problem is not None:
             raise InputError(problem, key="truth")
         for what, values, quantity in (
+            ("speed", truth.speed, "speed"),
             ("x", truth.px, "length"),
             ("y", truth.py, "length"),
-            ("speed", truth.speed, "speed"),
         ):
             largest = np.abs(values[:, index]).max(axis=-1)
             step = int(np.argmax(~(largest <= LARGEST[quantity])))

@@ -63,6 +63,7 @@ def script(config: ScriptedOptions, seed: int, scenario: str, runs: int) -> Trut
         length=np.array([body.length_m for body in config.objects.values()]),
         width=np.array([body.width_m for body in config.objects.values()]),
         observer=_observer(config.observer, time),
+        target=np.array([body.target for body in config.objects.values()]),
         source={**config.model_dump(mode="json", exclude={"objects"}), "random": config.random},
     )
     require_possible(truth)

@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from trackbench.config import Angle, Config, NonNegative, Positive, Probability, Problem, reject
+from trackbench.config import Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
 from trackbench.errors import nearest
+from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.presets import presets
 from trackbench.plugins import Registry, lacks_class
 from trackbench.types import Array, Gaussian, Scan
@@ -74,6 +75,19 @@ class Sensor(Config, ABC):
     detection_probability: Probability = Field(
         1, description="Probability that a vehicle within range and field of view gives a measurement, 0 to 1."
     )
+    detection: DetectionFactors = Field(
+        default_factory=DetectionFactors,
+        description="How that probability falls with range and aspect; it does not unless given.",
+    )
+    occlusion: bool = Field(False, description="Whether vehicles hide those behind them.")
+    clutter: Clutter = Field(default_factory=Clutter, description="False alarms; none unless given.")
+    resolution: Resolution | None = Field(
+        None, description="The cell in which two vehicles give one measurement; every vehicle has its own unless given."
+    )
+    states: StatedDetection = Field(
+        default_factory=StatedDetection,
+        description="What it tells trackers where that is not what is simulated, to study wrong figures.",
+    )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
     latency_s: float = Field(
         0,
@@ -99,6 +113,21 @@ class Sensor(Config, ABC):
             return data
         return {"type": kind, **preset.values, **data}
 
+    def problems(self) -> Iterator[Problem]:
+        for at in self._needs_volume():
+            if type(self).uniform is Sensor.uniform:
+                yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
+            elif self.max_range_m is None:
+                yield Problem(("max_range_m",), "missing: uniform clutter needs a field of view that ends")
+        if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
+            yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
+
+    def _needs_volume(self) -> Iterator[KeyPath]:
+        if self.clutter.per_scan:
+            yield "clutter", "per_scan"
+        elif self.states.clutter_per_scan:
+            yield "states", "clutter_per_scan"
+
     @classmethod
     def kind(cls) -> str:
         """The name by which a scenario asks for this class."""
@@ -111,6 +140,17 @@ class Sensor(Config, ABC):
     def biases(self) -> tuple[float, ...]:
         """``(m,)`` constant error of each component of a measurement, in SI units and radians."""
         return (0.0,) * len(self.components)
+
+    def uniform(self, shares: Array) -> Array:
+        """Measurements ``(m, n)`` uniform in the field of view, from numbers ``(m, n)`` uniform in 0 to 1.
+
+        What clutter is uniform in; a sensor without it has no uniform clutter.
+        """
+        raise NotImplementedError
+
+    def volume(self) -> float:
+        """Volume of the field of view in the space of measurements, in SI units and radians."""
+        raise NotImplementedError
 
     def noise_covariance(self) -> Array:
         """``(m, m)`` covariance that the sensor states of its measurements."""

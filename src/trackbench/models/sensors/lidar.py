@@ -32,6 +32,17 @@ class Lidar(Sensor):
     def biases(self) -> tuple[float, ...]:
         return (self.x_bias_m, self.y_bias_m)
 
+    def uniform(self, shares: Array) -> Array:
+        """Uniform in x and y over the sector in view."""
+        assert self.max_range_m is not None
+        reach, azimuth = self.max_range_m * np.sqrt(shares[0]), (shares[1] - 0.5) * np.deg2rad(self.fov_deg)
+        return np.stack([reach * np.cos(azimuth), reach * np.sin(azimuth)])
+
+    def volume(self) -> float:
+        """m^2."""
+        assert self.max_range_m is not None
+        return float(0.5 * np.deg2rad(self.fov_deg) * self.max_range_m**2)
+
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         dx, dy = target[0] - pose[0], target[1] - pose[1]

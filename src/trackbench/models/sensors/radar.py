@@ -63,6 +63,19 @@ class Radar(Polar):
     def biases(self) -> tuple[float, ...]:
         return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.range_rate_bias_mps)
 
+    def uniform(self, shares: Array) -> Array:
+        """Uniform in range, azimuth and range rate."""
+        low, high = self.clutter.range_rate_mps
+        fov = np.deg2rad(self.fov_deg)
+        assert self.max_range_m is not None
+        return np.stack([shares[0] * self.max_range_m, (shares[1] - 0.5) * fov, low + shares[2] * (high - low)])
+
+    def volume(self) -> float:
+        """m rad m/s."""
+        low, high = self.clutter.range_rate_mps
+        assert self.max_range_m is not None
+        return float(self.max_range_m * np.deg2rad(self.fov_deg) * (high - low))
+
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:
         dx, dy = target[0] - pose[0], target[1] - pose[1]

@@ -86,8 +86,8 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
         *_breakdown(result, styles),
         *_consistency(result, shown),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
-        Section("Truth and sensors", tuple(_truth(result))),
-        Section("How to reproduce it", tuple(_reproduction(result))),
+        Section("Truth and sensors", tuple(truth_and_sensors(result))),
+        Section("How to reproduce it", tuple(reproduction(result))),
     ]
     return Document(
         "report", summary.scenario.name, tuple(sections), summary.scenario.description, facts(result), tuple(shown)
@@ -105,7 +105,7 @@ def _verdict(result: Result) -> Iterator[Block]:
     if result.scored:
         yield Items(
             tuple(
-                Item(f"{verdict(t, summary.runs, summary.reference.label)}.", t.name, t.describe, t.name)
+                Item(f"{verdict(t, summary.runs, summary.held_against.label)}.", t.name, t.describe, t.name)
                 for t in result.scored
             ),
             numbered=True,
@@ -127,7 +127,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     )
     others = tables.other_metrics(result)
     more = Section(
-        f"Errors along each axis, and the {result.summary.reference.label}",
+        f"Errors along each axis, and the {result.summary.held_against.label}",
         (tables.axes_and_reference(result),),
         folded=True,
     )
@@ -142,7 +142,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
-    steps, reference = result.tables.steps, result.summary.reference
+    steps, reference = result.tables.steps, result.summary.held_against
     moments, run = worst_moments(result), result.summary.recorded_run
     figures = [
         *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
@@ -205,7 +205,7 @@ def _figures(
         yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
 
 
-def _truth(result: Result) -> Iterator[Block]:
+def truth_and_sensors(result: Result) -> Iterator[Block]:
     for sentence in audit_sentences(result.summary.truth):
         yield Paragraph(sentence)
     if shares_of_jumps := after_jumps(result.scored):
@@ -213,7 +213,7 @@ def _truth(result: Result) -> Iterator[Block]:
     yield tables.sensors(result)
 
 
-def _reproduction(result: Result) -> Iterator[Block]:
+def reproduction(result: Result) -> Iterator[Block]:
     summary, scenario = result.summary, result.summary.scenario
     if summary.command:
         yield Code(summary.command, "sh")

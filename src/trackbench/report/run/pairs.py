@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase, ascii_uppercase
 
 from trackbench.report.groups import groups_of
 from trackbench.results import Difference
+from trackbench.results.summary import Summary
 
 _LETTERS = ascii_lowercase + ascii_uppercase
 
 
 @dataclass(frozen=True)
 class Pair:
-    """The position RMSE of one tracker minus that of another, m."""
+    """The metric that ranks, of one tracker minus that of another, m."""
 
     value: float
     ci95: tuple[float, float] | None
@@ -25,8 +26,9 @@ class Pair:
 class Pairs:
     """All pairs of a result, looked up in either order."""
 
-    def __init__(self, differences: Iterable[Difference]) -> None:
-        self._found = {(found.a, found.b): found for found in differences if found.metric == "position_rmse"}
+    def __init__(self, summary: Summary) -> None:
+        by = summary.headline
+        self._found = {(found.a, found.b): found for found in summary.differences if found.metric == by}
 
     def get(self, a: str, b: str) -> Pair | None:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""

@@ -98,7 +98,7 @@ def headline(result: Result) -> str:
     text = f"{names[0]} is the most accurate in position: {fixed(metric.value, places)} m RMSE{bounds}"
     if len(names) == 1:
         return text + "."
-    pairs = Pairs(result.summary.differences)
+    pairs = Pairs(result.summary)
     found = {name: pair.verdict for name in names[1:] if (pair := pairs.get(names[0], name))}
     equivalent, undecided = ([name for name in found if found[name] == what] for what in ("equivalent", "undecided"))
     if equivalent:

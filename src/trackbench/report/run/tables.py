@@ -24,9 +24,9 @@ _SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
 
 def ranking(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and verdicts."""
-    trackers, runs, label = result.scored, result.summary.runs, result.summary.reference.label
+    trackers, runs, label = result.scored, result.summary.runs, result.summary.held_against.label
     margin = margin_words(result.summary.score.margin, "m")
-    group = groups([tracker.name for tracker in trackers], Pairs(result.summary.differences))
+    group = groups([tracker.name for tracker in trackers], Pairs(result.summary))
     columns = [
         (Column("#", "rank by position RMSE"), [Cell(str(i + 1)) for i in range(len(trackers))]),
         (TRACKER, names(trackers)),
@@ -61,7 +61,7 @@ def ranking(result: Result) -> Table:
 
 def axes_and_reference(result: Result) -> Table:
     """RMSE along each axis, and of the reference."""
-    trackers, label = result.scored, result.summary.reference.label
+    trackers, label = result.scored, result.summary.held_against.label
     paths = {
         "rmse.px": "x, m",
         "rmse.py": "y, m",
@@ -147,7 +147,7 @@ def _expected(trackers: Sequence[TrackerResult], sensor: str) -> str:
 def key_differences(result: Result) -> Table:
     """Each tracker against the best and against the one ranked just above it."""
     order = [tracker.name for tracker in result.scored]
-    pairs = Pairs(result.summary.differences)
+    pairs = Pairs(result.summary)
     found = [(pairs.get(name, order[0]), pairs.get(name, above)) for above, name in pairwise(order)]
     places = _places(pair for both in found for pair in both)
     rows = [
@@ -162,7 +162,7 @@ def key_differences(result: Result) -> Table:
 def all_differences(result: Result, trackers: Sequence[TrackerResult]) -> Table:
     """Every pair of some trackers: row minus column."""
     order = [tracker.name for tracker in trackers]
-    pairs = Pairs(result.summary.differences)
+    pairs = Pairs(result.summary)
     places = _places(pairs.get(a, b) for a in order for b in order)
     rows = [
         (Cell(a, tracker=a), *(Cell("") if a == b else _in_matrix(pairs.get(a, b), places) for b in order))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets
+from trackbench.truth.config.highway import HighwayOptions, IdTargets, NearestTargets, VehicleSizes
 from trackbench.truth.config.observer import FixedObserver, MovingObserver
 from trackbench.truth.config.recording import RecordingOptions
 from trackbench.truth.config.scripted import ScriptedOptions
@@ -15,4 +15,5 @@ __all__ = [
     "NearestTargets",
     "RecordingOptions",
     "ScriptedOptions",
+    "VehicleSizes",
 ]

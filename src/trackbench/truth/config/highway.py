@@ -26,6 +26,20 @@ class IdTargets(Config):
     ids: list[str] = Field(min_length=1, description="Names of the vehicles to track, such as v1.")
 
 
+class VehicleSizes(Config):
+    """Shares of the vehicles that are longer than highway-env's 5 m x 2 m.
+
+    Their motion is the same: highway-env drives, and checks for collisions, with its own size.
+    """
+
+    van: float = Field(0, ge=0, le=1, description="Share that is 7 m x 2 m, 0 to 1.")
+    truck: float = Field(0, ge=0, le=1, description="Share that is 10 m x 2.5 m, 0 to 1.")
+
+    def problems(self) -> Iterator[Problem]:
+        if self.van + self.truck > 1:
+            yield Problem((), f"the shares add up to {self.van + self.truck:g}; at most 1 is possible")
+
+
 def _target_choice(value: Any) -> str | None:
     if isinstance(value, NearestTargets) or (isinstance(value, dict) and "nearest" in value):
         return "<nearest>"
@@ -102,6 +116,14 @@ class HighwayOptions(SteppedTruth):
         description="Largest rate at which the front wheels of all vehicles turn, degrees per second. Unless given "
         "they turn in no time, as highway-env's do, and velocities jump.",
     )
+    sizes: VehicleSizes | None = Field(
+        None, description="Shares of the vehicles with the size of vans and trucks, drawn from the seed."
+    )
+    others_within_m: Positive | None = Field(
+        None,
+        description="With hidden identities: a vehicle that never comes this near to the observer is left out, unless "
+        "targets names it, m. The reach of the sensors and 10 m unless given.",
+    )
     audit: Literal["repair", "refuse"] = Field(
         "repair", description="What to do where the simulated velocity contradicts the simulated motion."
     )
@@ -115,6 +137,9 @@ class HighwayOptions(SteppedTruth):
             return (self,)
         seeds = self.seeds if isinstance(self.seeds, list) else range(self.seed, self.seed + self.seeds)
         return tuple(self.model_copy(update={"seed": seed, "seeds": None}) for seed in seeds)
+
+    def with_all_objects(self, within_m: float) -> Self:
+        return self if self.others_within_m is not None else self.model_copy(update={"others_within_m": within_m})
 
     def problems(self) -> Iterator[Problem]:
         if isinstance(self.seeds, int):

@@ -131,8 +131,11 @@ class ScriptedObject(Config):
     """An object and its motion."""
 
     start: ScriptedStart = Field(default_factory=ScriptedStart, description="Position and velocity at the start.")
-    length_m: Positive = Field(4.5, description="Length, m, to draw it.")
-    width_m: Positive = Field(1.8, description="Width, m, to draw it.")
+    length_m: Positive = Field(4.5, description="Length, m, to draw it and to hide others.")
+    width_m: Positive = Field(1.8, description="Width, m, to draw it and to hide others.")
+    target: bool = Field(
+        True, description="Whether it is tracked; false needs hidden identities, where it still causes detections."
+    )
     pieces: list[Piece] = Field(
         default_factory=lambda: [Piece()],
         min_length=1,
@@ -162,6 +165,8 @@ class ScriptedOptions(SteppedTruth):
         return sigmas.pop() if len(sigmas) == 1 else None
 
     def problems(self) -> Iterator[Problem]:
+        if not any(body.target for body in self.objects.values()):
+            yield Problem(("objects",), "no object is a target; leave target out of one")
         for name, body in self.objects.items():
             for problem in self._times(body.pieces):
                 yield Problem(("objects", name, "pieces", *problem.at), problem.message)

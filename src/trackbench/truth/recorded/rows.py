@@ -134,10 +134,11 @@ def _parquet(file: Path, names: list[str]) -> Rows:
         header = pq.read_schema(file).names
         _require(names, header, file, None)
         table = pq.read_table(file, columns=names)
-    except (pa.ArrowException, OSError) as error:
+        columns = {name: table[name].to_pylist() for name in names}
+    except (pa.ArrowException, OSError, ValueError, OverflowError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"not a Parquet file that can be read: {reason}", file=file) from None
-    return Rows(file, {name: table[name].to_pylist() for name in names}, None)
+    return Rows(file, columns, None)
 
 
 def _require(names: list[str], header: list[str], file: Path, line: int | None) -> None:

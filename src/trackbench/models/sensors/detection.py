@@ -1,0 +1,105 @@
+"""What a sensor detects, misses, merges and makes up: options of every sensor, each off unless stated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from trackbench.config import Config, NonNegative, Positive, Probability, Problem
+
+Row = Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
+Point = Annotated[list[float], Field(min_length=2, max_length=2)]
+Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class DetectionFactors(Config):
+    """Factors of the detection probability."""
+
+    half_range_m: Positive | None = Field(
+        None,
+        description="Range at which a radar detects a fluctuating target (Swerling 1, false alarm probability 1e-6) "
+        "with probability 0.5, m; the curve follows from the radar equation.",
+    )
+    by_range: list[Row] | None = Field(
+        None, min_length=1, description="Rows [range m, factor], linear in between; the ends hold beyond."
+    )
+    by_aspect: list[Row] | None = Field(
+        None,
+        min_length=1,
+        description="Rows [aspect degrees, factor], linear in between: 0 where the vehicle's front faces the sensor, "
+        "90 its side, 180 its rear.",
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        if self.half_range_m is not None and self.by_range is not None:
+            yield Problem(("by_range",), "not used with half_range_m; remove one of them")
+        for key, rows in (("by_range", self.by_range), ("by_aspect", self.by_aspect)):
+            for index, row in enumerate(rows or []):
+                if row[1] > 1:
+                    yield Problem((key, index), f"the factor must be from 0 to 1, not {row[1]:g}")
+                if index and rows and row[0] <= rows[index - 1][0]:
+                    yield Problem((key, index), f"must come after {rows[index - 1][0]:g}; sort the rows")
+
+
+class ClutterPlace(Config):
+    """A thing at rest that causes false alarms, such as a guard rail."""
+
+    line: list[Point] = Field(min_length=1, description="Its corners [x, y], m; a single one is a point.")
+    frame: Literal["fixed", "observer"] = Field(
+        "fixed",
+        description="fixed: the frame of the world. observer: x forward of the observer and y to its left, for what "
+        "runs along the road.",
+    )
+    per_scan: Positive = Field(
+        le=1000, description="Mean number of false alarms per scan from all of it; those out of view are not detected."
+    )
+    spread_m: NonNegative = Field(
+        0, description="Standard deviation of the place along each axis, m, beside the sensor's noise."
+    )
+
+
+class Clutter(Config):
+    """False alarms: detections that stem from no vehicle. Their numbers are Poisson distributed."""
+
+    per_scan: float = Field(
+        0,
+        ge=0,
+        le=1000,
+        description="Mean number per scan of those that are uniform in the field of view: of a radar in range, azimuth "
+        "and range rate, of a lidar in x and y.",
+    )
+    range_rate_mps: Interval = Field(
+        default_factory=lambda: [-50.0, 50.0], description="A radar's interval of range rate, m/s."
+    )
+    places: list[ClutterPlace] = Field(default_factory=list, description="Things at rest that cause more of them.")
+
+    def problems(self) -> Iterator[Problem]:
+        low, high = self.range_rate_mps
+        if low >= high:
+            yield Problem(("range_rate_mps",), f"must be [low, high] with {low:g} below {high:g}")
+
+
+class Resolution(Config):
+    """The cell in which two vehicles give one measurement. A quantity without a size does not tell them apart."""
+
+    range_m: Positive | None = Field(None, description="Size in range, m.")
+    azimuth_deg: Positive | None = Field(None, description="Size in azimuth, degrees.")
+    range_rate_mps: Positive | None = Field(None, description="Size in range rate, m/s; not of a lidar.")
+
+    def problems(self) -> Iterator[Problem]:
+        if not self.model_fields_set:
+            yield Problem((), "says nothing: add range_m, azimuth_deg or range_rate_mps")
+
+
+class StatedDetection(Config):
+    """What the sensor tells trackers where that is not what is simulated."""
+
+    detection_probability: Probability | None = Field(
+        None, description="Of a vehicle in the field of view; the sensor's detection_probability unless given."
+    )
+    clutter_per_scan: NonNegative | None = Field(
+        None,
+        description="Mean number of false alarms per scan, uniform in view; clutter.per_scan unless given.",
+    )

@@ -1,0 +1,1 @@
+"""Reports of runs whose detections nobody labelled."""

@@ -1,0 +1,245 @@
+"""One block of Monte-Carlo runs of detections that nobody labelled, through every tracker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.results import Failure
+from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.due import Due, find_due
+from trackbench.stepping import TrackFault, fault_of, start_tracks
+from trackbench.stepping.tracks import NO_TRACK
+from trackbench.traffic_metrics import (
+    Associations,
+    RunScores,
+    TrackHistory,
+    TrafficScoreOptions,
+    TruthHistory,
+    score_run,
+)
+from trackbench.traffic_metrics.histories import NO_DETECTION
+from trackbench.types import Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
+
+
+@dataclass
+class TrafficScores:
+    """What a block leaves of one tracker."""
+
+    runs: list[RunScores]
+    reused_ids: Array
+    """``(runs,)`` number of ids that were used again after their track had ended."""
+    seconds: float
+    """Time spent in the tracker."""
+    steps: int
+    """Number of scans of single runs that it took."""
+    recorded: TrackHistory | None = None
+    """Its tracks of the recorded run."""
+    used: Indices | None = None
+    """``(scans, K)`` the detection that each track of the recorded run took, -1 where none."""
+
+
+@dataclass
+class TrafficBlock:
+    """What a block of runs leaves behind."""
+
+    piece: BlockRuns
+    scores: dict[str, TrafficScores | Failure]
+    """By tracker."""
+    digests: list[bytes]
+    detections: dict[str, tuple[float, float]]
+    """By sensor, the numbers of detections of objects and of false alarms."""
+    status: npt.NDArray[np.int8]
+    """``(instants, objects)`` of the recorded run, of which a block without it has nothing."""
+    scans: list[Scan] | None = None
+    """Those of the recorded run, if it is in this block."""
+    origins: list[Indices] = field(default_factory=list)
+    """Of their detections."""
+
+
+def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_progress, _: object = None) -> TrafficBlock:
+    """Synthesise the detections of some runs, take every tracker through them and score its tracks.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs of this block.
+        progress: called with the number of runs done and of all; each tracker's part of a run counts alike.
+    """
+    keep_freed_memory()
+    scene, runs = work.scenes[piece.scene], piece.runs
+    hidden = sense_hidden(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
+    due = find_due(scene.truth, scene.sensors)
+    kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
+    scores = {}
+    for number, name in enumerate(work.trackers):
+        scores[name] = _Passage(work, piece, name, hidden, due, kept).scores()
+        progress((number + 1) / len(work.trackers) * len(runs), len(runs))
+    found = TrafficBlock(piece, scores, hidden.digests, _counts(hidden), np.zeros((0, 0), dtype=np.int8))
+    if kept is not None:
+        found.scans = [of_run(scan, kept) for scan in hidden.scans]
+        pairs = zip(hidden.scans, hidden.origins, strict=True)
+        found.origins = [origins[scan.valid[:, kept], kept] for scan, origins in pairs]
+        found.status = _one(of_runs(due.status, runs), kept)
+    return found
+
+
+class _Passage:
+    """One tracker's way through the scans of a block."""
+
+    def __init__(
+        self, work: Work, piece: BlockRuns, name: str, hidden: HiddenMeasurements, due: Due, kept: int | None
+    ) -> None:
+        self._work, self._piece, self._name, self._hidden, self._due, self._kept = work, piece, name, hidden, due, kept
+        self._truth = work.scenes[piece.scene].truth
+        self._time = self._truth.time[due.steps]
+        self._instants: list[Tracks] = []
+        self._taken: list[tuple[int, Tracks, int]] = []
+        self._seconds = 0.0
+        self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
+
+    def scores(self) -> TrafficScores | Failure:
+        """Those of each run; or why the tracker cannot go on."""
+        instant, scan = 0, self._hidden.scans[0]
+        try:
+            stepper = start_tracks(
+                self._work.trackers[self._name], self._work.folder, len(self._piece.runs), self._work.isolation
+            )
+        except Exception as error:
+            return self._failure(fault_of(error), 0, None)
+        try:
+            numbered = enumerate(zip(self._hidden.scans, self._hidden.origins, strict=True))
+            for instant, (_, group) in enumerate(groupby(numbered, key=lambda item: item[1][0].time)):
+                for number, (scan, origins) in group:
+                    given, known = self._given(scan, origins)
+                    begin = time.perf_counter()
+                    tracks = stepper.step(given, known)
+                    self._seconds += time.perf_counter() - begin
+                    if given is scan:
+                        self._taken.append((instant, tracks, number))
+                self._instants.append(tracks)
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
+            return self._failure(fault_of(error), instant, scan.sensor)
+        finally:
+            stepper.close()
+        return self._scored()
+
+    def _given(self, scan: Scan, origins: Indices) -> tuple[Scan, Indices]:
+        """The scan; of a sensor that the tracker does not read an empty one, which could have detected nothing."""
+        named = self._work.trackers[self._name].sensors_used
+        if named is None or scan.sensor in named:
+            return scan, origins
+        nothing = scan._replace(
+            measurement=scan.measurement[:, :0], valid=scan.valid[:0], detection_probability=0.0, clutter_density=0.0
+        )
+        return nothing, origins[:0]
+
+    def _scored(self) -> TrafficScores:
+        runs = self._piece.runs
+        tracks = _stacked(self._instants)
+        state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
+        state, status = of_runs(state, runs), of_runs(self._due.status, runs)
+        found = TrafficScores([], np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
+        for run in range(len(runs)):
+            truth = TruthHistory(self._time, _one(state, run), _one(status, run))
+            history = _of_run(tracks, run)
+            taken = self._associations(run)
+            found.runs.append(score_run(truth, history, self._options, taken))
+            found.reused_ids[run] = reused(history.ids)
+            if run == self._kept:
+                found.recorded = history
+        return found
+
+    def _associations(self, run: int) -> Associations | None:
+        """Which detection each track took; None where the tracker does not say."""
+        if not self._taken or any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
+            return None
+        most = max(len(tracks.ids) for _, tracks, _ in self._taken)
+        shape, objects = (len(self._taken), most), len(self._truth.ids)
+        ids, origin = np.full(shape, NO_TRACK), np.full(shape, NO_DETECTION)
+        merged, detected = np.full(shape, NO_TRACK), np.zeros((len(self._taken), objects), dtype=bool)
+        for row, (_, tracks, number) in enumerate(self._taken):
+            origins, second = self._hidden.origins[number][:, run], self._hidden.merged[number][:, run]
+            detected[row, np.concatenate([origins[origins >= 0], second[second >= 0]])] = True
+            if tracks.used is None or not len(tracks.ids):
+                continue
+            count = len(tracks.ids)
+            ids[row, :count] = tracks.ids[:, run]
+            took = tracks.used[:, run]
+            known = took >= 0
+            origin[row, :count][known], merged[row, :count][known] = origins[took[known]], second[took[known]]
+        return Associations(np.array([instant for instant, _, _ in self._taken]), ids, origin, detected, merged)
+
+    def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
+        run = None if fault.member is None else self._piece.runs.start + fault.member
+        return Failure(
+            cause=fault.cause,
+            place=fault.place,
+            step=instant,
+            time_s=float(self._time[instant]),
+            sensor=sensor,
+            run=None if run is None else self._work.number(self._piece.scene, run),
+            object=None,
+        )
+
+
+def _one(values: npt.NDArray[T], run: int) -> npt.NDArray[T]:
+    """One run of an array whose last axis is the runs, or has length 1 where all are alike."""
+    return values[..., min(run, values.shape[-1] - 1)]
+
+
+def reused(ids: Indices) -> int:
+    """How many ids ``(T, K)`` come back after an instant without them."""
+    seen: set[int] = set()
+    before: set[int] = set()
+    again = 0
+    for row in ids:
+        now = set(row[row != NO_TRACK].tolist())
+        again += len((now - before) & seen)
+        seen |= now
+        before = now
+    return again
+
+
+def _stacked(instants: Sequence[Tracks]) -> Tracks:
+    """The tracks at all instants: arrays ``(..., T, K, runs)``."""
+    most = max(len(tracks.ids) for tracks in instants)
+    runs = instants[0].ids.shape[1]
+    shape = (len(instants), most, runs)
+    ids = np.full(shape, NO_TRACK)
+    mean, covariance = np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan)
+    existence = np.full(shape, np.nan) if any(tracks.existence is not None for tracks in instants) else None
+    for row, tracks in enumerate(instants):
+        count = len(tracks.ids)
+        ids[row, :count], mean[:, row, :count], covariance[:, :, row, :count] = tracks[:3]
+        if existence is not None and tracks.existence is not None:
+            existence[row, :count] = tracks.existence
+    return Tracks(ids, mean, covariance, existence)
+
+
+def _of_run(tracks: Tracks, run: int) -> TrackHistory:
+    """The history of one run, in no more columns than it needs."""
+    ids = tracks.ids[..., run]
+    order = np.argsort(ids == NO_TRACK, axis=1, kind="stable")
+    order = order[:, : int((ids != NO_TRACK).sum(axis=1).max(initial=0))]
+    rows = np.arange(len(ids))[:, None]
+    existence = None if tracks.existence is None else tracks.existence[rows, order, run]
+    return TrackHistory(
+        ids[rows, order], tracks.mean[:, rows, order, run], tracks.covariance[:, :, rows, order, run], existence
+    )
+
+
+def _counts(hidden: HiddenMeasurements) -> dict[str, tuple[float, float]]:
+    found: dict[str, tuple[float, float]] = {}
+    for scan, origins in zip(hidden.scans, hidden.origins, strict=True):
+        objects, alarms = found.get(scan.sensor, (0.0, 0.0))
+        found[scan.sensor] = (objects + float((origins >= 0).sum()), alarms + float((origins == FALSE_ALARM).sum()))
+    return found

@@ -1,0 +1,185 @@
+"""The blocks of a run of unlabelled detections to its result."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from trackbench.metrics.differences import differences
+from trackbench.metrics.intervals import Interval, clustered, ratio, root
+from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
+from trackbench.results.summary import MarginSummary, OwnMetricSummary, ScenarioSummary, ScoreSummary, Summary
+from trackbench.runner import traffic_tables
+from trackbench.runner.assemble import PACKAGES, sensor_summary, truth_summary
+from trackbench.runner.describe import describe
+from trackbench.runner.expectations import judge
+from trackbench.runner.traffic import TrafficBlock, TrafficScores
+from trackbench.runner.work import Work
+from trackbench.scenario import Scenario
+from trackbench.traffic_metrics import METRICS, RunScores
+from trackbench.truth import LoadedTruth
+from trackbench.types import Array
+
+HEADLINE = "gospa"
+#: What a tracker that says nothing of it has in the place of a value.
+NOT_SAID = "the tracker does not say which detections it used"
+
+
+@dataclass
+class TrafficEvaluation:
+    """What one tracker reached over all runs."""
+
+    runs: list[RunScores]
+    intervals: dict[str, Interval]
+    """By metric, clustered by scene."""
+    per_run: dict[str, Array]
+    """By metric ``(runs,)`` values whose mean is the metric's."""
+    reused_ids: int
+    step_time: float
+    """Microseconds for a scan of one run."""
+
+    @property
+    def values(self) -> dict[str, MetricValue]:
+        """As they stand in a result."""
+        found = {}
+        for path, metric in METRICS.items():
+            unit = metric.unit or "1"
+            if path in self.intervals:
+                found[path] = self.intervals[path].as_value(unit)
+            else:
+                found[path] = MetricValue(unit=unit, reason=NOT_SAID if "association" in path else "no run tells it")
+        found["step_time"] = MetricValue(value=self.step_time, unit="us")
+        return found
+
+
+def assemble_traffic(
+    loaded: Scenario, truths: Sequence[LoadedTruth], work: Work, blocks: Sequence[TrafficBlock], command: str
+) -> Result:
+    """The result of all blocks of a run."""
+    scenario = loaded.config
+    failures, found = _evaluated(work, blocks)
+    ranked = sorted(found, key=lambda name: (found[name].intervals[HEADLINE].value, list(found).index(name)))
+    margin = MarginSummary(**scenario.score.margin.model_dump())
+    compared = {name: found[name].intervals for name in ranked}
+    wanted = {item.metric for item in scenario.expect if item.better_than is not None}
+    summaries = [_metric_summary(path) for path in METRICS]
+    pairs = differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE)
+    trackers = [_tracker(work, name, failures, found) for name in work.trackers]
+    expectations = judge(scenario.expect, trackers, pairs, 0.0)
+    instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
+    summary = Summary(
+        identities="hidden",
+        scenario=ScenarioSummary(
+            name=scenario.name,
+            description=scenario.description,
+            file=loaded.path.name,
+            text=loaded.text,
+            overrides=list(loaded.overrides),
+        ),
+        seed=work.seed,
+        runs=work.runs * len(work.scenes),
+        versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        command=command,
+        fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
+        truth=truth_summary(truths, work, scenario.truth.scenes(), _by_scene(work, found)),
+        sensors={
+            sensor.name: sensor_summary(sensor, _detection_rate(work, blocks, number))
+            for number, sensor in enumerate(work.scenes[0].sensors)
+        },
+        reference=None,
+        score=ScoreSummary(
+            settle_s=work.settle,
+            divergence_m=work.divergence,
+            lost_after_s=work.lost_after,
+            min_coverage=0.0,
+            common_share=None,
+            cutoff_m=work.cutoff,
+            from_s=min(float(time[0]) for time in instants),
+            to_s=max(float(time[-1]) for time in instants),
+            margin=margin,
+            metrics=summaries,
+        ),
+        recorded_run=work.number(work.recorded_scene, work.recorded_run),
+        trackers=trackers,
+        ranking=[*ranked, *failures],
+        differences=pairs,
+        expectations=expectations,
+        passed=all(item.passed for item in expectations),
+        artifacts={},
+    )
+    return Result(summary, Tables(traffic_tables.tables(work, blocks, found)))
+
+
+def _evaluated(work: Work, blocks: Sequence[TrafficBlock]) -> tuple[dict[str, Failure], dict[str, TrafficEvaluation]]:
+    failures: dict[str, Failure] = {}
+    found: dict[str, TrafficEvaluation] = {}
+    for name in work.trackers:
+        outcomes = [block.scores[name] for block in blocks]
+        failure = next((outcome for outcome in outcomes if isinstance(outcome, Failure)), None)
+        if failure is not None:
+            failures[name] = failure
+            continue
+        found[name] = _evaluation(work, [item for item in outcomes if isinstance(item, TrafficScores)])
+    return failures, found
+
+
+def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:
+    runs = [run for block in blocks for run in block.runs]
+    intervals, per_run = {}, {}
+    for path, metric in METRICS.items():
+        total, count = np.array([run.values.get(path, (0.0, 0.0)) for run in runs]).T
+        if not count.any():
+            continue
+        interval = ratio(total, count, positive=metric.positive)
+        if metric.combine == "root":
+            interval = root(interval)
+        per_run[path] = interval.value + interval.influence
+        intervals[path] = clustered(interval, work.scene_of_run)
+    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
+    reused = int(sum(block.reused_ids.sum() for block in blocks))
+    return TrafficEvaluation(runs, intervals, per_run, reused, 1e6 * seconds / max(steps, 1))
+
+
+def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
+    described = describe(work.trackers[name])
+    if name in failures:
+        reason = "the tracker failed"
+        metrics = {path: MetricValue(unit=metric.unit or "1", reason=reason) for path, metric in METRICS.items()}
+        return TrackerResult(name=name, describe=described, failed=failures[name], metrics=metrics, health=Health())
+    evaluation = found[name]
+    health = Health(reused_ids=evaluation.reused_ids)
+    return TrackerResult(name=name, describe=described, failed=None, metrics=evaluation.values, health=health)
+
+
+def _metric_summary(path: str) -> OwnMetricSummary:
+    metric = METRICS[path]
+    return OwnMetricSummary(
+        name=path,
+        unit=metric.unit or "1",
+        meaning=metric.meaning,
+        better=None if metric.better == "none" else metric.better,
+        compared=metric.better != "none",
+        per_sensor=False,
+    )
+
+
+def _by_scene(work: Work, found: dict[str, TrafficEvaluation]) -> dict[str, Array]:
+    """By tracker ``(scenes,)`` the headline in each scene."""
+    by_scene = {}
+    for name, evaluation in found.items():
+        total, count = np.array([run.values.get(HEADLINE, (0.0, 0.0)) for run in evaluation.runs]).T
+        sums = [np.bincount(work.scene_of_run, each) for each in (total, count)]
+        by_scene[name] = np.sqrt(sums[0] / np.where(sums[1] > 0, sums[1], np.nan))
+    return by_scene
+
+
+def _detection_rate(work: Work, blocks: Sequence[TrafficBlock], number: int) -> float | None:
+    """Share of the objects in view that gave a detection."""
+    name = work.scenes[0].sensors[number].name
+    detected = sum(block.detections.get(name, (0.0, 0.0))[0] for block in blocks)
+    seen = sum(float(scene.sensors[number].visible.mean(axis=-1).sum()) * work.runs for scene in work.scenes)
+    return float(detected / seen) if seen > 0 else None

@@ -1,0 +1,140 @@
+"""What a run of unlabelled detections leaves, as tables with a unit in each column's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from trackbench.metrics.stored import run_column
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.results import Failure
+from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.recorded_tables import roads_table, truth_table
+from trackbench.runner.traffic import TrafficBlock
+from trackbench.runner.work import Work
+from trackbench.stepping.tracks import NO_TRACK
+from trackbench.traffic_metrics import METRICS, TrackHistory
+from trackbench.types import Array, Indices, Scan
+
+if TYPE_CHECKING:
+    from trackbench.runner.traffic_results import TrafficEvaluation
+
+#: In the place of an object's name, where a detection stems from none.
+FALSE_ALARM = "false alarm"
+PARTS = ("localisation", "missed", "false")
+
+
+def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, TrafficEvaluation]) -> dict[str, pa.Table]:
+    """Every table by name."""
+    scene = work.scenes[work.recorded_scene]
+    block = next(block for block in blocks if block.scans is not None)
+    assert block.scans is not None
+    ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
+    longest = max(work.scenes, key=lambda item: len(item.instants()))
+    recorded = {
+        name: scores.recorded
+        for name, scores in block.scores.items()
+        if name in found and not isinstance(scores, Failure) and scores.recorded is not None
+    }
+    return {
+        "steps": _steps(found, longest.truth.time[longest.instants()]),
+        "runs": _runs(work, found),
+        "truth": truth_table(scene.truth, work.recorded_run),
+        "measurements": _measurements(block.scans, block.origins, ids),
+        "tracks": _tracks(recorded, time),
+        "due": _due(block.status, ids, time),
+        "roads": roads_table(scene.truth),
+    }
+
+
+def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
+    """Root mean square over runs of GOSPA and its parts at each instant, m."""
+    parts: list[Columns] = []
+    for name, evaluation in found.items():
+        columns: dict[str, Array] = {}
+        for part in ("total", *PARTS):
+            total, count = np.zeros(len(time)), np.zeros(len(time))
+            for run in evaluation.runs:
+                values = getattr(run.gospa, part)
+                total[: len(values)] += values
+                count[: len(values)] += 1
+            columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(total / np.maximum(count, 1))
+        parts.append({"tracker": [name] * len(time), "time_s": time, **columns})
+    return stacked(parts)
+
+
+def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
+    """Of each run what it has of each metric, for paired comparisons."""
+    scene = work.scene_of_run.astype(float)
+    rows = len(scene)
+    paths = [path for path in METRICS if any(path in item.per_run for item in found.values())]
+    parts: list[Columns] = []
+    for name, item in found.items():
+        values = {run_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
+        run = np.arange(rows, dtype=float)
+        parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
+    return stacked(parts)
+
+
+def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequence[str]) -> pa.Table:
+    """Every detection of the recorded run, with what caused it, which no tracker knows."""
+    parts: list[Columns] = []
+    for number, (scan, origin) in enumerate(zip(scans, origins, strict=True)):
+        rows = len(origin)
+        position = SENSOR_MODELS[scan.kind].position(scan).mean
+        third = scan.measurement[2] if len(scan.measurement) > 2 else np.full(rows, np.nan)
+        parts.append(
+            {
+                "sensor": [scan.sensor] * rows,
+                "kind": [scan.kind] * rows,
+                "object": [ids[one] if one >= 0 else FALSE_ALARM for one in origin],
+                "scan": np.full(rows, float(number)),
+                "time_s": np.full(rows, scan.time),
+                "z0": scan.measurement[0],
+                "z1": scan.measurement[1],
+                "z2": third,
+                "x_m": position[0],
+                "y_m": position[1],
+                "sensor_x_m": np.full(rows, scan.sensor_pose[0]),
+                "sensor_y_m": np.full(rows, scan.sensor_pose[1]),
+                "sensor_yaw_rad": np.full(rows, scan.sensor_pose[2]),
+            }
+        )
+    return stacked(parts)
+
+
+def _tracks(recorded: Mapping[str, TrackHistory], time: Array) -> pa.Table:
+    """Every confirmed track of the recorded run at each instant."""
+    parts: list[Columns] = []
+    for name, history in recorded.items():
+        instant, column = np.nonzero(history.ids != NO_TRACK)
+        mean = history.mean[:, instant, column]
+        covariance = history.covariance[:, :, instant, column]
+        existence = history.existence
+        rows = len(instant)
+        parts.append(
+            {
+                "tracker": [name] * rows,
+                "time_s": time[instant],
+                "track": history.ids[instant, column].astype(float),
+                **dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True)),
+                **{f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)},
+                "existence": np.full(rows, np.nan) if existence is None else existence[instant, column],
+            }
+        )
+    return stacked(parts)
+
+
+def _due(status: npt.NDArray[np.int8], ids: Sequence[str], time: Array) -> pa.Table:
+    """What each object was at each instant of the recorded run: 0 absent, 1 optional, 2 due."""
+    rows = len(time)
+    return stacked(
+        [
+            {"object": [name] * rows, "time_s": time, "status": status[:, number].astype(float)}
+            for number, name in enumerate(ids)
+        ]
+    )

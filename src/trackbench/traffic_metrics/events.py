@@ -1,0 +1,183 @@
+"""What happened: where tracks were born, objects lost and found, and identities switched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.clear import NO_TRACK, NOBODY, Switches, object_of_each
+from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
+from trackbench.traffic_metrics.strips import stretches
+from trackbench.types import Indices
+
+EventKind = Literal["born", "confirmed", "switched", "lost", "merged", "false", "fragmented"]
+
+
+class TrafficEvent(NamedTuple):
+    """One row of the table of events."""
+
+    kind: EventKind
+    """born: a track is there for the first time. confirmed: an object is tracked for the first time. switched: an
+    object has another track than last. lost: a due object has no track any more, or never had one. merged: the same,
+    while its track is there, near an object that has another track. false: a track is on no object from here on.
+    fragmented: a lost object is tracked again."""
+    instant: int
+    time: float
+    """s."""
+    track: int
+    """Id of the track that the event is about, -1 where there is none."""
+    object: int
+    """Number of the object, -1 where there is none."""
+    other_track: int
+    """switched: id of the former track; merged: of the track that the other object has. Else -1."""
+    other_object: int
+    """switched, lost: the object that the former track is on now; merged: the object that it is near. Else -1."""
+    x: float
+    """m, of the object, or of the track where there is none."""
+    y: float
+    cost: float
+    """m^2. confirmed, lost, merged, false: squared GOSPA of the missed objects and false tracks until it ends or, for
+    confirmed, until here; switched: that of T-GOSPA. The sum of the former is all that is missed and false."""
+    why: str
+
+
+class _Timeline(NamedTuple):
+    truth: TruthHistory
+    tracks: TrackHistory
+    counted: Counted
+    matched: NearPairs
+    track_of: Indices
+    """``(T, N)``."""
+    object_of: Indices
+    """``(T, tracks)``."""
+    column_of: Indices
+    """``(T, tracks)``, -1 where the track is not there."""
+
+    def event(
+        self,
+        kind: EventKind,
+        instant: int,
+        track: int,
+        item: int,
+        why: str,
+        cost: float = 0.0,
+        other_track: int = NO_TRACK,
+        other_object: int = NOBODY,
+    ) -> TrafficEvent:
+        """Tracks by their numbers."""
+        if item != NOBODY:
+            x, y = self.truth.state[:2, instant, item].tolist()
+        else:
+            x, y = self.tracks.mean[:2, instant, self.column_of[instant, track]].tolist()
+        ids = [NO_TRACK if number == NO_TRACK else int(self.counted.ids[number]) for number in (track, other_track)]
+        time = float(self.truth.time[instant])
+        return TrafficEvent(kind, instant, time, ids[0], item, ids[1], other_object, x, y, cost, why)
+
+
+def events(
+    truth: TruthHistory,
+    tracks: TrackHistory,
+    counted: Counted,
+    matched: NearPairs,
+    track_of: Indices,
+    changes: Switches,
+    switch: float,
+) -> tuple[TrafficEvent, ...]:
+    """In the order of time.
+
+    Args:
+        truth: objects.
+        tracks: tracks.
+        counted: what counts of both.
+        matched: by :func:`clear_matches`.
+        track_of: of the same.
+        changes: of the same.
+        switch: m that a switch costs.
+    """
+    steps, numbers = len(truth.time), len(counted.ids)
+    column_of = np.full((steps, numbers), NO_TRACK)
+    instant, column = np.nonzero(counted.track >= 0)
+    column_of[instant, counted.track[instant, column]] = column
+    object_of = object_of_each(matched, steps, numbers)
+    line = _Timeline(truth, tracks, counted, matched, track_of, object_of, column_of)
+    found = [*_births(line), *_of_objects(line), *_of_tracks(line), *_switched(line, changes, switch**2)]
+    return tuple(sorted(found, key=lambda event: event.instant))
+
+
+def _births(line: _Timeline) -> Iterator[TrafficEvent]:
+    for track, instant in enumerate((line.column_of != NO_TRACK).argmax(axis=0).tolist()):
+        item = int(line.object_of[instant, track])
+        excused = line.counted.excused[instant, line.column_of[instant, track]]
+        why = "on an object" if item != NOBODY else "on an optional object" if excused else "on no object"
+        yield line.event("born", instant, track, item, why)
+
+
+def _of_objects(line: _Timeline) -> Iterator[TrafficEvent]:
+    half, time = line.counted.cutoff**2 / 2, line.truth.time
+    spans = stretches(line.counted.due, line.track_of != NO_TRACK)
+    waited, since = 0.0, 0
+    for item, paired, start, before, instants, last in zip(*(values.tolist() for values in spans), strict=True):
+        if paired and (before < 0 or waited):
+            why = f"{time[start] - time[since]:.2f} s after it was due" if waited else "as soon as it was due"
+            yield line.event("confirmed", start, int(line.track_of[start, item]), item, why, waited)
+            waited = 0.0
+        elif paired:
+            why = f"{time[start] - time[since]:.2f} s after it was lost"
+            yield line.event("fragmented", start, int(line.track_of[start, item]), item, why)
+        elif before >= 0:
+            since = start
+            yield _loss(line, start, item, int(line.track_of[before, item]), half * instants)
+        elif last:
+            yield line.event("lost", start, NO_TRACK, item, "it never had a track", half * instants)
+        else:
+            waited, since = half * instants, start
+
+
+def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) -> TrafficEvent:
+    column = line.column_of[instant, former]
+    if column == NO_TRACK:
+        return line.event("lost", instant, former, item, "its track ended", cost)
+    now_on = int(line.object_of[instant, former])
+    if now_on != NOBODY:
+        return line.event("lost", instant, former, item, "its track went to another object", cost, other_object=now_on)
+    if line.counted.excused[instant, column]:
+        return line.event("lost", instant, former, item, "its track went to an optional object", cost)
+    pairs = line.counted.pairs
+    start, end = np.searchsorted(pairs.instant, [instant, instant + 1])
+    near = start + np.flatnonzero(pairs.track[start:end] == former)
+    if not len(near):
+        return line.event("lost", instant, former, item, "its track left it", cost)
+    other = int(pairs.object[near[np.argmin(pairs.distance[near])]])
+    why = "its track is near an object that has another track"
+    return line.event("merged", instant, former, item, why, cost, int(line.track_of[instant, other]), other)
+
+
+def _of_tracks(line: _Timeline) -> Iterator[TrafficEvent]:
+    half = line.counted.cutoff**2 / 2
+    counts = np.zeros(line.object_of.shape, dtype=bool)
+    instant, column = np.nonzero(line.counted.present)
+    counts[instant, line.counted.track[instant, column]] = True
+    spans = stretches(counts, line.object_of != NOBODY)
+    for track, paired, start, before, instants, _ in zip(*(values.tolist() for values in spans), strict=True):
+        if paired:
+            continue
+        why = "it began on no object"
+        if before >= 0:
+            left = line.counted.due[start, line.object_of[before, track]]
+            why = "it left its object" if left else "its object is not there any more"
+        yield line.event("false", start, track, NOBODY, why, half * instants)
+
+
+def _switched(line: _Timeline, changes: Switches, cost: float) -> Iterator[TrafficEvent]:
+    for instant, item, before, after in zip(*(values.tolist() for values in changes), strict=True):
+        now_on = int(line.object_of[instant, before])
+        if line.column_of[instant, before] == NO_TRACK:
+            why = "its former track ended"
+        elif now_on != NOBODY:
+            why = "its former track is on another object"
+        else:
+            why = "its former track is on no object"
+        yield line.event("switched", instant, after, item, why, cost, before, now_on)

@@ -1,0 +1,43 @@
+"""Errors and consistency of the tracks that are matched with an object."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.linalg import cholesky, symmetrise
+from trackbench.traffic_metrics.assignment import NearPairs
+from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
+from trackbench.types import Array
+
+
+class MatchedErrors(NamedTuple):
+    """Of the matched pairs of a run: sums and the numbers of their terms."""
+
+    position: tuple[float, float]
+    """Squared errors, m^2."""
+    velocity: tuple[float, float]
+    """Squared errors, (m/s)^2; tracks without a velocity do not count."""
+    nees: tuple[float, float]
+    """Normalised estimation error squared, 4 degrees of freedom; covariances that are not positive definite do not
+    count. Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation",
+    section 5.4.2."""
+
+
+def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> MatchedErrors:
+    """Errors are estimate minus truth, in the fixed frame."""
+    error = tracks.mean[:, matched.instant, matched.column] - truth.state[:, matched.instant, matched.object]
+    factor = cholesky(symmetrise(tracks.covariance[:, :, matched.instant, matched.column]))
+    squares = error**2
+    nees = (factor.whiten(error) ** 2).sum(axis=0)
+    return MatchedErrors(
+        _finite_sum(squares[:2].sum(axis=0)),
+        _finite_sum(squares[2:].sum(axis=0)),
+        _finite_sum(nees[factor.positive]),
+    )
+
+
+def _finite_sum(values: Array) -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    return float(known.sum()), float(len(known))

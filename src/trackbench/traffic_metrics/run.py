@@ -1,0 +1,146 @@
+"""All scores of one run."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.traffic_metrics.assignment import Counted, NearPairs, count
+from trackbench.traffic_metrics.association import association_counts
+from trackbench.traffic_metrics.clear import Switches, clear_matches, resumptions, switches, track_of_each
+from trackbench.traffic_metrics.events import TrafficEvent, events
+from trackbench.traffic_metrics.existence import ExistenceBins, existence_bins
+from trackbench.traffic_metrics.gospa import GospaParts, gospa
+from trackbench.traffic_metrics.histories import Associations, TrackHistory, TruthHistory
+from trackbench.traffic_metrics.hota import hota
+from trackbench.traffic_metrics.identity import identity
+from trackbench.traffic_metrics.lifetimes import durations, false_tracks, latencies, lost, purity
+from trackbench.traffic_metrics.matched import matched_errors
+from trackbench.traffic_metrics.ospa import ospa, ospa2
+from trackbench.traffic_metrics.strips import strips
+from trackbench.traffic_metrics.tgospa import tgospa
+from trackbench.types import Array
+
+Sums = dict[str, tuple[float, float]]
+
+
+class TrafficScoreOptions(NamedTuple):
+    """What is asked of a track."""
+
+    cutoff: float = 5.0
+    """m from which a track is not on an object."""
+    switch: float = 2.0
+    """m that a switch of tracks costs in T-GOSPA."""
+    window: float = 5.0
+    """s of OSPA(2)."""
+
+
+class RunScores(NamedTuple):
+    """The scores of one run."""
+
+    values: Sums
+    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out."""
+    gospa: GospaParts
+    """``(T,)`` each, m^2."""
+    latencies: Array
+    """``(N,)`` s until each object was tracked, NaN for those that never were due."""
+    existence: ExistenceBins | None
+    """None where the tracks have no existence probability."""
+    events: tuple[TrafficEvent, ...]
+    """In the order of time."""
+    strips: npt.NDArray[np.int8]
+    """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
+    tgospa_exact: bool
+    """See :class:`TgospaParts`."""
+
+
+def score_run(
+    truth: TruthHistory,
+    tracks: TrackHistory,
+    options: TrafficScoreOptions | None = None,
+    associations: Associations | None = None,
+) -> RunScores:
+    """Every metric of ``METRICS`` that the run can tell."""
+    options = options or TrafficScoreOptions()
+    counted = count(truth, tracks, options.cutoff)
+    pairs = counted.pairs
+    matched = pairs.where(clear_matches(pairs, 1 - pairs.distance / (2 * options.cutoff), counted.due, counted.present))
+    track_of = track_of_each(matched, counted.due.shape)
+    changes = switches(track_of)
+    duration = durations(truth.time)
+    parts, waited = gospa(counted), latencies(track_of, counted.due, duration)
+    trajectory = tgospa(counted, options.switch)
+    steps = float(len(truth.time))
+    window = max(1, round(options.window / duration.mean())) if duration.any() else 1
+    squared_ospa2 = ospa2(counted, window)
+    values: Sums = {
+        "gospa": (float(parts.total.sum()), steps),
+        "gospa_localisation": (float(parts.localisation.sum()), steps),
+        "gospa_missed": (float(parts.missed.sum()), steps),
+        "gospa_false": (float(parts.false.sum()), steps),
+        "gospa_switch": (trajectory.switch, steps),
+        "tgospa": (trajectory.total, steps),
+        "ospa": (float(ospa(counted, parts).sum()), steps),
+        "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
+        **_detection_and_association(counted),
+        **_counts(counted, matched, changes, duration, int(resumptions(track_of, counted.due).sum())),
+        **_latency(waited),
+        "lost_time_share": lost(track_of, counted.due),
+        "track_purity": purity(matched, counted.due.shape[1], len(counted.ids)),
+        **_errors(truth, tracks, matched),
+    }
+    if associations is not None:
+        found = association_counts(counted, matched, associations)
+        values |= {f"association_{name}": (float(share), float(sum(found))) for name, share in found._asdict().items()}
+    bins = None if tracks.existence is None else existence_bins(counted, matched, tracks.existence)
+    return RunScores(
+        values={path: sums for path, sums in values.items() if sums[1] > 0},
+        gospa=parts,
+        latencies=waited,
+        existence=bins,
+        events=events(truth, tracks, counted, matched, track_of, changes, options.switch),
+        strips=strips(track_of, counted.due, changes),
+        tgospa_exact=trajectory.exact,
+    )
+
+
+def _detection_and_association(counted: Counted) -> Sums:
+    objects, tracks = counted.object_counts, counted.track_counts
+    some = float(objects.sum() + tracks.sum() > 0)
+    found = hota(counted.pairs, 1 - counted.pairs.distance / counted.cutoff, objects, tracks)
+    true, missed, false = identity(counted.pairs, objects, tracks)
+    return {
+        "hota": (float(found.hota.mean()), some),
+        "deta": (float(found.detection.mean()), some),
+        "assa": (float(found.association.mean()), some),
+        "idf1": (2.0 * true, 2.0 * true + missed + false),
+    }
+
+
+def _counts(counted: Counted, matched: NearPairs, changes: Switches, duration: Array, resumed: int) -> Sums:
+    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
+    false = float(counted.present.sum()) - true
+    object_minutes = float((duration @ counted.due).sum()) / 60
+    return {
+        "mota": (true - false - switched, due),
+        "motp": (float(matched.distance.sum()), true),
+        "matched_share": (true, due),
+        "id_switches": (switched, object_minutes),
+        "fragmentations": (float(resumed), object_minutes),
+        "false_tracks": (float(len(false_tracks(counted, matched))), float(duration.sum()) / 60),
+    }
+
+
+def _latency(waited: Array) -> Sums:
+    known = waited[np.isfinite(waited)]
+    if not len(known):
+        return {}
+    median, most = np.quantile(known, [0.5, 0.95])
+    return {"confirm_latency": (float(median), 1.0), "confirm_latency_95": (float(most), 1.0)}
+
+
+def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> Sums:
+    found = matched_errors(truth, tracks, matched)
+    return {"position_rmse": found.position, "velocity_rmse": found.velocity, "nees": found.nees}

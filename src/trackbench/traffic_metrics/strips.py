@@ -1,0 +1,57 @@
+"""What the time of each object, or of each track, was spent on."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.traffic_metrics.clear import NO_TRACK, Switches
+from trackbench.types import Indices, Mask
+
+#: What an object's strip says of an instant. WAITING: due, and not yet tracked. SWITCHED: by another track than last.
+NOT_DUE, WAITING, TRACKED, SWITCHED, LOST = range(5)
+
+
+def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.int8]:
+    """``(T, N)`` NOT_DUE, WAITING, TRACKED, SWITCHED or LOST."""
+    tracked = track_of != NO_TRACK
+    untracked = np.where(np.logical_or.accumulate(tracked, axis=0), LOST, WAITING)
+    found = np.where(due, np.where(tracked, TRACKED, untracked), NOT_DUE).astype(np.int8)
+    found[changes.instant, changes.object] = SWITCHED
+    return found
+
+
+class Stretches(NamedTuple):
+    """Stretches ``(S,)`` of instants at which an object, or a track, is there and has a partner or has none."""
+
+    owner: Indices
+    """Number of the object or track, in increasing order."""
+    paired: Mask
+    start: Indices
+    """Instant."""
+    before: Indices
+    """The owner's last instant before, -1 where this is its first stretch."""
+    instants: Indices
+    """Number of instants at which the owner is there."""
+    last: Mask
+    """Whether it is the owner's last stretch."""
+
+
+def stretches(there: Mask, paired: Mask) -> Stretches:
+    """Instants at which the owner is not there are passed over.
+
+    Args:
+        there: ``(T, owners)``.
+        paired: ``(T, owners)``.
+    """
+    owner, instant = np.nonzero(there.T)
+    with_partner = paired[instant, owner]
+    changes = (owner[1:] != owner[:-1]) | (with_partner[1:] != with_partner[:-1])
+    start = np.flatnonzero(np.concatenate([[True], changes])) if len(owner) else np.empty(0, dtype=np.intp)
+    own = owner[start]
+    first = np.concatenate([[True], own[1:] != own[:-1]])[: len(own)]
+    before = np.where(first, -1, instant[np.maximum(start - 1, 0)])
+    last = np.concatenate([own[1:] != own[:-1], [True]])[: len(own)]
+    return Stretches(own, with_partner[start], instant[start], before, np.diff(start, append=len(owner)), last)

@@ -1,0 +1,56 @@
+"""Every metric of tracking in traffic: its unit, its meaning and how its values combine over runs."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+
+class TrafficMetric(NamedTuple):
+    """What a pair of sums (total, count) of each run means."""
+
+    unit: str
+    meaning: str
+    better: Literal["smaller", "larger", "none"]
+    combine: Literal["ratio", "root", "mean"] = "ratio"
+    """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
+    positive: bool = True
+    """Whether no run adds less than zero."""
+
+
+METRICS: dict[str, TrafficMetric] = {
+    "gospa": TrafficMetric("m", "error in position, missed objects and false tracks in one number", "smaller", "root"),
+    "gospa_localisation": TrafficMetric("m", "part of GOSPA from the positions of matched tracks", "smaller", "root"),
+    "gospa_missed": TrafficMetric("m", "part of GOSPA from objects without a track", "smaller", "root"),
+    "gospa_false": TrafficMetric("m", "part of GOSPA from tracks without an object", "smaller", "root"),
+    "gospa_switch": TrafficMetric("m", "part of T-GOSPA from switches of tracks", "smaller", "root"),
+    "tgospa": TrafficMetric("m", "GOSPA of whole trajectories: switches of tracks cost too", "smaller", "root"),
+    "ospa": TrafficMetric("m", "error per object in position and number", "smaller", "root"),
+    "ospa2": TrafficMetric("m", "error per trajectory in position, number and identity", "smaller", "root"),
+    "hota": TrafficMetric("", "detection and association in one number", "larger", "mean"),
+    "deta": TrafficMetric("", "detection part of HOTA", "larger", "mean"),
+    "assa": TrafficMetric("", "association part of HOTA", "larger", "mean"),
+    "idf1": TrafficMetric("", "share of time that one track each covers of the objects", "larger"),
+    "mota": TrafficMetric("", "one minus misses, false tracks and switches per due instant", "larger", positive=False),
+    "motp": TrafficMetric("m", "mean distance of matched tracks", "smaller"),
+    "id_switches": TrafficMetric("1/min", "changes of an object's track, per minute of an object", "smaller"),
+    "fragmentations": TrafficMetric(
+        "1/min", "times a lost object is tracked again, per minute of an object", "smaller"
+    ),
+    "false_tracks": TrafficMetric("1/min", "tracks that never are on an object, per minute", "smaller"),
+    "confirm_latency": TrafficMetric("s", "time until an object is tracked, median over objects", "smaller", "mean"),
+    "confirm_latency_95": TrafficMetric("s", "time within which 95 % of the objects are tracked", "smaller", "mean"),
+    "lost_time_share": TrafficMetric("", "share of the time after its first track that an object has none", "smaller"),
+    "track_purity": TrafficMetric("", "share of a track's time that it spends on its main object", "larger"),
+    "position_rmse": TrafficMetric("m", "root mean square error of the position of matched tracks", "smaller", "root"),
+    "velocity_rmse": TrafficMetric(
+        "m/s", "root mean square error of the velocity of matched tracks", "smaller", "root"
+    ),
+    "nees": TrafficMetric("", "normalised estimation error squared of matched tracks, 4 when consistent", "none"),
+    "matched_share": TrafficMetric("", "share of the due instants with a matched track", "larger"),
+    "association_right": TrafficMetric("", "share of associations with the track's own object", "larger"),
+    "association_wrong_object": TrafficMetric("", "share of associations with another object", "smaller"),
+    "association_clutter": TrafficMetric("", "share of associations with a false alarm", "smaller"),
+    "association_missed": TrafficMetric(
+        "", "share of associations left out although the object was detected", "smaller"
+    ),
+}
