@@ -256,6 +256,8 @@ class TrackerResult(Part):
 
     name: str
     describe: str
+    association: str | None = None
+    """How a built-in tracker of several objects associates; None of any other."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""

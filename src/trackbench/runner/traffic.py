@@ -43,7 +43,7 @@ class TrafficScores:
     recorded: TrackHistory | None = None
     """Its tracks of the recorded run."""
     taken: Indices | None = None
-    """``(rows, 3)`` number of the scan, id of the track and number of the detection that it took in the recorded run."""
+    """``(rows, 3)`` scan, id of the track and number of the detection that it took, in the recorded run."""
 
 
 @dataclass

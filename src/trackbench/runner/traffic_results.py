@@ -150,17 +150,21 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
 
 
 def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
-    described = describe(work.trackers[name])
+    described, associate = describe(work.trackers[name]), getattr(work.trackers[name], "associate", None)
+    method = None if associate is None else associate.method
     if name in failures:
         reason = "the tracker failed"
         metrics = {path: MetricValue(unit=metric.unit or "1", reason=reason) for path, metric in METRICS.items()}
-        return TrackerResult(name=name, describe=described, failed=failures[name], metrics=metrics, health=Health())
+        return TrackerResult(
+            name=name, describe=described, association=method, failed=failures[name], metrics=metrics, health=Health()
+        )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
     shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run)
     return TrackerResult(
         name=name,
         describe=described,
+        association=method,
         failed=None,
         metrics=evaluation.values,
         health=health,

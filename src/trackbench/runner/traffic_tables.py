@@ -35,9 +35,7 @@ def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, Traff
     assert block.scans is not None
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     longest = max(work.scenes, key=lambda item: len(item.instants()))
-    kept = {
-        name: scores for name, scores in block.scores.items() if name in found and not isinstance(scores, Failure)
-    }
+    kept = {name: scores for name, scores in block.scores.items() if name in found and not isinstance(scores, Failure)}
     recorded = {name: scores.recorded for name, scores in kept.items() if scores.recorded is not None}
     taken = {name: scores.taken for name, scores in kept.items() if scores.taken is not None}
     return {
