@@ -148,34 +148,36 @@ class _Passage:
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         state, status = of_runs(state, runs), of_runs(self._due.status, runs)
         found = TrafficScores([], np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
+        taken = self._associations()
         for run in range(len(runs)):
             truth = TruthHistory(self._time, _one(state, run), _one(status, run))
             history = _of_run(tracks, run)
-            taken = self._associations(run)
-            found.runs.append(score_run(truth, history, self._options, taken))
+            own = None if taken is None else _associations_of(taken, run)
+            found.runs.append(score_run(truth, history, self._options, own))
             found.reused_ids[run] = reused(history.ids)
             if run == self._kept:
                 found.recorded = history
         return found
 
-    def _associations(self, run: int) -> Associations | None:
-        """Which detection each track took; None where the tracker does not say."""
+    def _associations(self) -> Associations | None:
+        """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say."""
         if not self._taken or any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
             return None
-        most = max(len(tracks.ids) for _, tracks, _ in self._taken)
-        shape, objects = (len(self._taken), most), len(self._truth.ids)
+        runs, objects = len(self._piece.runs), len(self._truth.ids)
+        shape = (len(self._taken), max(len(tracks.ids) for _, tracks, _ in self._taken), runs)
         ids, origin = np.full(shape, NO_TRACK), np.full(shape, NO_DETECTION)
-        merged, detected = np.full(shape, NO_TRACK), np.zeros((len(self._taken), objects), dtype=bool)
+        merged, detected = np.full(shape, NO_TRACK), np.zeros((shape[0], objects, runs), dtype=bool)
         for row, (_, tracks, number) in enumerate(self._taken):
-            origins, second = self._hidden.origins[number][:, run], self._hidden.merged[number][:, run]
-            detected[row, np.concatenate([origins[origins >= 0], second[second >= 0]])] = True
+            origins, second = self._hidden.origins[number], self._hidden.merged[number]
+            for caused in (origins, second):
+                column, run = np.nonzero(caused >= 0)
+                detected[row, caused[column, run], run] = True
             if tracks.used is None or not len(tracks.ids):
                 continue
-            count = len(tracks.ids)
-            ids[row, :count] = tracks.ids[:, run]
-            took = tracks.used[:, run]
-            known = took >= 0
-            origin[row, :count][known], merged[row, :count][known] = origins[took[known]], second[took[known]]
+            ids[row, : len(tracks.ids)] = tracks.ids
+            track, run = np.nonzero(tracks.used >= 0)
+            took = tracks.used[track, run]
+            origin[row, track, run], merged[row, track, run] = origins[took, run], second[took, run]
         return Associations(np.array([instant for instant, _, _ in self._taken]), ids, origin, detected, merged)
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
@@ -235,6 +237,11 @@ def _of_run(tracks: Tracks, run: int) -> TrackHistory:
     return TrackHistory(
         ids[rows, order], tracks.mean[:, rows, order, run], tracks.covariance[:, :, rows, order, run], existence
     )
+
+
+def _associations_of(taken: Associations, run: int) -> Associations:
+    merged = None if taken.merged is None else taken.merged[..., run]
+    return Associations(taken.instant, taken.ids[..., run], taken.origin[..., run], taken.detected[..., run], merged)
 
 
 def _counts(hidden: HiddenMeasurements) -> dict[str, tuple[float, float]]:

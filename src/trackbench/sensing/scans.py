@@ -34,8 +34,6 @@ class IdealSensor:
     """``(instants, objects, runs or 1)``: in view, and the sensor not silent."""
     in_view: Mask
     """``(instants, objects, runs or 1)``: present, in range and in the field of view, and not occluded."""
-    polar: Array
-    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s."""
     probability: Array
     """``(instants, objects, runs or 1)`` that an object is detected where it is visible."""
     pose: Array
@@ -44,6 +42,9 @@ class IdealSensor:
     """``(2, instants)``."""
     noise_covariance: Array
     """``(m, m)``."""
+    polar: Array | None = None
+    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s, of a sensor of limited
+    resolution."""
     cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     recorded: bool = False
@@ -124,7 +125,18 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     probability = detection_probability(truth, steps, config, pose, seen)
     noise, time = config.noise_covariance(), truth.time[steps]
     return IdealSensor(
-        name, config, steps, time, measurement, visible, within, seen, probability, pose, velocity, noise
+        name,
+        config,
+        steps,
+        time,
+        measurement,
+        visible,
+        within,
+        probability,
+        pose,
+        velocity,
+        noise,
+        polar=None if config.resolution is None else seen,
     )
 
 
@@ -147,7 +159,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
     within = in_view(truth, steps, config, motion, seen)
     visible = (valid[:, :, None] | (missed[:, :, None] & within)) & ~silenced
     within = within | valid[:, :, None]
-    probability = np.ones_like(seen[0])
+    probability = np.broadcast_to(1.0, within.shape)
     noise = config.noise_covariance()
     measurement = measurements.measurement[..., None]
     time = truth.time[steps]
@@ -159,12 +171,11 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
         measurement,
         visible,
         within,
-        seen,
         probability,
         pose,
         velocity,
         noise,
-        first,
+        cycle_starts=first,
         recorded=True,
     )
 

@@ -53,7 +53,7 @@ class RunScores(NamedTuple):
     strips: npt.NDArray[np.int8]
     """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
     tgospa_exact: bool
-    """Whether T-GOSPA is exact, and not the value of its linear program."""
+    """See :class:`TgospaParts`."""
 
 
 def score_run(
