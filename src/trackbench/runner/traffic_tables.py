@@ -9,12 +9,14 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from trackbench.metrics.stored import run_column
+from trackbench.metrics.stored import own_column
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results import Failure
+from trackbench.results.table_check import FALSE_ALARM
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic import TrafficBlock
+from trackbench.runner.traffic_events import association_table, events_table, existence_table, objects_table
 from trackbench.runner.work import Work
 from trackbench.stepping.tracks import NO_TRACK
 from trackbench.traffic_metrics import METRICS, TrackHistory
@@ -23,8 +25,6 @@ from trackbench.types import Array, Indices, Scan
 if TYPE_CHECKING:
     from trackbench.runner.traffic_results import TrafficEvaluation
 
-#: In the place of an object's name, where a detection stems from none.
-FALSE_ALARM = "false alarm"
 PARTS = ("localisation", "missed", "false")
 
 
@@ -35,17 +35,20 @@ def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, Traff
     assert block.scans is not None
     ids, time = scene.truth.ids, scene.truth.time[scene.instants()]
     longest = max(work.scenes, key=lambda item: len(item.instants()))
-    recorded = {
-        name: scores.recorded
-        for name, scores in block.scores.items()
-        if name in found and not isinstance(scores, Failure) and scores.recorded is not None
-    }
+    kept = {name: scores for name, scores in block.scores.items() if name in found and not isinstance(scores, Failure)}
+    recorded = {name: scores.recorded for name, scores in kept.items() if scores.recorded is not None}
+    taken = {name: scores.taken for name, scores in kept.items() if scores.taken is not None}
     return {
         "steps": _steps(found, longest.truth.time[longest.instants()]),
         "runs": _runs(work, found),
         "truth": truth_table(scene.truth, work.recorded_run),
         "measurements": _measurements(block.scans, block.origins, ids),
         "tracks": _tracks(recorded, time),
+        "taken": _taken(taken, block.scans),
+        "events": events_table(work, found),
+        "objects": objects_table(work, found, time),
+        "association": association_table(found),
+        "existence": existence_table(found),
         "due": _due(block.status, ids, time),
         "roads": roads_table(scene.truth),
     }
@@ -74,7 +77,7 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     paths = [path for path in METRICS if any(path in item.per_run for item in found.values())]
     parts: list[Columns] = []
     for name, item in found.items():
-        values = {run_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
+        values = {own_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
         run = np.arange(rows, dtype=float)
         parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
     return stacked(parts)
@@ -93,7 +96,9 @@ def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequen
                 "kind": [scan.kind] * rows,
                 "object": [ids[one] if one >= 0 else FALSE_ALARM for one in origin],
                 "scan": np.full(rows, float(number)),
+                "detection": np.arange(rows, dtype=float),
                 "time_s": np.full(rows, scan.time),
+                "valid": np.ones(rows),
                 "z0": scan.measurement[0],
                 "z1": scan.measurement[1],
                 "z2": third,
@@ -127,6 +132,21 @@ def _tracks(recorded: Mapping[str, TrackHistory], time: Array) -> pa.Table:
             }
         )
     return stacked(parts)
+
+
+def _taken(taken: Mapping[str, Indices], scans: Sequence[Scan]) -> pa.Table:
+    """The detection that each track took in each scan of the recorded run."""
+    times = np.array([scan.time for scan in scans])
+    return stacked(
+        [
+            {
+                "tracker": [name] * len(rows),
+                "time_s": times[rows[:, 0]],
+                **dict(zip(("scan", "track", "detection"), rows.T.astype(float), strict=True)),
+            }
+            for name, rows in taken.items()
+        ]
+    )
 
 
 def _due(status: npt.NDArray[np.int8], ids: Sequence[str], time: Array) -> pa.Table:
