@@ -15,16 +15,17 @@ from trackbench.results import Failure
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic import TrafficBlock
-from trackbench.runner.work import Work
+from trackbench.runner.work import Scene, Work
+from trackbench.sensing.detections import FALSE_ALARM, UNKNOWN
 from trackbench.stepping.tracks import NO_TRACK
-from trackbench.traffic_metrics import METRICS, TrackHistory
+from trackbench.traffic_metrics import TrackHistory
 from trackbench.types import Array, Indices, Scan
 
 if TYPE_CHECKING:
     from trackbench.runner.traffic_results import TrafficEvaluation
 
-#: In the place of an object's name, where a detection stems from none.
-FALSE_ALARM = "false alarm"
+#: In the place of an object's name, where a detection stems from none, or where that is not known.
+NO_OBJECT = {FALSE_ALARM: "false alarm", UNKNOWN: "unknown"}
 PARTS = ("localisation", "missed", "false")
 
 
@@ -44,7 +45,7 @@ def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, Traff
         "steps": _steps(found, longest.truth.time[longest.instants()]),
         "runs": _runs(work, found),
         "truth": truth_table(scene.truth, work.recorded_run),
-        "measurements": _measurements(block.scans, block.origins, ids),
+        "measurements": _measurements(block.scans, block.origins, _causes(scene)),
         "tracks": _tracks(recorded, time),
         "due": _due(block.status, ids, time),
         "roads": roads_table(scene.truth),
@@ -62,7 +63,7 @@ def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
                 values = getattr(run.gospa, part)
                 total[: len(values)] += values
                 count[: len(values)] += 1
-            columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(total / np.maximum(count, 1))
+            columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(total / np.where(count > 0, count, np.nan))
         parts.append({"tracker": [name] * len(time), "time_s": time, **columns})
     return stacked(parts)
 
@@ -71,7 +72,7 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     """Of each run what it has of each metric, for paired comparisons."""
     scene = work.scene_of_run.astype(float)
     rows = len(scene)
-    paths = [path for path in METRICS if any(path in item.per_run for item in found.values())]
+    paths = list(dict.fromkeys(path for item in found.values() for path in item.per_run))
     parts: list[Columns] = []
     for name, item in found.items():
         values = {run_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
@@ -80,8 +81,21 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     return stacked(parts)
 
 
-def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequence[str]) -> pa.Table:
-    """Every detection of the recorded run, with what caused it, which no tracker knows."""
+def _causes(scene: Scene) -> dict[str, Sequence[str]]:
+    """By sensor, the names that a detection's origin stands for: objects, or without a truth the sensor's own tracks."""
+    return {
+        sensor.name: scene.truth.ids if sensor.detections is None else sensor.detections.own_tracks
+        for sensor in scene.sensors
+    }
+
+
+def _measurements(
+    scans: Sequence[Scan], origins: Sequence[Indices], causes: Mapping[str, Sequence[str]]
+) -> pa.Table:
+    """Every detection of the recorded run, with what caused it, which no tracker knows.
+
+    Without a truth that is the sensor's own track.
+    """
     parts: list[Columns] = []
     for number, (scan, origin) in enumerate(zip(scans, origins, strict=True)):
         rows = len(origin)
@@ -91,7 +105,7 @@ def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequen
             {
                 "sensor": [scan.sensor] * rows,
                 "kind": [scan.kind] * rows,
-                "object": [ids[one] if one >= 0 else FALSE_ALARM for one in origin],
+                "object": [causes[scan.sensor][one] if one >= 0 else NO_OBJECT[one] for one in origin.tolist()],
                 "scan": np.full(rows, float(number)),
                 "time_s": np.full(rows, scan.time),
                 "z0": scan.measurement[0],

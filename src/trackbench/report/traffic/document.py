@@ -13,6 +13,7 @@ from trackbench.report.run.document import reproduction, truth_and_sensors
 from trackbench.report.run.pairs import Pairs, groups
 from trackbench.report.run.scenes import basis_of_intervals
 from trackbench.report.run.sentences import expectations_met, facts, failure
+from trackbench.report.traffic import without_truth
 from trackbench.results import Result
 from trackbench.traffic_metrics import METRICS
 from trackbench.words import counted
@@ -40,7 +41,7 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
     styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
     sections = [
         Section("Verdict", tuple(_verdict(result))),
-        *_scores(result),
+        *(_scores(result) if summary.truth.known else without_truth.scores(result)),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
         Section("Truth and sensors", tuple(truth_and_sensors(result))),
         Section("How to reproduce it", tuple(reproduction(result))),
@@ -53,7 +54,9 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
 
 def _verdict(result: Result) -> Iterator[Block]:
     summary, missing = result.summary, result.unscored
-    if result.scored:
+    if not summary.truth.known:
+        yield without_truth.statement()
+    elif result.scored:
         best = result.scored[0]
         share = best.metrics["matched_share"].value or 0.0
         text = f"{best.name} has the smallest GOSPA, {best.metrics['gospa'].value:.3g} m, and follows "
