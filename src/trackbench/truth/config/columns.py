@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from trackbench.config import Config, Problem
+from trackbench.config import Config, Positive, Problem
 from trackbench.errors import nearest
 
 #: The units that columns may have, in SI units and radians.
@@ -151,6 +151,11 @@ class MeasurementColumns(Config):
     )
     new_track: str | None = Field(
         None, description="Without a truth: 1 where the slot took a new object, else 0."
+    )
+    copies_within_m: Positive | None = Field(
+        None,
+        description="Without a truth: of detections of one cycle that are nearer to each other than this, m, the one of "
+        "the older slot is kept: some radars list an object twice. All are kept unless given.",
     )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "azimuth")
     time_offset_s: float = Field(

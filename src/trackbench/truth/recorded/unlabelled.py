@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.columns import MeasurementColumns
+from trackbench.truth.config.columns import POLAR, MeasurementColumns
 from trackbench.truth.recorded import files, rows
 from trackbench.truth.recorded.assemble import carrier, fixed
 from trackbench.truth.recorded.cycles import cycles
@@ -44,6 +44,8 @@ class _Scans(NamedTuple):
     """In the file."""
     duplicates: int
     """Rows of the same slot at the same time as a row before, which are left out."""
+    copies: int = 0
+    """Detections beside another of the same object, which are left out."""
 
 
 def load(
@@ -138,7 +140,8 @@ def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingO
     own_track, own_tracks = np.full(len(time), -1), []
     if entry.slot is not None:
         own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
-    return _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
+    found = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
+    return found if entry.copies_within_m is None else _without_copies(found, time, model, entry.copies_within_m)
 
 
 def _flags(table: Rows, column: str) -> Mask:
@@ -162,6 +165,31 @@ def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) ->
     return found, tracks
 
 
+def _without_copies(of: _Scans, time: Array, model: type[Sensor], within: float) -> _Scans:
+    """Of detections of one scan that are near each other, only that of the sensor's older track."""
+    first, second = of.measurement[:2]
+    polar = model.components[:2] == POLAR
+    position = np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
+    began = np.full(len(time), 0.0)
+    for track in range(len(of.own_tracks)):
+        own = of.own_track == track
+        began[own] = time[own][0]
+    order = np.lexsort((began, of.scan))
+    kept = np.ones(len(time), dtype=bool)
+    for rows_of_scan in np.split(order, np.flatnonzero(np.diff(of.scan[order])) + 1):
+        older: list[int] = []
+        for row in rows_of_scan.tolist():
+            away = position[:, older] - position[:, [row]]
+            kept[row] = not np.any(np.hypot(*away) < within)
+            older += [row] if kept[row] else []
+    return of._replace(
+        scan=of.scan[kept],
+        measurement=of.measurement[:, kept],
+        own_track=of.own_track[kept],
+        copies=int((~kept).sum()),
+    )
+
+
 def _known(times: Array, motion: Motion) -> Mask:
     """Which of the times lie within those at which the observer is known.
 
@@ -183,6 +211,8 @@ def _notes(found: Mapping[str, _Scans], times: Array) -> Iterator[str]:
         if of.duplicates:
             what = "of a slot and a time that came before (left out)"
             yield f"{name}: of {counted(of.rows, 'row')}, {of.duplicates} {what}"
+        if of.copies:
+            yield f"{name}: of {counted(of.rows, 'row')}, {of.copies} copies of another of their cycle (left out)"
         if outside:
             yield f"{name}: of {counted(of.rows, 'row')}, {outside} outside the time of the observer (left out)"
 
