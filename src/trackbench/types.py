@@ -31,6 +31,11 @@ def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
     return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
+#: Status of an object at an instant: not in the scene; there, but a tracker need not have it; a tracker has to have it.
+ABSENT, OPTIONAL, DUE = 0, 1, 2
+#: In place of the number of the object that caused a detection: none did.
+FALSE_ALARM = -1
+
 #: The space in which trackers of different state are compared, in the fixed frame.
 COMMON_STATE = ("px", "py", "vx", "vy")
 

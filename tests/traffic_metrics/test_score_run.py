@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 from tests.traffic_metrics.histories import STEP, random_histories, tracks_of, truth_of
 
-from trackbench.traffic_metrics import (
-    ABSENT,
-    DUE,
-    METRICS,
-    OPTIONAL,
-    Associations,
-    RunScores,
-    TrackHistory,
-    TruthHistory,
-    score_run,
-)
-from trackbench.traffic_metrics.histories import FALSE_ALARM, NO_DETECTION
+from trackbench.traffic_metrics import METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
+from trackbench.traffic_metrics.histories import NO_DETECTION
 from trackbench.traffic_metrics.strips import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
+from trackbench.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL
 
 NAN = np.nan
 

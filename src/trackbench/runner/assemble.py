@@ -237,7 +237,7 @@ def _scenes(
             objects=list(item.truth.ids),
             duration_s=float(item.truth.time[-1]),
             audit=item.truth.audit,
-            position_rmse={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
+            error={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
         )
         for number, (item, source) in enumerate(zip(truths, sources, strict=True))
     ]

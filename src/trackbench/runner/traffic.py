@@ -12,11 +12,11 @@ import numpy.typing as npt
 
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
 from trackbench.sensing.due import Due, find_due
 from trackbench.stepping import TrackFault, fault_of, start_tracks
-from trackbench.runner.unlabelled import judged_scan
 from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
 from trackbench.trackers.config import FilterConfig
 from trackbench.traffic_metrics import (
@@ -29,7 +29,7 @@ from trackbench.traffic_metrics import (
 )
 from trackbench.traffic_metrics.histories import NO_DETECTION
 from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
-from trackbench.types import Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
+from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
 
 
 @dataclass
@@ -45,8 +45,8 @@ class TrafficScores:
     """Number of scans of single runs that it took."""
     recorded: TrackHistory | None = None
     """Its tracks of the recorded run."""
-    used: Indices | None = None
-    """``(scans, K)`` the detection that each track of the recorded run took, -1 where none."""
+    taken: Indices | None = None
+    """``(rows, 3)`` scan, id of the track and number of the detection that it took, in the recorded run."""
 
 
 @dataclass
@@ -167,7 +167,7 @@ class _Passage:
                 found.runs.append(without_truth(score_without_truth(self._judged_scans(run))))
             found.reused_ids[run] = reused(history.ids)
             if run == self._kept:
-                found.recorded = history
+                found.recorded, found.taken = history, self._detections_taken(run)
         return found
 
     def _associations(self) -> Associations | None:
@@ -201,6 +201,15 @@ class _Passage:
             asked = None if predicted is None else tracks_of_run(predicted, run)
             found.append(judged_scan(scan, own_track, sensors[scan.sensor], asked, tracks_of_run(tracks, run)))
         return found
+
+    def _detections_taken(self, run: int) -> Indices:
+        rows = [
+            (number, tracks.ids[column, run], tracks.used[column, run])
+            for _, tracks, number in self._taken
+            if tracks.used is not None
+            for column in np.flatnonzero(tracks.used[:, run] >= 0)
+        ]
+        return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
         run = None if fault.member is None else self._piece.runs.start + fault.member

@@ -10,7 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from trackbench.metrics.differences import differences
-from trackbench.metrics.intervals import Interval, clustered, ratio, root
+from trackbench.metrics.intervals import Interval, clustered, ratio, root, variance_shares
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.summary import MarginSummary, OwnMetricSummary, ScenarioSummary, ScoreSummary, Summary
 from trackbench.runner import traffic_tables
@@ -46,6 +46,10 @@ class TrafficEvaluation:
     known: bool = True
     """Whether there is a truth."""
 
+    def sums(self, path: str) -> Array:
+        """``(2, runs)`` totals and counts of a metric; zeros where a run cannot tell it."""
+        return np.array([run.values.get(path, (0.0, 0.0)) for run in self.runs]).T
+
     @property
     def values(self) -> dict[str, MetricValue]:
         """As they stand in a result."""
@@ -68,7 +72,7 @@ def assemble_traffic(
     """The result of all blocks of a run."""
     scenario = loaded.config
     failures, found = _evaluated(work, blocks)
-    known = all(scene.truth.known for scene in work.scenes)
+    known = _known(work)
     ranked = list(found)
     if known:
         ranked.sort(key=lambda name: found[name].intervals[HEADLINE].value)
@@ -139,32 +143,48 @@ def _evaluated(work: Work, blocks: Sequence[TrafficBlock]) -> tuple[dict[str, Fa
 
 
 def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:
-    runs = [run for block in blocks for run in block.runs]
-    known = all(scene.truth.known for scene in work.scenes)
-    intervals, per_run = {}, {}
+    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
+    reused = int(sum(block.reused_ids.sum() for block in blocks))
+    runs, known = [run for block in blocks for run in block.runs], _known(work)
+    found = TrafficEvaluation(runs, {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
     for path, metric in _metrics(known).items():
-        total, count = np.array([run.values.get(path, (0.0, 0.0)) for run in runs]).T
+        total, count = found.sums(path)
         if not count.any():
             continue
         interval = ratio(total, count, positive=metric.positive)
         if metric.combine == "root":
             interval = root(interval)
-        per_run[path] = interval.value + interval.influence
-        intervals[path] = clustered(interval, work.scene_of_run)
-    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
-    reused = int(sum(block.reused_ids.sum() for block in blocks))
-    return TrafficEvaluation(runs, intervals, per_run, reused, 1e6 * seconds / max(steps, 1), known)
+        found.per_run[path] = interval.value + interval.influence
+        found.intervals[path] = clustered(interval, work.scene_of_run)
+    return found
 
 
 def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
-    described = describe(work.trackers[name])
+    described, associate = describe(work.trackers[name]), getattr(work.trackers[name], "associate", None)
+    method = None if associate is None else associate.method
     if name in failures:
         reason = "the tracker failed"
         metrics = {path: MetricValue(unit=metric.unit or "1", reason=reason) for path, metric in METRICS.items()}
-        return TrackerResult(name=name, describe=described, failed=failures[name], metrics=metrics, health=Health())
+        return TrackerResult(
+            name=name, describe=described, association=method, failed=failures[name], metrics=metrics, health=Health()
+        )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
-    return TrackerResult(name=name, describe=described, failed=None, metrics=evaluation.values, health=health)
+    shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run) if _known(work) else None
+    return TrackerResult(
+        name=name,
+        describe=described,
+        association=method,
+        failed=None,
+        metrics=evaluation.values,
+        health=health,
+        scene_share=None if shares is None else shares.scene,
+    )
+
+
+def _known(work: Work) -> bool:
+    """Whether there is a truth."""
+    return all(scene.truth.known for scene in work.scenes)
 
 
 def _metrics(known: bool) -> dict[str, TrafficMetric]:
@@ -192,8 +212,7 @@ def _by_scene(work: Work, found: dict[str, TrafficEvaluation]) -> dict[str, Arra
     """By tracker ``(scenes,)`` the headline in each scene."""
     by_scene = {}
     for name, evaluation in found.items():
-        total, count = np.array([run.values.get(HEADLINE, (0.0, 0.0)) for run in evaluation.runs]).T
-        sums = [np.bincount(work.scene_of_run, each) for each in (total, count)]
+        sums = [np.bincount(work.scene_of_run, each) for each in evaluation.sums(HEADLINE)]
         by_scene[name] = np.sqrt(sums[0] / np.where(sums[1] > 0, sums[1], np.nan))
     return by_scene
 

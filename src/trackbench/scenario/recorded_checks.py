@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from trackbench.config import Problem
 from trackbench.errors import nearest
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.sources import RecordingTruth
@@ -86,8 +87,9 @@ def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
 def _synthetic(scenario: ScenarioConfig, name: str) -> Iterator[Problem]:
     sensor = scenario.sensors[name]
     biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
+    of_preset = presets()[sensor.preset].values if sensor.preset is not None else {}
     for key in (*SYNTHETIC, *biases):
-        if key in sensor.model_fields_set and sensor.preset is None:
+        if key in sensor.model_fields_set and key not in of_preset:
             yield Problem(
                 ("sensors", name, key), f"the measurements of {name} are recorded and taken as they are; remove"
             )

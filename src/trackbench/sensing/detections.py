@@ -16,12 +16,11 @@ from trackbench.sensing.scans import IdealSensor, measured
 from trackbench.sensing.schedule import silent
 from trackbench.sensing.view import field_of_view
 from trackbench.streams import stream
-from trackbench.types import Array, Indices, Mask, Scan
+from trackbench.types import FALSE_ALARM, Array, Indices, Mask, Scan
 
-#: In place of an object's number: a detection that stems from none, and a column without a detection.
-FALSE_ALARM, PADDING = -1, -2
-#: And that of a recorded detection of which nobody says what caused it.
-UNKNOWN = -3
+#: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
+#: caused it.
+PADDING, UNKNOWN = -2, -3
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ NO_TRUTH = "there is no truth"
 
 METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
     "track_count": TrafficMetric("1", "mean number of tracks after a scan", "none"),
-    "track_length": TrafficMetric("s", "time from a track's first scan to its last, median over tracks", "none", "mean"),
+    "track_length": TrafficMetric("s", "time from a track's first scan to its last, the median", "none", "mean"),
     "new_tracks": TrafficMetric("1/min", "tracks that begin, per minute", "none"),
     "used_share": TrafficMetric("", "share of the detections that a track used", "none"),
     "nis": TrafficMetric(
@@ -115,10 +115,9 @@ def _changes(scans: list[UnlabelledScan]) -> _Changes:
     breaks = own_breaks = swaps = 0
     for scan in scans:
         ids, present = set(scan.ids.tolist()), set(_present(scan))
-        used = _used(scan)
-        for track, own in sorted(zip(scan.ids[used != NONE].tolist(), scan.own_track[used[used != NONE]].tolist())):
-            if own < 0:
-                continue
+        column = np.flatnonzero(_used(scan) != NONE)
+        pairs = np.stack([scan.ids[column], scan.own_track[_used(scan)[column]]], axis=1)
+        for track, own in sorted(pairs[pairs[:, 1] >= 0].tolist()):
             earlier, earlier_own = track_of.get((scan.sensor, own)), own_of.get((scan.sensor, track))
             breaks += earlier is not None and earlier not in ids
             if earlier_own is not None and earlier_own != own:
@@ -135,7 +134,7 @@ def _used(scan: UnlabelledScan) -> Indices:
 
 def _present(scan: UnlabelledScan) -> list[int]:
     """The sensor's own tracks in a scan."""
-    return scan.own_track[scan.own_track >= 0].tolist()
+    return [int(number) for number in scan.own_track if number >= 0]
 
 
 def _lengths(scans: Iterable[tuple[float, Iterable[Hashable]]]) -> Array:

@@ -22,7 +22,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("track_breaks", "own_track_breaks", "track_swaps"),
     ),
     "Predictions": (
-        "Before each scan a built-in tracker is asked where its confirmed tracks are. NIS is of the detections that they "
+        "Before each scan a built-in tracker is asked where its tracks are. NIS is of the detections that they "
         "then used, so a tracker that takes only near ones has a small one. The score is of all detections of all "
         "scans: each tracker is asked the same. It tells how well the sensor's next scan is predicted, false alarms "
         "and all, and not how near the tracks are to vehicles; only differences of it mean something.",
@@ -40,7 +40,7 @@ def statement() -> Paragraph:
     )
 
 
-def scores(result: Result) -> Iterator[Section]:
+def sections(result: Result) -> Iterator[Section]:
     """What can be told, and what cannot."""
     trackers = result.scored
     for title, (note, paths) in GROUPS.items():

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded.drive import Drive
-from trackbench.truth.base import Recorded
 from trackbench.types import Truth
 
 __all__ = ["Drive", "Recording", "load", "read"]

@@ -12,6 +12,7 @@ import numpy as np
 from trackbench.errors import InputError
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import limits
+from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import POLAR, MeasurementColumns
 from trackbench.truth.recorded import files, rows
@@ -50,7 +51,7 @@ class _Scans(NamedTuple):
 
 def load(
     config: RecordingOptions, kinds: Mapping[str, str], folder: Path
-) -> tuple[Truth, dict[str, RecordedDetections], tuple[str, ...]]:
+) -> tuple[Truth, dict[str, Recorded], tuple[str, ...]]:
     """A truth without objects, the detections of each sensor, and what was left out, a line each.
 
     Raises:
@@ -78,17 +79,17 @@ def load(
     if motion is not None:
         times = times[_known(times, motion)]
         observer = carrier(motion, times)
-    detections = {name: _detections(of, times) for name, of in found.items()}
+    detections: dict[str, Recorded] = {name: _detections(of, times) for name, of in found.items()}
     return _no_objects(config, times, observer), detections, tuple(_notes(found, times))
 
 
 def _ego(config: RecordingOptions, folder: Path, start: Decimal) -> Motion:
     """The motion of what carries the sensors."""
     columns = config.ego
-    assert columns is not None and columns.path is not None and columns.time is not None
-    file = files.find(columns.path, folder, "truth.ego.path")
-    table = rows.read(file, config.format, [columns.time, *columns.given.values()])
-    stamps = time_stamps(table, columns.time, config.units.factor("time", columns.units.get("time")))
+    assert columns is not None
+    file = files.find(columns.path or "", folder, "truth.ego.path")
+    table = rows.read(file, config.format, [columns.time or "", *columns.given.values()])
+    stamps = time_stamps(table, columns.time or "", config.units.factor("time", columns.units.get("time")))
     return observer_motion(table, columns, seconds_from(start, stamps), config.units)
 
 
@@ -137,7 +138,7 @@ def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingO
     values = measurement[:, kept]
     for i in model.angular:
         values[i] = wrap_angle(values[i])
-    own_track, own_tracks = np.full(len(time), -1), []
+    own_track, own_tracks = np.full(len(time), -1), list[str]()
     if entry.slot is not None:
         own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
     found = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
@@ -148,7 +149,7 @@ def _flags(table: Rows, column: str) -> Mask:
     values = table.numbers(column, 1.0, None)
     for row in np.flatnonzero((values != 0) & (values != 1)).tolist():
         raise table.error(row, f"{column} is {values[row]:g}, where 0 or 1 is expected")
-    return values == 1
+    return np.asarray(values == 1)
 
 
 def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) -> tuple[Indices, list[str]]:
@@ -156,7 +157,7 @@ def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) ->
 
     A slot has another track from a row on that says so, and where it was empty for longer than ``EMPTY_SLOT``.
     """
-    found, tracks = np.full(len(time), -1), []
+    found, tracks = np.full(len(time), -1), list[str]()
     for number, name in enumerate(names):
         own = np.flatnonzero(slot == number)
         begins = new[own] | (np.diff(time[own], prepend=-np.inf) > EMPTY_SLOT)
