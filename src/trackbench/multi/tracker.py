@@ -153,7 +153,8 @@ class MultiObjectTracker:
             return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
         false_alarms, new_objects = at.intensity.false_alarms, at.intensity.new_objects * probability
         if config.method == "gnn":
-            ratio = np.log(at.detection_probability[pairs.track] / false_alarms) + pairs.log_likelihood
+            with np.errstate(divide="ignore"):
+                ratio = np.log(at.detection_probability[pairs.track] / false_alarms) + pairs.log_likelihood
             chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
             return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
         density = false_alarms + (new_objects if config.method == "pmb" else 0.0)
