@@ -20,13 +20,14 @@ from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 from trackeval.metrics import CLEAR, HOTA, Identity
 
-from trackbench.traffic_metrics import DUE, TrackHistory, TruthHistory, score_run
+from trackbench.traffic_metrics import TrackHistory, TruthHistory, score_run
 from trackbench.traffic_metrics.assignment import Counted, count
 from trackbench.traffic_metrics.clear import clear_matches, switches, track_of_each
 from trackbench.traffic_metrics.gospa import gospa_of_sets
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
 from trackbench.traffic_metrics.ospa import ospa_of_parts
+from trackbench.types import DUE
 
 CUTOFF = 5.0
 #: Steps of the long sequence, and those that Stone Soup takes.

@@ -22,11 +22,9 @@ def pages(result: Result, colours: Mapping[str, str]) -> dict[str, str]:
     """
     from trackbench.document.html import to_html
     from trackbench.document.markdown import to_markdown
-    from trackbench.report.run import run_document
-    from trackbench.report.traffic.document import traffic_document
+    from trackbench.report.result import result_document
 
-    make = run_document if result.summary.identities == "known" else traffic_document
-    document = make(result, colours)
+    document = result_document(result, colours)
     return {"report.html": to_html(document), "report.md": to_markdown(document)}
 
 

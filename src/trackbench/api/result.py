@@ -53,9 +53,9 @@ class ReportableResult(results.Result):
     @cached_property
     def _report(self) -> Report:
         from trackbench.api.display import Report
-        from trackbench.report.run import run_document
+        from trackbench.report.result import result_document
 
-        return Report(run_document(self))
+        return Report(result_document(self))
 
     def __repr__(self) -> str:
         summary = self.summary
@@ -66,6 +66,6 @@ class ReportableResult(results.Result):
 
     def _repr_html_(self) -> str:
         from trackbench.api.display import table_html
-        from trackbench.report.run.tables import ranking
+        from trackbench.report.result import ranking_table
 
-        return table_html(ranking(self))
+        return table_html(ranking_table(self))

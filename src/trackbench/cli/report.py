@@ -66,7 +66,7 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
 def _document(run: Path) -> Document:
     from trackbench.compare import compare, find, load
     from trackbench.report.comparison import document
-    from trackbench.report.run import run_document
+    from trackbench.report.result import result_document
 
     if (run / results.EXAMINATION).is_file():
         from trackbench.doctor.examine import Examination
@@ -77,7 +77,7 @@ def _document(run: Path) -> Document:
         return document(load(run))
     found = find(run)
     if len(found.entries) == 1:
-        return run_document(found.entries[0].result)
+        return result_document(found.entries[0].result)
     every = (tracker.name for entry in found.entries for tracker in entry.result.summary.trackers)
     return document(compare([found]), tracker_colours(every), times=True)
 

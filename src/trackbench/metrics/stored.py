@@ -13,7 +13,12 @@ ROOT_MEAN_SQUARES = {metric.name: metric for metric in BUILT_IN if isinstance(me
 
 def run_column(path: str) -> str:
     """Where the table of runs holds what each run has of a metric."""
-    return ROOT_MEAN_SQUARES[path].column if path in ROOT_MEAN_SQUARES else f"{path}_per_run"
+    return ROOT_MEAN_SQUARES[path].column if path in ROOT_MEAN_SQUARES else own_column(path)
+
+
+def own_column(path: str) -> str:
+    """The same of a metric that is not built in; the mean of the column is the metric."""
+    return f"{path}_per_run"
 
 
 def count_column(path: str) -> str | None:

@@ -68,7 +68,7 @@ def read(path: Path) -> Recorded:
         return _beside(path, "it holds no run of trackbench, or several that are laid over each other")
     found = summary_of(summary, path)
     for name, table in tables.items():
-        require_table(name, table, found.names, path)
+        require_table(name, table, found.layout, path)
     return Recorded(Result(found, Tables(tables)), path, version)
 
 

@@ -145,7 +145,7 @@ class Result:
         except (ValueError, RecursionError) as error:
             raise InputError(f"not a readable result: {error}", file=file) from error
         summary = summary_of(raw, file)
-        return cls(summary, Tables({}, file.parent, summary.names))
+        return cls(summary, Tables({}, file.parent, summary.layout))
 
 
 def _instead(folder: Path) -> str:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
-from trackbench.results.table_check import OBSERVER
+from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, Layout
 from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 3
@@ -42,13 +42,13 @@ class SceneSummary(Part):
     objects: list[str]
     duration_s: float
     audit: Audit
-    position_rmse: dict[str, float]
-    """Of each ranked tracker with an estimate in it, m; where identities are hidden, its GOSPA."""
+    error: dict[str, float]
+    """Of each ranked tracker with an estimate in it: the metric that trackers are ranked by, m."""
 
     @property
     def order(self) -> list[str]:
         """The trackers by their error in this scene, the best first."""
-        return sorted(self.position_rmse, key=self.position_rmse.__getitem__)
+        return sorted(self.error, key=self.error.__getitem__)
 
 
 class TruthSummary(Part):
@@ -58,6 +58,8 @@ class TruthSummary(Part):
 
     source: str
     objects: list[str]
+    known: bool = True
+    """False where a recording has measurements alone: nothing is ranked then."""
     steps: int
     dt: float | None
     duration_s: float
@@ -256,6 +258,8 @@ class TrackerResult(Part):
 
     name: str
     describe: str
+    association: str | None = None
+    """How a built-in tracker of several objects associates; None of any other."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
@@ -349,14 +353,19 @@ class Summary(Part):
     precision: PrecisionReached | None = None
 
     @property
-    def names(self) -> dict[str, list[str]]:
-        """What the tables' columns of names hold, by column."""
-        return {
+    def layout(self) -> Layout:
+        """What the tables hold."""
+        hidden, objects = self.identities == "hidden", [*self.truth.objects, OBSERVER]
+        if hidden:
+            objects += [*(name for scene in self.truth.scenes for name in scene.objects), FALSE_ALARM, NO_OBJECT]
+        names = {
             "tracker": [tracker.name for tracker in self.trackers],
             "sensor": list(self.sensors),
-            "object": [*self.truth.objects, OBSERVER],
+            "object": objects,
+            "other_object": objects,
             "role": ["target", OBSERVER],
         }
+        return Layout(names, self.truth.objects, hidden)
 
     @property
     def held_against(self) -> ReferenceSummary:
@@ -366,8 +375,15 @@ class Summary(Part):
 
     @property
     def headline(self) -> str:
-        """The metric that trackers are ranked by."""
+        """The metric that trackers are ranked by; without a truth, by nothing, and this one stands first."""
+        if not self.truth.known:
+            return "track_count"
         return "position_rmse" if self.identities == "known" else "gospa"
+
+    @property
+    def headline_name(self) -> str:
+        """In words."""
+        return "position RMSE" if self.identities == "known" else "GOSPA"
 
     @property
     def fingerprint(self) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -33,28 +34,63 @@ COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "recorded_nis": (("tracker", "sensor", "object"), ("time_s", "nis")),
     "roads": ((), ("line", "x_m", "y_m")),
 }
+#: The same where identities are hidden.
+HIDDEN_COLUMNS = {
+    "steps": (("tracker",), ("time_s", "gospa_m", "gospa_localisation_m", "gospa_missed_m", "gospa_false_m")),
+    "runs": (("tracker",), ("run", "scene", "count")),
+    "truth": COLUMNS["truth"],
+    "measurements": (COLUMNS["measurements"][0], ("scan", "detection", *COLUMNS["measurements"][1])),
+    "tracks": (("tracker",), ("time_s", "track", *STATE, *COVARIANCE, "existence")),
+    "taken": (("tracker",), ("time_s", "scan", "track", "detection")),
+    "due": (("object",), ("time_s", "status")),
+    "events": (
+        ("tracker", "kind", "object", "other_object", "why"),
+        ("run", "time_s", "track", "other_track", "x_m", "y_m", "cost_m2"),
+    ),
+    "objects": (("tracker", "object", "state"), ("time_s", "until_s")),
+    "association": (("tracker",), ("right", "wrong_object", "clutter", "missed")),
+    "existence": (("tracker",), ("from", "to", "count", "stated", "real")),
+    "roads": COLUMNS["roads"],
+}
+#: Of these, the ones in which all series have the same times.
+HIDDEN_SERIES = ("steps", "truth", "due")
+#: In the place of an object's name, where a detection stems from none, and where there is none.
+FALSE_ALARM, NO_OBJECT = "false alarm", ""
 #: Columns of counts and of what holds or not; all other numbers are floats.
 WHOLE = ("due", "alive", "valid")
 OBSERVER = "observer"
 Names = Mapping[str, Collection[str]]
 
 
-def require_table(name: str, table: pa.Table, names: Names, file: Path) -> None:
+class Layout(NamedTuple):
+    """What the tables of a run hold."""
+
+    names: Names
+    """What the columns of names may hold, by column."""
+    objects: Sequence[str] = ()
+    """Of the recorded run."""
+    hidden: bool = False
+    """Whether identities are hidden."""
+
+
+def require_table(name: str, table: pa.Table, layout: Layout, file: Path) -> None:
     """Make sure that a table is one of a run.
 
     Args:
         name: of the table; one that is not known may hold anything.
         table: what was read.
-        names: what its columns of names may hold, by column.
+        layout: of the run's tables.
         file: for error messages.
 
     Raises:
         InputError: it is not.
     """
     # What no tracker left has no columns either.
-    if name not in COLUMNS or not (len(table) or table.num_columns):
+    known = HIDDEN_COLUMNS if layout.hidden else COLUMNS
+    if name not in known or not (len(table) or table.num_columns):
         return
-    texts, numbers = COLUMNS[name]
+    names = layout.names
+    texts, numbers = known[name]
     for column in (*texts, *numbers):
         if table.column_names.count(column) != 1:
             raise InputError(f"no column {column}, or several: not the table {name} of a run", file=file)
@@ -67,17 +103,16 @@ def require_table(name: str, table: pa.Table, names: Names, file: Path) -> None:
             if value is None or value not in names.get(column, (value,)):
                 hint = nearest(str(value), names.get(column, ()))
                 raise InputError(f"{column} {value!r} is none of this run; {hint}", file=file)
-    if "time_s" in numbers:
+    if "time_s" in numbers and (not layout.hidden or name in HIDDEN_SERIES):
         _require_times(name, table, texts, file)
     if name == "truth":
-        _require_objects(table, names, file)
+        _require_objects(table, layout.objects, file)
 
 
-def _require_objects(table: pa.Table, names: Names, file: Path) -> None:
+def _require_objects(table: pa.Table, objects: Sequence[str], file: Path) -> None:
     """The truth has each object of the run and what carries the sensors."""
     there = set(split(table, "role", "object"))
-    targets = [name for name in names.get("object", ()) if name != OBSERVER]
-    for key in [*(("target", name) for name in targets), (OBSERVER, OBSERVER)]:
+    for key in [*(("target", name) for name in objects), (OBSERVER, OBSERVER)]:
         if key not in there:
             raise InputError(f"{key[1]} is missing: not the table truth of this run", file=file)
 

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from trackbench.errors import InputError
 from trackbench.input_files import require_regular
-from trackbench.results.table_check import Names, require_table
+from trackbench.results.table_check import Layout, require_table
 
 
 class _Table:
@@ -39,12 +39,19 @@ class Tables(Mapping[str, pa.Table]):
     estimates = _Table("every tracker's estimates of the recorded run")
     recorded_nis = _Table("normalised innovation squared of every measurement of the recorded run")
     roads = _Table("lane edges to draw")
+    tracks = _Table("where identities are hidden: every confirmed track of the recorded run")
+    taken = _Table("where identities are hidden: the detection that each track of the recorded run took in each scan")
+    due = _Table("where identities are hidden: 0 absent, 1 optional, 2 due, of each object in the recorded run")
+    events = _Table("where identities are hidden: what happened to objects and tracks")
+    objects = _Table("where identities are hidden: what each object's time was spent on in the recorded run")
+    association = _Table("where identities are hidden: how often tracks took a detection of their own object")
+    existence = _Table("where identities are hidden: tracks by stated existence probability, and how many are real")
 
-    def __init__(self, known: Mapping[str, pa.Table], folder: Path | None = None, names: Names | None = None) -> None:
-        """``known``: those in memory. ``folder``: where the others are read from. ``names``: what these may hold."""
+    def __init__(self, known: Mapping[str, pa.Table], folder: Path | None = None, layout: Layout | None = None) -> None:
+        """``known``: those in memory. ``folder``: where the others are read from. ``layout``: of these."""
         self._known = dict(known)
         self._folder = folder
-        self._names = names or {}
+        self._layout = layout or Layout({})
 
     def __iter__(self) -> Iterator[str]:
         there = [] if self._folder is None else [file.stem for file in sorted(self._folder.glob("*.parquet"))]
@@ -73,7 +80,7 @@ class Tables(Mapping[str, pa.Table]):
         try:
             require_regular(file)
             table = pq.read_table(file)
-            require_table(name, table, self._names, file)
+            require_table(name, table, self._layout, file)
             return table
         except FileNotFoundError as error:
             raise InputError(f"no {file.name} in the folder of this run", file=self._folder) from error

@@ -217,6 +217,7 @@ def truth_summary(
     truth = loaded.truth
     entries = {
         "objects": list(truth.ids),
+        "known": truth.known,
         "steps": len(truth.time),
         "dt": float(truth.time[1] - truth.time[0]) if len(truth.time) > 1 else None,
         "duration_s": float(truth.time[-1]),
@@ -236,7 +237,7 @@ def _scenes(
             objects=list(item.truth.ids),
             duration_s=float(item.truth.time[-1]),
             audit=item.truth.audit,
-            position_rmse={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
+            error={name: float(each[number]) for name, each in errors.items() if np.isfinite(each[number])},
         )
         for number, (item, source) in enumerate(zip(truths, sources, strict=True))
     ]

@@ -20,7 +20,7 @@ def stacked(parts: Sequence[Columns]) -> pa.Table:
     for key in parts[0]:
         values = [part[key] for part in parts]
         if isinstance(values[0], list):
-            joined[key] = pa.array([text for part in values for text in part]).dictionary_encode()
+            joined[key] = pa.array([text for part in values for text in part], pa.string()).dictionary_encode()
         else:
             joined[key] = pa.array(np.concatenate(values), from_pandas=True)
     return pa.table(joined)

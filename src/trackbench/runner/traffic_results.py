@@ -10,7 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from trackbench.metrics.differences import differences
-from trackbench.metrics.intervals import Interval, clustered, ratio, root
+from trackbench.metrics.intervals import Interval, clustered, ratio, root, variance_shares
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.summary import MarginSummary, OwnMetricSummary, ScenarioSummary, ScoreSummary, Summary
 from trackbench.runner import traffic_tables
@@ -20,11 +20,13 @@ from trackbench.runner.expectations import judge
 from trackbench.runner.traffic import TrafficBlock, TrafficScores
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.traffic_metrics import METRICS, RunScores
+from trackbench.traffic_metrics import METRICS, RunScores, TrafficMetric
+from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.truth import LoadedTruth
 from trackbench.types import Array
 
 HEADLINE = "gospa"
+NOT_ASKED = "only built-in trackers are asked what they predict"
 #: What a tracker that says nothing of it has in the place of a value.
 NOT_SAID = "the tracker does not say which detections it used"
 
@@ -41,17 +43,25 @@ class TrafficEvaluation:
     reused_ids: int
     step_time: float
     """Microseconds for a scan of one run."""
+    known: bool = True
+    """Whether there is a truth."""
+
+    def sums(self, path: str) -> Array:
+        """``(2, runs)`` totals and counts of a metric; zeros where a run cannot tell it."""
+        return np.array([run.values.get(path, (0.0, 0.0)) for run in self.runs]).T
 
     @property
     def values(self) -> dict[str, MetricValue]:
         """As they stand in a result."""
         found = {}
-        for path, metric in METRICS.items():
+        for path, metric in _metrics(self.known).items():
             unit = metric.unit or "1"
             if path in self.intervals:
                 found[path] = self.intervals[path].as_value(unit)
             else:
-                found[path] = MetricValue(unit=unit, reason=NOT_SAID if "association" in path else "no run tells it")
+                found[path] = MetricValue(unit=unit, reason=_why_missing(path))
+        if not self.known:
+            found |= {path: MetricValue(unit=metric.unit or "1", reason=NO_TRUTH) for path, metric in METRICS.items()}
         found["step_time"] = MetricValue(value=self.step_time, unit="us")
         return found
 
@@ -62,12 +72,17 @@ def assemble_traffic(
     """The result of all blocks of a run."""
     scenario = loaded.config
     failures, found = _evaluated(work, blocks)
-    ranked = sorted(found, key=lambda name: (found[name].intervals[HEADLINE].value, list(found).index(name)))
+    known = _known(work)
+    ranked = list(found)
+    if known:
+        ranked.sort(key=lambda name: found[name].intervals[HEADLINE].value)
     margin = MarginSummary(**scenario.score.margin.model_dump())
     compared = {name: found[name].intervals for name in ranked}
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    summaries = [_metric_summary(path) for path in METRICS]
-    pairs = differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE)
+    summaries = [_metric_summary(path, metric) for path, metric in _metrics(known).items()]
+    pairs = (
+        differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
+    )
     trackers = [_tracker(work, name, failures, found) for name in work.trackers]
     expectations = judge(scenario.expect, trackers, pairs, 0.0)
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
@@ -128,35 +143,61 @@ def _evaluated(work: Work, blocks: Sequence[TrafficBlock]) -> tuple[dict[str, Fa
 
 
 def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:
-    runs = [run for block in blocks for run in block.runs]
-    intervals, per_run = {}, {}
-    for path, metric in METRICS.items():
-        total, count = np.array([run.values.get(path, (0.0, 0.0)) for run in runs]).T
+    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
+    reused = int(sum(block.reused_ids.sum() for block in blocks))
+    runs, known = [run for block in blocks for run in block.runs], _known(work)
+    found = TrafficEvaluation(runs, {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
+    for path, metric in _metrics(known).items():
+        total, count = found.sums(path)
         if not count.any():
             continue
         interval = ratio(total, count, positive=metric.positive)
         if metric.combine == "root":
             interval = root(interval)
-        per_run[path] = interval.value + interval.influence
-        intervals[path] = clustered(interval, work.scene_of_run)
-    seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
-    reused = int(sum(block.reused_ids.sum() for block in blocks))
-    return TrafficEvaluation(runs, intervals, per_run, reused, 1e6 * seconds / max(steps, 1))
+        found.per_run[path] = interval.value + interval.influence
+        found.intervals[path] = clustered(interval, work.scene_of_run)
+    return found
 
 
 def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
-    described = describe(work.trackers[name])
+    described, associate = describe(work.trackers[name]), getattr(work.trackers[name], "associate", None)
+    method = None if associate is None else associate.method
     if name in failures:
         reason = "the tracker failed"
         metrics = {path: MetricValue(unit=metric.unit or "1", reason=reason) for path, metric in METRICS.items()}
-        return TrackerResult(name=name, describe=described, failed=failures[name], metrics=metrics, health=Health())
+        return TrackerResult(
+            name=name, describe=described, association=method, failed=failures[name], metrics=metrics, health=Health()
+        )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
-    return TrackerResult(name=name, describe=described, failed=None, metrics=evaluation.values, health=health)
+    shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run) if _known(work) else None
+    return TrackerResult(
+        name=name,
+        describe=described,
+        association=method,
+        failed=None,
+        metrics=evaluation.values,
+        health=health,
+        scene_share=None if shares is None else shares.scene,
+    )
 
 
-def _metric_summary(path: str) -> OwnMetricSummary:
-    metric = METRICS[path]
+def _known(work: Work) -> bool:
+    """Whether there is a truth."""
+    return all(scene.truth.known for scene in work.scenes)
+
+
+def _metrics(known: bool) -> dict[str, TrafficMetric]:
+    return METRICS if known else METRICS_WITHOUT_TRUTH
+
+
+def _why_missing(path: str) -> str:
+    if "association" in path or path in OF_USE:
+        return NOT_SAID
+    return NOT_ASKED if path in OF_PREDICTIONS else "no run tells it"
+
+
+def _metric_summary(path: str, metric: TrafficMetric) -> OwnMetricSummary:
     return OwnMetricSummary(
         name=path,
         unit=metric.unit or "1",
@@ -171,8 +212,7 @@ def _by_scene(work: Work, found: dict[str, TrafficEvaluation]) -> dict[str, Arra
     """By tracker ``(scenes,)`` the headline in each scene."""
     by_scene = {}
     for name, evaluation in found.items():
-        total, count = np.array([run.values.get(HEADLINE, (0.0, 0.0)) for run in evaluation.runs]).T
-        sums = [np.bincount(work.scene_of_run, each) for each in (total, count)]
+        sums = [np.bincount(work.scene_of_run, each) for each in evaluation.sums(HEADLINE)]
         by_scene[name] = np.sqrt(sums[0] / np.where(sums[1] > 0, sums[1], np.nan))
     return by_scene
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from trackbench.sensing.geometry import SensorMotion, sensor_motion
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.sensing.view import detection_probability, in_view, polar
 from trackbench.streams import stream
-from trackbench.types import Array, Indices, Mask, RecordedMeasurements, Scan, Truth
+from trackbench.truth.base import Recorded
+from trackbench.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
 from trackbench.units import difference
 
 
@@ -48,10 +49,12 @@ class IdealSensor:
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     recorded: bool = False
     """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
+    detections: RecordedDetections | None = None
+    """Those that are recorded where there is no truth."""
 
 
 def ideal_sensors(
-    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, RecordedMeasurements] | None = None
+    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, Recorded] | None = None
 ) -> list[IdealSensor]:
     """The side of sensing that is the same in every run.
 
@@ -137,7 +140,12 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     )
 
 
-def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: RecordedMeasurements) -> IdealSensor:
+def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
+    if isinstance(measurements, RecordedDetections):
+        scans = len(measurements.steps)
+        none = np.zeros((len(config.components), scans, 0)), np.zeros((scans, 0), dtype=bool)
+        objectless = _as_recorded(truth, name, config, RecordedMeasurements(measurements.steps, *none))
+        return replace(objectless, detections=measurements)
     steps, valid = measurements.steps, measurements.valid
     motion = _motion(truth, config, steps)
     pose, velocity = motion

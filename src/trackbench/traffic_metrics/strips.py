@@ -12,6 +12,8 @@ from trackbench.types import Indices, Mask
 
 #: What an object's strip says of an instant. WAITING: due, and not yet tracked. SWITCHED: by another track than last.
 NOT_DUE, WAITING, TRACKED, SWITCHED, LOST = range(5)
+#: Their names.
+STATES = ("not due", "waiting", "tracked", "switched", "lost")
 
 
 def strips(track_of: Indices, due: Mask, changes: Switches) -> npt.NDArray[np.int8]:

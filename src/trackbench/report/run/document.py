@@ -40,8 +40,8 @@ from trackbench.report.run.sentences import common, expectations_met, facts, fai
 from trackbench.results import Result
 from trackbench.words import counted
 
-_DIFFERENCES = (
-    "Differences of position RMSE, paired: every tracker saw the same truth and the same noise. Negative means smaller "
+DIFFERENCES = (
+    "Differences of {metric}, paired: every tracker saw the same truth and the same noise. Negative means smaller "
     "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
     "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
     "or scenes would tell. Each interval is that of its pair alone, without the correction."
@@ -134,11 +134,14 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     own = [] if others is None else [Section("Other metrics", (others,))]
     yield Section("Ranking", (legend, tables.ranking(result), *own, more))
     if len(trackers) > 1:
-        cost = cost_against_accuracy(drawn, styles)
+        cost = cost_against_accuracy(drawn, styles, "position_rmse")
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
         title = "All pairs" if len(drawn) == len(trackers) else f"All pairs of the best {len(drawn)}"
         pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
-        yield Section("Differences between trackers", (Paragraph(_DIFFERENCES.format(margin=margin)), beside, pairs))
+        yield Section(
+            "Differences between trackers",
+            (Paragraph(DIFFERENCES.format(metric="position RMSE", margin=margin)), beside, pairs),
+        )
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:

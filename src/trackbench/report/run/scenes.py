@@ -48,8 +48,8 @@ def _variance(result: Result) -> str:
     if not known:
         return "With one run in each scene, what the scene does to the error cannot be told from what the noise does."
     return (
-        "How much of the variance of one run's squared position error is between scenes, and not noise within one: "
-        f"{joined(known)}. The intervals of this page take the scenes for what is independent."
+        f"How much of the variance of one run's squared {result.summary.headline_name} is between scenes, and not "
+        f"noise within one: {joined(known)}. The intervals of this page take the scenes for what is independent."
     )
 
 
@@ -66,21 +66,21 @@ def _turned(result: Result) -> str:
 
 def _ahead(result: Result, scene: SceneSummary, best: str) -> bool:
     """Whether another tracker is better than the best one here, by more than the margin."""
-    if best not in scene.position_rmse:
+    if best not in scene.error:
         return True
-    least = scene.position_rmse[scene.order[0]]
-    return scene.position_rmse[best] - least > result.summary.score.margin.at(least, "m")
+    least = scene.error[scene.order[0]]
+    return scene.error[best] - least > result.summary.score.margin.at(least, "m")
 
 
 def _table(result: Result) -> Table:
     names = [tracker.name for tracker in result.scored]
     found = result.summary.truth.scenes
-    places = decimals([value for scene in found for value in scene.position_rmse.values()], 3)
+    places = decimals([value for scene in found for value in scene.error.values()], 3)
     first = (Column("scene", left=True), [Cell(scene.name) for scene in found])
     vehicles = (Column("vehicles"), [Cell(str(len(scene.objects))) for scene in found])
     columns = [
         (
-            Column(f"{name}, m", "position RMSE in this scene; bold is the smallest"),
+            Column(f"{name}, m", f"{result.summary.headline_name} in this scene; bold is the smallest"),
             [_cell(scene, name, places) for scene in found],
         )
         for name in names
@@ -89,6 +89,6 @@ def _table(result: Result) -> Table:
 
 
 def _cell(scene: SceneSummary, name: str, places: int) -> Cell:
-    if name not in scene.position_rmse:
+    if name not in scene.error:
         return Cell(NOT_AVAILABLE, reason="no estimate in this scene")
-    return Cell(fixed(scene.position_rmse[name], places), strong=scene.order[0] == name)
+    return Cell(fixed(scene.error[name], places), strong=scene.order[0] == name)

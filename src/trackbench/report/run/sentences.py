@@ -14,6 +14,9 @@ from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted
 
+#: How a tracker associates that knows the true origin of each detection.
+ORACLE = "oracle"
+
 
 def facts(result: Result) -> tuple[str, ...]:
     """The run in a few words."""
@@ -23,7 +26,7 @@ def facts(result: Result) -> tuple[str, ...]:
     return (
         f"{source}, other motion in each run" if options.get("random") else source,
         runs_in_words(result),
-        counted(len(truth.objects), "vehicle"),
+        counted(len(truth.objects), "vehicle") if truth.known else "no truth",
         duration(result),
         counted(len(summary.sensors), "sensor"),
         counted(len(summary.trackers), "tracker"),
@@ -88,14 +91,20 @@ def failure(result: Result, tracker: TrackerResult) -> str:
 
 
 def headline(result: Result) -> str:
-    """Which tracker is the most accurate, by how much, and whether the difference was shown."""
-    order = result.scored
+    """Which tracker is the most accurate, by how much, and whether the difference was shown.
+
+    One that knows the true origin of each detection is not held against the others.
+    """
+    order = [tracker for tracker in result.scored if tracker.association != ORACLE] or result.scored
     if not order:
         return "No tracker finished."
-    metric, names = order[0].position_rmse, [tracker.name for tracker in order]
+    summary, names = result.summary, [tracker.name for tracker in order]
+    metric, known = order[0].metrics[summary.headline], summary.identities == "known"
     places = decimals([metric.value, half_width(metric)], 1)
     bounds = f" (95 % interval {interval(metric.ci95, places)} m)" if metric.ci95 else ""
-    text = f"{names[0]} is the most accurate in position: {fixed(metric.value, places)} m RMSE{bounds}"
+    value = fixed(metric.value, places)
+    lead = f"is the most accurate in position: {value} m RMSE" if known else f"has the smallest GOSPA: {value} m"
+    text = f"{names[0]} {lead}{bounds}"
     if len(names) == 1:
         return text + "."
     pairs = Pairs(result.summary)
@@ -113,7 +122,8 @@ def headline(result: Result) -> str:
         return text + "."
     gap = decimals([(second.ci95[1] - second.ci95[0]) / 2] if second.ci95 else [second.value], 1)
     bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
-    return f"{text}. The RMSE of the next, {names[1]}, is {fixed(second.value, gap)} m larger{bounds}."
+    of_next = f"The {'RMSE' if known else 'GOSPA'} of the next, {names[1]},"
+    return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
 
 
 def _named(trackers: Sequence[str]) -> str:

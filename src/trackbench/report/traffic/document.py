@@ -2,30 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.document import Block, Cell, Column, Document, Item, Items, Paragraph, Section, Status, Table
+from trackbench.document import (
+    Block,
+    Cell,
+    Column,
+    Document,
+    Figure,
+    Item,
+    Items,
+    Paragraph,
+    Row,
+    Section,
+    Status,
+    Table,
+    TrackerStyle,
+)
 from trackbench.document.styles import tracker_styles
 from trackbench.palette import tracker_colours
+from trackbench.report.margin import margin_words
 from trackbench.report.run import tables
 from trackbench.report.run.cells import INTERVAL, TRACKER, names, values
-from trackbench.report.run.document import reproduction, truth_and_sensors
+from trackbench.report.run.document import DIFFERENCES, reproduction, truth_and_sensors
+from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.pairs import Pairs, groups
-from trackbench.report.run.scenes import basis_of_intervals
-from trackbench.report.run.sentences import expectations_met, facts, failure
-from trackbench.results import Result
+from trackbench.report.run.scenes import basis_of_intervals, scenes
+from trackbench.report.run.sentences import expectations_met, facts, failure, headline
+from trackbench.report.traffic import without_truth
+from trackbench.report.traffic.events import events_section
+from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
+from trackbench.report.traffic.map import map_of_tracks
+from trackbench.report.traffic.sentences import association_against_filtering, verdict
+from trackbench.report.traffic.strips import strip_chart
+from trackbench.results import Result, TrackerResult
 from trackbench.traffic_metrics import METRICS
 from trackbench.words import counted
 
-#: The tables: title, and the metrics that are their columns.
+RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "idf1", "mota")
+#: The other tables: title, and the metrics that are their columns.
 GROUPS: dict[str, tuple[str, ...]] = {
-    "Ranking": ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "idf1", "mota"),
     "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
     "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "confirm_latency_95", "lost_time_share"),
     "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "motp", "matched_share"),
     "Association": (
         "association_right", "association_wrong_object", "association_clutter", "association_missed",
     ),
+}  # fmt: skip
+
+#: Words of the metrics' names that are written otherwise.
+ACRONYMS = {
+    "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
+    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES",
 }  # fmt: skip
 
 
@@ -38,47 +66,112 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
     """
     summary = result.summary
     styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
+    shown = [styles[tracker.name] for tracker in result.drawn]
     sections = [
         Section("Verdict", tuple(_verdict(result))),
-        *_scores(result),
+        *(_of_truth(result, styles, shown) if summary.truth.known else without_truth.sections(result)),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
         Section("Truth and sensors", tuple(truth_and_sensors(result))),
         Section("How to reproduce it", tuple(reproduction(result))),
     ]
-    shown = tuple(styles[tracker.name] for tracker in result.drawn)
     return Document(
-        "report", summary.scenario.name, tuple(sections), summary.scenario.description, facts(result), shown
+        "report", summary.scenario.name, tuple(sections), summary.scenario.description, facts(result), tuple(shown)
     )
 
 
 def _verdict(result: Result) -> Iterator[Block]:
     summary, missing = result.summary, result.unscored
-    if result.scored:
-        best = result.scored[0]
-        share = best.metrics["matched_share"].value or 0.0
-        text = f"{best.name} has the smallest GOSPA, {best.metrics['gospa'].value:.3g} m, and follows "
-        yield Paragraph(text + f"{100 * share:.1f} % of what is due.", strong=True)
+    yield without_truth.statement() if not summary.truth.known else Paragraph(headline(result), strong=True)
     yield Status(
         expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
     )
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
+    if summary.truth.known:
+        yield from _standings(result)
+    if missing:
         failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
         yield Section("Not ranked", (Items(failures),))
 
 
-def _scores(result: Result) -> Iterator[Section]:
+def _standings(result: Result) -> Iterator[Block]:
+    for sentence in association_against_filtering(result):
+        yield Paragraph(sentence)
+    if result.scored:
+        items = (Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.scored)
+        yield Items(tuple(items), numbered=True)
+
+
+def _of_truth(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    """What only the truth tells."""
+    yield from _scores(result, styles)
+    if result.summary.truth.scenes:
+        yield Section("Scene by scene", tuple(scenes(result)))
+    yield from _objects(result, shown)
+    yield from events_section(result)
+    yield from _details(result)
+
+
+def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
     trackers = result.scored
     if not trackers:
         return
+    note = Paragraph(f"Small print is the 95 % interval, {basis_of_intervals(result)}.")
+    yield Section("Ranking", (note, ranking(result)))
+    if len(trackers) > 1:
+        margin = margin_words(result.summary.score.margin, "m")
+        cost = cost_against_accuracy(result.drawn, styles, "gospa")
+        beside = Row((tables.key_differences(result), *([cost] if cost else [])))
+        pairs = Section("All pairs", (tables.all_differences(result, result.drawn),), folded=True)
+        text = DIFFERENCES.format(metric="GOSPA", margin=margin)
+        yield Section("Differences between trackers", (Paragraph(text), beside, pairs))
+
+
+def ranking(result: Result) -> Table:
+    """Every scored tracker, best first, with the letters of those that were not shown to differ."""
+    trackers = result.scored
     group = groups([tracker.name for tracker in trackers], Pairs(result.summary))
-    for title, paths in GROUPS.items():
-        columns = [(TRACKER, names(trackers))]
-        if title == "Ranking":
-            columns.append((Column("group", left=True), [Cell(group[tracker.name]) for tracker in trackers]))
-        for path in paths:
-            metric = METRICS[path]
-            heading = f"{path.replace('_', ' ')}{f', {metric.unit}' if metric.unit else ''}"
-            columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
-        note = f"Small print is the 95 % interval, {basis_of_intervals(result)}."
-        yield Section(title, (Paragraph(note), Table.of_columns(title.lower().replace(" ", "_"), columns)))
+    letters = [Cell(group[tracker.name]) for tracker in trackers]
+    return _table("Ranking", trackers, RANKING, [(Column("group", left=True), letters)])
+
+
+def _table(
+    title: str,
+    trackers: Sequence[TrackerResult],
+    paths: Sequence[str],
+    first: Sequence[tuple[Column, list[Cell]]] = (),
+) -> Table:
+    columns = [(TRACKER, names(trackers)), *first]
+    for path in paths:
+        metric = METRICS[path]
+        heading = f"{_named(path)}{f', {metric.unit}' if metric.unit else ''}"
+        columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
+    return Table.of_columns(title.lower().replace(" ", "-"), columns)
+
+
+def _objects(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    made = result.tables
+    figures: list[Figure | None] = [
+        gospa_over_time(made.steps, shown),
+        strip_chart(made.objects, shown, result.summary.recorded_run),
+        map_of_tracks(result, shown),
+        existence_calibration(made.existence, shown),
+    ]
+    drawn = tuple(figure for figure in figures if figure)
+    if drawn:
+        yield Section("What happened", (Row(drawn),))
+
+
+def _named(path: str) -> str:
+    """A metric as a heading."""
+    return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
+
+
+def _details(result: Result) -> Iterator[Section]:
+    for title, paths in GROUPS.items() if result.scored else ():
+        yield Section(title, (_table(title, result.scored, paths),))
+
+
+def about(tracker: TrackerResult) -> str:
+    """A tracker in a few words."""
+    return ", ".join(part for part in (tracker.association, tracker.describe) if part)

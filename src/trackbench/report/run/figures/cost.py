@@ -19,13 +19,18 @@ from trackbench.types import Array
 _NAME = 150.0
 
 
-def cost_against_accuracy(trackers: Sequence[TrackerResult], styles: Mapping[str, TrackerStyle]) -> Figure | None:
-    """Time per step against position RMSE; None where no time was measured."""
+#: In words.
+_METRICS = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
+
+
+def cost_against_accuracy(
+    trackers: Sequence[TrackerResult], styles: Mapping[str, TrackerStyle], metric: str
+) -> Figure | None:
+    """Time per step against the metric that trackers are ranked by, m; None where no time was measured."""
     points = [
         (styles[tracker.name], cost, error)
         for tracker in trackers
-        if (cost := _value(tracker, "step_time")) is not None
-        and (error := _value(tracker, "position_rmse")) is not None
+        if (cost := _value(tracker, "step_time")) is not None and (error := _value(tracker, metric)) is not None
     ]
     if not points:
         return None
@@ -33,7 +38,7 @@ def cost_against_accuracy(trackers: Sequence[TrackerResult], styles: Mapping[str
     x, y = np.array([cost for _, cost, _ in points]), np.array([error for _, _, error in points])
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.add_subplot(xlabel="µs per predict and update of one run, logarithmic", ylabel="position RMSE, m")
+        axes = canvas.add_subplot(xlabel="µs per step of one run, logarithmic", ylabel=f"{_METRICS[metric]}, m")
         logarithmic(axes, "x")
         if y.max() > 4 * y.min():
             logarithmic(axes, "y")
@@ -50,7 +55,7 @@ def cost_against_accuracy(trackers: Sequence[TrackerResult], styles: Mapping[str
         "Accuracy against computing time",
         "Each point is a tracker: further down is more accurate, further left is faster. A tracker with another one "
         "both below and to the left of it is slower and less accurate. Times are those of this machine.",
-        f"Position RMSE against time per step: {said}",
+        f"{_METRICS[metric]} against time per step: {said}",
         paint,
         250,
         legend=legend_of(shown),

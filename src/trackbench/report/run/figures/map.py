@@ -13,47 +13,19 @@ from matplotlib.figure import Figure as Canvas
 
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import panel_title
-from trackbench.document.drawing import GRID, INK, MUTED, WIDTH
-from trackbench.document.margins import shortened
+from trackbench.document.drawing import INK, MUTED, WIDTH
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import fixed
 from trackbench.report.run.figures.columns import column, names, where
+from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
 from trackbench.report.run.moments import say
 from trackbench.results import Tables
 from trackbench.types import Array
 from trackbench.words import counted
 
-#: A scene longer than this many times its width (a straight road) is drawn stretched across.
-_ELONGATED = 4.0
-_MARGIN_M = 6.0
-_TALLEST = 400.0
-#: The widest name of an object, points.
-_NAME = 90.0
 #: Round numbers among which the limits of the colours are chosen, m.
 _ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])
-
-
-@dataclass(frozen=True)
-class _Box:
-    """What the map shows, m."""
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-    @property
-    def width(self) -> float:
-        return self.right - self.left
-
-    @property
-    def height(self) -> float:
-        return self.top - self.bottom
-
-    @property
-    def stretched(self) -> bool:
-        return self.width > _ELONGATED * self.height
 
 
 @dataclass(frozen=True)
@@ -83,9 +55,9 @@ def map_of_run(
     """
     truth = tables.truth
     drawn = mapped(styles)
-    targets = {name: _alive(truth, name) for name in names(where(truth, role="target"), "object")}
-    observer = [_alive(truth, name) for name in names(where(truth, role="observer"), "object")]
-    box = _box([*targets.values(), *observer])
+    targets = {name: alive_path(truth, name) for name in names(where(truth, role="target"), "object")}
+    observer = [alive_path(truth, name) for name in names(where(truth, role="observer"), "object")]
+    box = box_around([*targets.values(), *observer])
     if box is None:
         return None
     estimates = [where(tables.estimates, tracker=style.name) for style in drawn]
@@ -101,7 +73,7 @@ def map_of_run(
         every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
         for i, axes in enumerate(every):
             axes.grid(visible=False)
-            _surroundings(axes, roads, observer, targets)
+            draw_surroundings(axes, roads, observer, targets)
             if drawn:
                 panel_title(axes, drawn[i].name, across)
                 _coloured(axes, tracks[i], limits)
@@ -116,7 +88,7 @@ def map_of_run(
         every[-1].set_xlabel("x, m")
 
     across = WIDTH / panels if beside else WIDTH
-    height = 150.0 if box.stretched else min(_TALLEST, 30 + (across - 50) * box.height / box.width)
+    height = box.drawn_height(across)
     worst = "; ".join(f"{style.name}: {say(rings[style.key])}" for style in drawn if style.key in rings)
     alternative = (
         f"Map of run {run}: paths of {counted(len(targets), 'vehicle')} over "
@@ -145,21 +117,6 @@ def map_of_run(
         legend=_legend(limits),
         tooltips={f"worst-{key}": say(moment) for key, moment in rings.items()},
     )
-
-
-def _surroundings(
-    axes: Axes, roads: pa.Table, observer: Sequence[tuple[Array, Array]], targets: Mapping[str, tuple[Array, Array]]
-) -> None:
-    lines, x, y = (column(roads, name) for name in ("line", "x_m", "y_m"))
-    for line in np.unique(lines):
-        axes.plot(x[lines == line], y[lines == line], color=GRID, linewidth=1.5)
-    for x, y in observer:
-        axes.plot(x, y, color=MUTED, linewidth=1.4, linestyle=(0, (1.5, 1.5)))
-        axes.plot(x[:1], y[:1], color=MUTED, marker="s", markersize=5)
-    for name, (x, y) in targets.items():
-        axes.plot(x, y, color=MUTED, linewidth=0.8)
-        axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
-        axes.annotate(shortened(name, _NAME, 9), (x[-1], y[-1]), xytext=(3, 3), textcoords="offset points", fontsize=9)
 
 
 def _coloured(axes: Axes, tracks: Sequence[_Track], limits: Array) -> None:
@@ -211,21 +168,6 @@ def _tracks(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_Tr
         place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
         found.append(_Track(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m")))
     return found
-
-
-def _alive(truth: pa.Table, name: str) -> tuple[Array, Array]:
-    rows = where(truth, object=name)
-    alive = column(rows, "alive") > 0
-    return column(rows, "px_m")[alive], column(rows, "py_m")[alive]
-
-
-def _box(paths: Sequence[tuple[Array, Array]]) -> _Box | None:
-    """What holds all paths."""
-    x = np.concatenate([path[0] for path in paths]) if paths else np.empty(0)
-    y = np.concatenate([path[1] for path in paths]) if paths else np.empty(0)
-    if not x.size:
-        return None
-    return _Box(x.min() - _MARGIN_M, x.max() + _MARGIN_M, y.min() - _MARGIN_M, y.max() + _MARGIN_M)
 
 
 def _place(truth: pa.Table, moment: EstimateMoment) -> tuple[float, float]:

@@ -1,0 +1,84 @@
+"""What a map shows under what is drawn on it: roads, paths of the vehicles, and how large it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+
+from trackbench.document.drawing import GRID, INK, MUTED
+from trackbench.document.margins import shortened
+from trackbench.report.run.figures.columns import column, where
+from trackbench.types import Array
+
+#: A scene longer than this many times its width (a straight road) is drawn stretched across.
+ELONGATED = 4.0
+MARGIN_M = 6.0
+#: Points.
+TALLEST, STRETCHED = 400.0, 150.0
+#: The widest name of an object, points.
+NAME = 90.0
+
+
+@dataclass(frozen=True)
+class MapBox:
+    """What the map shows, m."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        """m."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """m."""
+        return self.top - self.bottom
+
+    @property
+    def stretched(self) -> bool:
+        """Whether its axes have different scales."""
+        return self.width > ELONGATED * self.height
+
+    def drawn_height(self, across: float) -> float:
+        """Points of a map that is so many points wide."""
+        return STRETCHED if self.stretched else min(TALLEST, 30 + (across - 50) * self.height / self.width)
+
+
+def draw_surroundings(
+    axes: Axes, roads: pa.Table, observer: Sequence[tuple[Array, Array]], targets: Mapping[str, tuple[Array, Array]]
+) -> None:
+    """Roads, the observer's path and those of the objects, with their names."""
+    lines, x, y = (column(roads, name) for name in ("line", "x_m", "y_m"))
+    for line in np.unique(lines):
+        axes.plot(x[lines == line], y[lines == line], color=GRID, linewidth=1.5)
+    for x, y in observer:
+        axes.plot(x, y, color=MUTED, linewidth=1.4, linestyle=(0, (1.5, 1.5)))
+        axes.plot(x[:1], y[:1], color=MUTED, marker="s", markersize=5)
+    for name, (x, y) in targets.items():
+        axes.plot(x, y, color=MUTED, linewidth=0.8)
+        axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
+        axes.annotate(shortened(name, NAME, 9), (x[-1], y[-1]), xytext=(3, 3), textcoords="offset points", fontsize=9)
+
+
+def alive_path(truth: pa.Table, name: str) -> tuple[Array, Array]:
+    """``(points,)`` x and y of an object while it is there, m."""
+    rows = where(truth, object=name)
+    alive = column(rows, "alive") > 0
+    return column(rows, "px_m")[alive], column(rows, "py_m")[alive]
+
+
+def box_around(paths: Sequence[tuple[Array, Array]]) -> MapBox | None:
+    """What holds all paths; None where there is none."""
+    x = np.concatenate([path[0] for path in paths]) if paths else np.empty(0)
+    y = np.concatenate([path[1] for path in paths]) if paths else np.empty(0)
+    if not x.size:
+        return None
+    return MapBox(x.min() - MARGIN_M, x.max() + MARGIN_M, y.min() - MARGIN_M, y.max() + MARGIN_M)

@@ -1,0 +1,119 @@
+"""What happened to objects and tracks, and how well the tracks say what they know, as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pyarrow as pa
+
+from trackbench.results.table_check import NO_OBJECT
+from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.work import Work
+from trackbench.traffic_metrics.existence import BINS
+from trackbench.traffic_metrics.strips import STATES
+from trackbench.types import Array
+
+if TYPE_CHECKING:
+    from trackbench.runner.traffic_results import TrafficEvaluation
+
+#: Events that are kept of each tracker beside those of the recorded run.
+MOST_EVENTS = 10_000
+ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
+
+
+def events_table(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
+    """All events of the recorded run, and those of the others: of more than ``MOST_EVENTS`` the dearest."""
+    return stacked([_events(work, name, item) for name, item in found.items()])
+
+
+def _events(work: Work, name: str, evaluation: TrafficEvaluation) -> Columns:
+    recorded = work.number(work.recorded_scene, work.recorded_run)
+    rows = [(run, event) for run, scores in enumerate(evaluation.runs) for event in scores.events]
+    others = sorted((row for row in rows if row[0] != recorded), key=lambda row: -row[1].cost)[:MOST_EVENTS]
+    rows = sorted([*(row for row in rows if row[0] == recorded), *others], key=lambda row: (row[0], row[1].instant))
+    ids = [work.scenes[scene].truth.ids for scene in work.scene_of_run]
+
+    def number(field: str) -> Array:
+        return np.array([getattr(event, field) for _, event in rows], dtype=float)
+
+    def objects(field: str) -> list[str]:
+        numbers = ((run, getattr(event, field)) for run, event in rows)
+        return [ids[run][item] if item >= 0 else NO_OBJECT for run, item in numbers]
+
+    return {
+        "tracker": [name] * len(rows),
+        "kind": [event.kind for _, event in rows],
+        "object": objects("object"),
+        "other_object": objects("other_object"),
+        "why": [event.why for _, event in rows],
+        "run": np.array([run for run, _ in rows], dtype=float),
+        "time_s": number("time"),
+        "track": _known(number("track")),
+        "other_track": _known(number("other_track")),
+        "x_m": number("x"),
+        "y_m": number("y"),
+        "cost_m2": number("cost"),
+    }
+
+
+def objects_table(work: Work, found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
+    """What each object's time was spent on in the recorded run, stretch by stretch."""
+    recorded = work.number(work.recorded_scene, work.recorded_run)
+    ids = work.scenes[work.recorded_scene].truth.ids
+    until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
+    parts: list[Columns] = []
+    for name, evaluation in found.items():
+        for item, strip in enumerate(evaluation.runs[recorded].strips.T):
+            starts = np.flatnonzero(np.diff(strip, prepend=-1))
+            ends = np.append(starts[1:], len(strip)) - 1
+            parts.append(
+                {
+                    "tracker": [name] * len(starts),
+                    "object": [ids[item]] * len(starts),
+                    "state": [STATES[code] for code in strip[starts]],
+                    "time_s": time[starts],
+                    "until_s": until[ends],
+                }
+            )
+    return stacked(parts)
+
+
+def association_table(found: Mapping[str, TrafficEvaluation]) -> pa.Table:
+    """How often each tracker's tracks took a detection of their own object, another's, a false alarm or none."""
+    parts: list[Columns] = []
+    for name, evaluation in found.items():
+        totals = {
+            outcome: sum(run.values.get(f"association_{outcome}", (0.0, 0.0))[0] for run in evaluation.runs)
+            for outcome in ASSOCIATIONS
+        }
+        if any(totals.values()):
+            parts.append({"tracker": [name], **{outcome: np.array([total]) for outcome, total in totals.items()}})
+    return stacked(parts)
+
+
+def existence_table(found: Mapping[str, TrafficEvaluation]) -> pa.Table:
+    """Tracks by the existence probability that they state, and how many of them are on an object."""
+    parts: list[Columns] = []
+    for name, evaluation in found.items():
+        bins = [run.existence for run in evaluation.runs if run.existence is not None]
+        if not bins:
+            continue
+        stated, real, number = (np.sum([each[column] for each in bins], axis=0, dtype=float) for column in range(3))
+        parts.append(
+            {
+                "tracker": [name] * BINS,
+                "from": np.arange(BINS) / BINS,
+                "to": np.arange(1, BINS + 1) / BINS,
+                "count": number,
+                "stated": stated / np.where(number > 0, number, np.nan),
+                "real": real / np.where(number > 0, number, np.nan),
+            }
+        )
+    return stacked(parts)
+
+
+def _known(ids: Array) -> Array:
+    """NaN where there is none."""
+    return np.where(ids >= 0, ids, np.nan)
