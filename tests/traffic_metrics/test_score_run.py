@@ -252,3 +252,10 @@ def test_a_mean_that_is_not_finite_is_on_no_object() -> None:
     found = ratios(score_run(truth, tracks))
     assert found["gospa_false"] == pytest.approx(12.5**0.5)
     assert found["position_rmse"] == 0
+
+
+def test_an_id_that_two_tracks_share_is_scored_like_any() -> None:
+    truth = truth_of([[0.0, 30.0]] * 6)
+    found = ratios(score_run(truth, tracks_of(truth.state[0], ids=[[4, 4]] * 6)))
+    assert (found["gospa"], found["mota"], found["matched_share"]) == (0, 1, 1)
+    assert found["track_purity"] == 0.5
