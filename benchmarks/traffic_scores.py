@@ -21,12 +21,13 @@ from stonesoup.types.state import State
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory, score_run
-from trackbench.traffic_metrics.assignment import Counted, count
+from trackbench.traffic_metrics.assignment import Counted, count, similarity
 from trackbench.traffic_metrics.clear import clear_matches, switches, track_of_each
 from trackbench.traffic_metrics.gospa import gospa_of_sets
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
 from trackbench.traffic_metrics.ospa import ospa_of_parts
+from trackbench.traffic_metrics.run import LEAST_SIMILARITY
 from trackbench.types import DUE
 
 CUTOFF = 5.0
@@ -138,10 +139,10 @@ def _identities() -> list[dict[str, Any]]:
 
 def _ours(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
     counted: Counted = count(truth, tracks, CUTOFF)
-    similarity = 1 - counted.pairs.distance / CUTOFF
-    found = hota(counted.pairs, similarity, counted.object_counts, counted.track_counts)
-    near = counted.pairs.where(similarity >= 0.5)
-    chosen = clear_matches(near, similarity[similarity >= 0.5], counted.due, counted.present)
+    alike = similarity(counted.pairs.distance, CUTOFF)
+    found = hota(counted.pairs, alike, counted.object_counts, counted.track_counts)
+    near = counted.pairs.where(alike >= LEAST_SIMILARITY)
+    chosen = clear_matches(near, alike[alike >= LEAST_SIMILARITY], counted.due, counted.present)
     changes = switches(track_of_each(near.where(chosen), counted.due.shape))
     due, matched = counted.due.sum(), chosen.sum()
     mota = (2 * matched - counted.present.sum() - len(changes.instant)) / due
