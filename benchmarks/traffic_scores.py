@@ -108,21 +108,15 @@ def _gospa_and_ospa() -> dict[str, Any]:
 
 def _identities() -> list[dict[str, Any]]:
     truth, tracks = sequence(STEPS, OBJECTS)
-    theirs = _for_trackeval(truth, tracks)
-    metrics = HOTA(), CLEAR({"PRINT_CONFIG": False}), Identity({"PRINT_CONFIG": False})
-
-    def peer() -> list[float]:
-        found = [metric.eval_sequence(theirs) for metric in metrics]
-        return [float(found[0]["HOTA"].mean()), float(found[1]["MOTA"]), float(found[2]["IDF1"])]
-
-    difference = float(np.max(np.abs(np.subtract(_ours(truth, tracks), peer()))))
+    theirs = for_trackeval(truth, tracks)
+    difference = float(np.max(np.abs(np.subtract(our_scores(truth, tracks), their_scores(theirs)))))
     _agreed("TrackEval", difference)
     return [
         {
             "what": f"HOTA, CLEAR and identity of {OBJECTS} objects over {STEPS} steps, from positions",
-            "seconds": _best(lambda: _ours(truth, tracks), REPETITIONS),
+            "seconds": _best(lambda: our_scores(truth, tracks), REPETITIONS),
             "peer": "TrackEval, from similarities",
-            "peer_seconds": _best(peer, REPETITIONS),
+            "peer_seconds": _best(lambda: their_scores(theirs), REPETITIONS),
             "largest_difference": difference,
             "required_seconds": REQUIRED_IDENTITIES,
         },
@@ -137,7 +131,8 @@ def _identities() -> list[dict[str, Any]]:
     ]
 
 
-def _ours(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
+def our_scores(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
+    """HOTA, MOTA and IDF1."""
     counted: Counted = count(truth, tracks, CUTOFF)
     alike = similarity(counted.pairs.distance, CUTOFF)
     found = hota(counted.pairs, alike, counted.object_counts, counted.track_counts)
@@ -150,7 +145,15 @@ def _ours(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
     return [float(found.hota.mean()), float(mota), 2 * true / (2 * true + missed + false)]
 
 
-def _for_trackeval(truth: TruthHistory, tracks: TrackHistory) -> dict[str, Any]:
+def their_scores(sequence: dict[str, Any]) -> list[float]:
+    """The same from TrackEval."""
+    metrics = HOTA(), CLEAR({"PRINT_CONFIG": False}), Identity({"PRINT_CONFIG": False})
+    found = [metric.eval_sequence(sequence) for metric in metrics]
+    return [float(found[0]["HOTA"].mean()), float(found[1]["MOTA"]), float(found[2]["IDF1"])]
+
+
+def for_trackeval(truth: TruthHistory, tracks: TrackHistory) -> dict[str, Any]:
+    """What TrackEval reads."""
     _, numbers = np.unique(tracks.ids, return_inverse=True)
     there = tracks.ids >= 0
     distance = np.hypot(*(truth.state[:2, :, :, None] - tracks.mean[:2, :, None]))
