@@ -12,11 +12,13 @@ import numpy.typing as npt
 
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
 from trackbench.sensing.due import Due, find_due
 from trackbench.stepping import TrackFault, fault_of, start_tracks
-from trackbench.stepping.tracks import NO_TRACK
+from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
+from trackbench.trackers.config import FilterConfig
 from trackbench.traffic_metrics import (
     Associations,
     RunScores,
@@ -26,6 +28,7 @@ from trackbench.traffic_metrics import (
     score_run,
 )
 from trackbench.traffic_metrics.histories import NO_DETECTION
+from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
 
 
@@ -101,6 +104,7 @@ class _Passage:
         self._time = self._truth.time[due.steps]
         self._instants: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
+        self._predicted: list[Tracks | None] = []
         self._seconds = 0.0
         self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
 
@@ -118,6 +122,8 @@ class _Passage:
             for instant, (_, group) in enumerate(groupby(numbered, key=lambda item: item[1][0].time)):
                 for number, (scan, origins) in group:
                     given, known = self._given(scan, origins)
+                    if given is scan and not self._truth.known:
+                        self._predicted.append(self._prediction(stepper, scan))
                     begin = time.perf_counter()
                     tracks = stepper.step(given, known)
                     self._seconds += time.perf_counter() - begin
@@ -137,10 +143,12 @@ class _Passage:
         named = self._work.trackers[self._name].sensors_used
         if named is None or scan.sensor in named:
             return scan, origins
-        nothing = scan._replace(
-            measurement=scan.measurement[:, :0], valid=scan.valid[:0], detection_probability=0.0, clutter_density=0.0
-        )
-        return nothing, origins[:0]
+        return unread(scan), origins[:0]
+
+    def _prediction(self, stepper: TracksStepper, scan: Scan) -> Tracks | None:
+        """The tracks of a built-in tracker before a scan; others could be changed by the question."""
+        built_in = isinstance(self._work.trackers[self._name], FilterConfig)
+        return stepper.predict(scan) if built_in and isinstance(stepper, BatchedTracks) else None
 
     def _scored(self) -> TrafficScores:
         runs = self._piece.runs
@@ -148,12 +156,15 @@ class _Passage:
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         state, status = of_runs(state, runs), of_runs(self._due.status, runs)
         found = TrafficScores([], np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
-        taken = self._associations()
+        taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):
             truth = TruthHistory(self._time, _one(state, run), _one(status, run))
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
-            found.runs.append(score_run(truth, history, self._options, own))
+            if self._truth.known:
+                found.runs.append(score_run(truth, history, self._options, own))
+            else:
+                found.runs.append(without_truth(score_without_truth(self._judged_scans(run))))
             found.reused_ids[run] = reused(history.ids)
             if run == self._kept:
                 found.recorded, found.taken = history, self._detections_taken(run)
@@ -179,6 +190,17 @@ class _Passage:
             took = tracks.used[track, run]
             origin[row, track, run], merged[row, track, run] = origins[took, run], second[took, run]
         return Associations(np.array([instant for instant, _, _ in self._taken]), ids, origin, detected, merged)
+
+    def _judged_scans(self, run: int) -> list[UnlabelledScan]:
+        """What the tracker said of each scan that it took, in a run of a recording without a truth."""
+        sensors = {sensor.name: sensor.config for sensor in self._work.scenes[self._piece.scene].sensors}
+        found = []
+        for (_, tracks, number), predicted in zip(self._taken, self._predicted, strict=True):
+            scan = of_run(self._hidden.scans[number], run)
+            own_track = self._hidden.origins[number][: len(scan.valid), run]
+            asked = None if predicted is None else tracks_of_run(predicted, run)
+            found.append(judged_scan(scan, own_track, sensors[scan.sensor], asked, tracks_of_run(tracks, run)))
+        return found
 
     def _detections_taken(self, run: int) -> Indices:
         rows = [

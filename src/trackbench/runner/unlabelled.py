@@ -60,8 +60,11 @@ def _pairs(predicted: Tracks, tracks: Tracks) -> tuple[Indices, Indices]:
         none = np.zeros(0, dtype=np.intp)
         return none, none
     column = {one: k for k, one in enumerate(predicted.ids.tolist()) if one != NO_TRACK}
-    pairs = [(column[one], used) for one, used in zip(tracks.ids.tolist(), tracks.used.tolist(), strict=True)
-             if used >= 0 and one in column]
+    pairs = [
+        (column[one], used)
+        for one, used in zip(tracks.ids.tolist(), tracks.used.tolist(), strict=True)
+        if used >= 0 and one in column
+    ]
     found = np.array(pairs, dtype=np.intp).reshape(-1, 2)
     return found[:, 0], found[:, 1]
 

@@ -59,8 +59,10 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
 def _without_truth(scenario: ScenarioConfig, truth: RecordingTruth, fed: dict[str, str]) -> Iterator[Problem]:
     if not truth.without_truth:
         for name, columns in truth.measurements.items():
-            if columns.slot is not None:
-                yield Problem(("truth", "readings", name, "slot"), "with a truth, object names the objects; remove")
+            for key in ("slot", "copies_within_m"):
+                if getattr(columns, key) is not None:
+                    message = "only used without a truth, which says of which object a row is; remove"
+                    yield Problem(("truth", "readings", name, key), message)
         return
     if scenario.sensing.identities == "known":
         message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"

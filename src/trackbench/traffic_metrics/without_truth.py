@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.traffic_metrics.gospa import GospaParts
+from trackbench.traffic_metrics.run import RunScores, Sums
 from trackbench.traffic_metrics.table import TrafficMetric
 from trackbench.types import Array, Indices
 
@@ -16,7 +18,7 @@ NO_TRUTH = "there is no truth"
 
 METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
     "track_count": TrafficMetric("1", "mean number of tracks after a scan", "none"),
-    "track_length": TrafficMetric("s", "time from a track's first scan to its last, median over tracks", "none", "mean"),
+    "track_length": TrafficMetric("s", "time from a track's first scan to its last, the median", "none", "mean"),
     "new_tracks": TrafficMetric("1/min", "tracks that begin, per minute", "none"),
     "used_share": TrafficMetric("", "share of the detections that a track used", "none"),
     "nis": TrafficMetric(
@@ -35,6 +37,9 @@ METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
         "", "logarithm of the predicted density of detections, per detection (nats)", "none", positive=False
     ),
 }
+#: Those that need a tracker that says which detections it used, and one that can be asked for predictions.
+OF_USE = ("used_share", "track_breaks", "own_track_breaks", "track_swaps")
+OF_PREDICTIONS = ("nis", "prediction_score")
 
 
 class UnlabelledScan(NamedTuple):
@@ -56,7 +61,7 @@ class UnlabelledScan(NamedTuple):
     """Poisson score of the predicted intensity of detections; None where the tracker was not asked."""
 
 
-def score_without_truth(scans: list[UnlabelledScan]) -> dict[str, tuple[float, float]]:
+def score_without_truth(scans: list[UnlabelledScan]) -> Sums:
     """Path to (total, count) of each metric of ``METRICS_WITHOUT_TRUTH`` that can be told.
 
     Tracks that the log begins or ends with count as long as they are seen.
@@ -78,7 +83,14 @@ def score_without_truth(scans: list[UnlabelledScan]) -> dict[str, tuple[float, f
     return {path: sums for path, sums in found.items() if sums[1] > 0}
 
 
-def _use(scans: list[UnlabelledScan], track_minutes: float) -> dict[str, tuple[float, float]]:
+def without_truth(values: Sums) -> RunScores:
+    """The scores of a run of which nothing else is known."""
+    none = np.zeros(0)
+    parts = GospaParts(none, none, none)
+    return RunScores(values, parts, none, None, (), np.zeros((0, 0), dtype=np.int8), True)
+
+
+def _use(scans: list[UnlabelledScan], track_minutes: float) -> Sums:
     used = sum(len(np.unique(_used(scan)[_used(scan) != NONE])) for scan in scans)
     found = {"used_share": (float(used), float(sum(len(scan.own_track) for scan in scans)))}
     own = _lengths((scan.time, [(scan.sensor, number) for number in _present(scan)]) for scan in scans)
@@ -103,10 +115,9 @@ def _changes(scans: list[UnlabelledScan]) -> _Changes:
     breaks = own_breaks = swaps = 0
     for scan in scans:
         ids, present = set(scan.ids.tolist()), set(_present(scan))
-        used = _used(scan)
-        for track, own in sorted(zip(scan.ids[used != NONE].tolist(), scan.own_track[used[used != NONE]].tolist())):
-            if own < 0:
-                continue
+        column = np.flatnonzero(_used(scan) != NONE)
+        pairs = np.stack([scan.ids[column], scan.own_track[_used(scan)[column]]], axis=1)
+        for track, own in sorted(pairs[pairs[:, 1] >= 0].tolist()):
             earlier, earlier_own = track_of.get((scan.sensor, own)), own_of.get((scan.sensor, track))
             breaks += earlier is not None and earlier not in ids
             if earlier_own is not None and earlier_own != own:
@@ -123,7 +134,7 @@ def _used(scan: UnlabelledScan) -> Indices:
 
 def _present(scan: UnlabelledScan) -> list[int]:
     """The sensor's own tracks in a scan."""
-    return scan.own_track[scan.own_track >= 0].tolist()
+    return [int(number) for number in scan.own_track if number >= 0]
 
 
 def _lengths(scans: Iterable[tuple[float, Iterable[Hashable]]]) -> Array:

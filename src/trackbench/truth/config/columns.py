@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from trackbench.config import Config, Problem
+from trackbench.config import Config, Positive, Problem
 from trackbench.errors import nearest
 
 #: The units that columns may have, in SI units and radians.
@@ -146,11 +146,14 @@ class MeasurementColumns(Config):
     object: str | None = Field(None, description="Name of the object; named as in truth.columns unless given.")
     slot: str | None = Field(
         None,
-        description="Without a truth: the sensor's own number of a track, which trackers are not told. By it the rows of "
-        "one cycle are found, which may be some ms apart; without it, those of one time are a scan.",
+        description="Without a truth: the sensor's own number of a track, which trackers are not told. By it the rows "
+        "of one cycle are found, which may be some ms apart; without it, those of one time are a scan.",
     )
-    new_track: str | None = Field(
-        None, description="Without a truth: 1 where the slot took a new object, else 0."
+    new_track: str | None = Field(None, description="Without a truth: 1 where the slot took a new object, else 0.")
+    copies_within_m: Positive | None = Field(
+        None,
+        description="Without a truth: of detections of one cycle nearer to each other than this, m, the one of "
+        "the older slot is kept: some radars list an object twice. All are kept unless given.",
     )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "azimuth")
     time_offset_s: float = Field(

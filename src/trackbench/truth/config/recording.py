@@ -39,8 +39,8 @@ class RecordingOptions(TruthSource):
     )
     ego: ObserverColumns | None = Field(
         None,
-        description="csv and parquet without a truth: the recorded motion of what carries the sensors, in a file of its "
-        "own; otherwise observer. Beside a truth it is columns.observer.",
+        description="csv and parquet without a truth: the recorded motion of what carries the sensors, in a file of "
+        "its own; otherwise observer. Beside a truth it is columns.observer.",
     )
     observer: FixedObserver = Field(default_factory=FixedObserver, description="The fixed point with the sensors.")
     length_m: Positive = Field(4.5, description="Length of every object, m, to draw it.")
@@ -85,7 +85,9 @@ class RecordingOptions(TruthSource):
         for name, entry in self.measurements.items():
             for key in ("path", "time"):
                 if getattr(entry, key) is None:
-                    yield Problem(("readings", name, key), "missing: without a truth, each sensor has a file of its own")
+                    yield Problem(
+                        ("readings", name, key), "missing: without a truth, each sensor has a file of its own"
+                    )
             if entry.object is not None:
                 message = "names an object of the truth, and there is none; the sensor's own number of a track is slot"
                 yield Problem(("readings", name, "object"), message)

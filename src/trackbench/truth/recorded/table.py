@@ -35,7 +35,8 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     Raises:
         InputError: a file cannot be read, or a row of it is damaged.
     """
-    assert config.columns is not None and config.path is not None
+    assert config.columns is not None
+    assert config.path is not None
     columns, units = config.columns, config.units
     file = files.find(config.path, folder, "truth.path")
     observer = columns.observer
@@ -155,9 +156,7 @@ def _log(
     return Log(time, owner[kept], measurement[:, kept], np.unique(time), order)
 
 
-def measured(
-    table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]
-) -> tuple[Array, Indices]:
+def measured(table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]) -> tuple[Array, Indices]:
     """The measurements ``(m, n)`` in SI units and radians, and the rows ``(n,)`` that have one.
 
     Raises:

@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.errors import InputError
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import limits
+from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
-from trackbench.truth.config.columns import MeasurementColumns
+from trackbench.truth.config.columns import POLAR, MeasurementColumns
 from trackbench.truth.recorded import files, rows
 from trackbench.truth.recorded.assemble import carrier, fixed
 from trackbench.truth.recorded.cycles import cycles
@@ -44,11 +45,13 @@ class _Scans(NamedTuple):
     """In the file."""
     duplicates: int
     """Rows of the same slot at the same time as a row before, which are left out."""
+    copies: int = 0
+    """Detections beside another of the same object, which are left out."""
 
 
 def load(
     config: RecordingOptions, kinds: Mapping[str, str], folder: Path
-) -> tuple[Truth, dict[str, RecordedDetections], tuple[str, ...]]:
+) -> tuple[Truth, dict[str, Recorded], tuple[str, ...]]:
     """A truth without objects, the detections of each sensor, and what was left out, a line each.
 
     Raises:
@@ -76,17 +79,17 @@ def load(
     if motion is not None:
         times = times[_known(times, motion)]
         observer = carrier(motion, times)
-    detections = {name: _detections(of, times) for name, of in found.items()}
+    detections: dict[str, Recorded] = {name: _detections(of, times) for name, of in found.items()}
     return _no_objects(config, times, observer), detections, tuple(_notes(found, times))
 
 
 def _ego(config: RecordingOptions, folder: Path, start: Decimal) -> Motion:
     """The motion of what carries the sensors."""
     columns = config.ego
-    assert columns is not None and columns.path is not None and columns.time is not None
-    file = files.find(columns.path, folder, "truth.ego.path")
-    table = rows.read(file, config.format, [columns.time, *columns.given.values()])
-    stamps = time_stamps(table, columns.time, config.units.factor("time", columns.units.get("time")))
+    assert columns is not None
+    file = files.find(columns.path or "", folder, "truth.ego.path")
+    table = rows.read(file, config.format, [columns.time or "", *columns.given.values()])
+    stamps = time_stamps(table, columns.time or "", config.units.factor("time", columns.units.get("time")))
     return observer_motion(table, columns, seconds_from(start, stamps), config.units)
 
 
@@ -135,17 +138,18 @@ def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingO
     values = measurement[:, kept]
     for i in model.angular:
         values[i] = wrap_angle(values[i])
-    own_track, own_tracks = np.full(len(time), -1), []
+    own_track, own_tracks = np.full(len(time), -1), list[str]()
     if entry.slot is not None:
         own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
-    return _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
+    found = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
+    return found if entry.copies_within_m is None else _without_copies(found, time, model, entry.copies_within_m)
 
 
 def _flags(table: Rows, column: str) -> Mask:
     values = table.numbers(column, 1.0, None)
     for row in np.flatnonzero((values != 0) & (values != 1)).tolist():
         raise table.error(row, f"{column} is {values[row]:g}, where 0 or 1 is expected")
-    return values == 1
+    return np.asarray(values == 1)
 
 
 def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) -> tuple[Indices, list[str]]:
@@ -153,13 +157,38 @@ def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) ->
 
     A slot has another track from a row on that says so, and where it was empty for longer than ``EMPTY_SLOT``.
     """
-    found, tracks = np.full(len(time), -1), []
+    found, tracks = np.full(len(time), -1), list[str]()
     for number, name in enumerate(names):
         own = np.flatnonzero(slot == number)
         begins = new[own] | (np.diff(time[own], prepend=-np.inf) > EMPTY_SLOT)
         found[own] = len(tracks) + np.cumsum(begins) - 1
         tracks += [f"{name}-{count + 1}" for count in range(int(begins.sum()))]
     return found, tracks
+
+
+def _without_copies(of: _Scans, time: Array, model: type[Sensor], within: float) -> _Scans:
+    """Of detections of one scan that are near each other, only that of the sensor's older track."""
+    first, second = of.measurement[:2]
+    polar = model.components[:2] == POLAR
+    position = np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
+    began = np.full(len(time), 0.0)
+    for track in range(len(of.own_tracks)):
+        own = of.own_track == track
+        began[own] = time[own][0]
+    order = np.lexsort((began, of.scan))
+    kept = np.ones(len(time), dtype=bool)
+    for rows_of_scan in np.split(order, np.flatnonzero(np.diff(of.scan[order])) + 1):
+        older: list[int] = []
+        for row in rows_of_scan.tolist():
+            away = position[:, older] - position[:, [row]]
+            kept[row] = not np.any(np.hypot(*away) < within)
+            older += [row] if kept[row] else []
+    return of._replace(
+        scan=of.scan[kept],
+        measurement=of.measurement[:, kept],
+        own_track=of.own_track[kept],
+        copies=int((~kept).sum()),
+    )
 
 
 def _known(times: Array, motion: Motion) -> Mask:
@@ -183,6 +212,8 @@ def _notes(found: Mapping[str, _Scans], times: Array) -> Iterator[str]:
         if of.duplicates:
             what = "of a slot and a time that came before (left out)"
             yield f"{name}: of {counted(of.rows, 'row')}, {of.duplicates} {what}"
+        if of.copies:
+            yield f"{name}: of {counted(of.rows, 'row')}, {of.copies} copies of another of their cycle (left out)"
         if outside:
             yield f"{name}: of {counted(of.rows, 'row')}, {outside} outside the time of the observer (left out)"
 
