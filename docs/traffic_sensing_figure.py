@@ -11,10 +11,11 @@ from trackbench.document.drawing import GRID, INK, MUTED, svg_file
 from trackbench.document.model import Figure, LegendEntry
 from trackbench.models.sensors import Radar
 from trackbench.palette import OBSERVER_COLOUR
-from trackbench.sensing.due import DUE, find_due
+from trackbench.sensing.due import find_due
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
+from trackbench.types import DUE
 
 FILE = Path(__file__).parent / "images" / "traffic-due.svg"
 RADAR = Radar(

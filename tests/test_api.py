@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.test_traffic_runs import SCENARIO
 
 import trackbench as tb
 from trackbench.runner.work import work_of
@@ -178,14 +179,15 @@ def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
     np.testing.assert_allclose(shown[lidar.valid], np.broadcast_to(truth.px[step], shown.shape)[lidar.valid], atol=2)
 
 
-def test_scans_with_hidden_identities_are_the_detections_of_one_run() -> None:
-    changes = {
-        "truth.duration_s": 2,
-        "sensors.front_radar.detection_probability": 0.2,
-        "sensors.front_radar.fov_deg": 90,
-    }
-    known = tb.sense(tb.load("highway", changes), range(5, 6))
-    hidden = tb.sense(tb.load("highway", {**changes, "sensing.identities": "hidden"}), range(5, 6))
+def test_scans_with_hidden_identities_are_the_detections_of_one_run(tmp_path: Path) -> None:
+    text = SCENARIO.partition("trackers:")[0] + "trackers: {raw: {use: raw}}\nmonte_carlo: {runs: 6}\n"
+    text = text.replace("    clutter: {per_scan: 2}\n", "    fov_deg: 90\n").replace(": 0.95", ": 0.2")
+    scans = {}
+    for identities in ("known", "hidden"):
+        file = tmp_path / f"{identities}.yaml"
+        file.write_text(text.replace("identities: hidden", f"identities: {identities}"), encoding="utf-8")
+        scans[identities] = tb.sense(tb.load(file), range(5, 6))
+    known, hidden = scans["known"], scans["hidden"]
     assert len(known) == len(hidden)
     numbers = set()
     shuffled = False
@@ -198,11 +200,11 @@ def test_scans_with_hidden_identities_are_the_detections_of_one_run() -> None:
         numbers.add(detections.shape[1])
     assert shuffled
     assert 0 in numbers
-    radar = next(scan for scan in hidden if scan.sensor == "front_radar")
+    radar = next(scan for scan in hidden if scan.sensor == "radar")
     assert (radar.detection_probability, radar.clutter_density) == (0.2, 0.0)
     assert radar.field_of_view.half_angle == pytest.approx(np.pi / 4)
     with pytest.raises(tb.InputError, match="ask for one run at a time"):
-        tb.sense(tb.load("highway", {**changes, "sensing.identities": "hidden"}), range(2))
+        tb.sense(tb.load(file), range(2))
 
 
 def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -> None:
@@ -255,10 +257,6 @@ def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> N
         (lambda r: tb.load("name: x\n"), "scenario.yaml:1: truth: missing; where the true motion comes from"),
         (lambda r: tb.load({}), "scenario.yaml:1: "),
         (lambda r: tb.sense("highway", range(99, 101)), "runs: there is no run 100; choose from 0 to 99"),
-        (
-            lambda r: tb.sense(tb.load("highway", {"sensing.identities": "hidden"}), range(2)),
-            "runs: with hidden identities each run has its own number of detections; ask for one run at a time",
-        ),
         (lambda r: tb.run("highway", workers=0), "workers: 0 is no number of processes; give a whole one from 1"),
         (lambda r: tb.run("highway", workers=-1), "workers: -1 is no number of processes"),
         (lambda r: tb.run("highway", workers=1.5), "workers: 1.5 is no number of processes"),

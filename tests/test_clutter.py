@@ -11,9 +11,9 @@ from scipy import stats
 from tests.scenes import fixed_observer, truth
 
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.types import Array, Observer, Truth
+from trackbench.types import FALSE_ALARM, Array, Observer, Truth
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1, "fov_deg": 100,

@@ -229,7 +229,7 @@ def test_the_tracker_of_a_scenario_is_examined_with_the_sensors_that_it_uses() -
         ("scenarios/highway.yaml", {}, "say which of its trackers"),
         ("scenarios/highway.yaml#ekf_cw", {}, "did you mean 'ekf_cv'"),
         ("scenarios/highway.yaml#ekf_cv", {"a": 1}, "--option"),
-        ("scenarios/higway.yaml#ekf_cv", {}, "did you mean 'highway.yaml'"),
+        ("scenarios/higway.yaml#ekf_cv", {}, "did you mean 'scenarios/highway.yaml'"),
         ("ekff", {}, "did you mean 'ekf'"),
         ("ekf", {"motion": "cv", "acceleration_sigma": 3.0}, "acceleration_sigma"),
     ],

@@ -10,9 +10,9 @@ import pytest
 from tests.scenes import fixed_observer, truth
 
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.sensing.due import ABSENT, DUE, OPTIONAL, find_due
+from trackbench.sensing.due import find_due
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.types import Truth
+from trackbench.types import ABSENT, DUE, OPTIONAL, Truth
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1, "max_range_m": 100,

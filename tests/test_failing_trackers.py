@@ -171,13 +171,13 @@ def test_the_result_has_no_nan_and_every_metric_a_reason(outcome: Result) -> Non
 def test_exit_status_and_message(
     cli: Callable[..., Any], tiny: Path, tmp_path: Path, write_module: Write, trackbench: str
 ) -> None:
-    module = write_module(
-        tmp_path, HEAD + "class T:\n    def step(self, state, scan):\n        raise OSError('no licence')"
-    )
+    code = HEAD + "class T:\n    def step(self, state, scan):\n        raise OSError('no licence')"
+    module = write_module(tmp_path, code)
     expect = "expect=[{tracker: mine, metric: position_rmse, below: 100}]"
     done = cli("run", "tiny.yaml", "--set", f"trackers.mine.use={module}:T", "--set", expect)
     assert done.status == 3, "a failed tracker counts more than its failed expectation"
-    assert "FAILED mine: OSError: no licence (step 0, 0.00 s, sensor radar, run 0, object v1)" in " ".join(
+    place = f"{module}.py:{code.count(chr(10)) + 1}, in step"
+    assert f"FAILED mine: OSError: no licence ({place}, step 0, 0.00 s, sensor radar, run 0, object v1)" in " ".join(
         done.out.split()
     )
     assert done.err == ""

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 from tests.scenes import truth
@@ -103,13 +99,3 @@ def test_the_scans_cannot_be_written_into() -> None:
     for one in (scan, of_run(scan, 0)):
         with pytest.raises(ValueError, match="read-only"):
             one.measurement[:] = 0
-
-
-def test_a_run_says_that_no_tracker_associates_yet(tiny: Path, cli: Callable[..., Any]) -> None:
-    tiny.write_text(tiny.read_text(encoding="utf-8") + "sensing: {identities: hidden}\n", encoding="utf-8")
-    assert cli("check", tiny).status == 0
-    done = cli("run", tiny)
-    assert done.status == 2
-    message = "sensing.identities: no tracker here associates detections with objects yet; use identities: known"
-    assert done.err == f"{tiny}:18: {message}\n"
-    assert not list((tiny.parent / "results").glob("*"))

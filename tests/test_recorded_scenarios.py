@@ -122,6 +122,13 @@ def test_recorded_and_synthetic_measurements_mix(tmp_path: Path) -> None:
             {"sensors": {"lidar": {**LIDAR, "rate_hz": 10}}},
             "sensors.lidar.rate_hz: the measurements of lidar are recorded and taken as they are; remove",
         ),
+        *(
+            (
+                {"sensors": {"lidar": {**LIDAR, **preset, "occlusion": True}}},
+                "sensors.lidar.occlusion: the measurements of lidar are recorded and taken as they are; remove",
+            )
+            for preset in ({}, {"preset": "velodyne_vlp16"})
+        ),
         ({"truth": TABLE}, "sensors.lidar.rate_hz: missing; measurements per second, Hz"),
         (
             {"truth": {**TABLE, "readings": {"lidar": {"x": "a", "y": "b", "units": {"x": "deg"}}}}},

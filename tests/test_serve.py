@@ -299,7 +299,7 @@ def test_a_port_in_use(server, scenario, fails):
 def test_what_cannot_be_served_is_said_in_one_line(scenario, fails):
     assert fails("--tracker", f"{scenario}#eff").endswith("no tracker 'eff' in this scenario; did you mean 'ekf'?\n")
     assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO#NAME, not '{scenario}'\n"
-    assert "there is no such file; did you mean 'cyclist.yaml'?" in fails(
+    assert f"there is no such file; did you mean '{scenario.parent}/cyclist.yaml'?" in fails(
         "--tracker", f"{scenario.parent}/cyclis.yaml#ekf"
     )
     assert "--host" in fails("--tracker", f"{scenario}#ekf", "--host", "203.0.113.1")

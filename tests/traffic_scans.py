@@ -12,7 +12,7 @@ from trackbench.types import Array, FieldOfView, Indices, Scan
 RANGE, RATES = 150.0, 40.0
 NOISE = {"radar": np.square([0.3, np.deg2rad(0.5), 0.1]), "lidar": np.square([0.15, 0.15])}
 #: Volume of the measurement space in which false alarms are drawn.
-VOLUME = {"radar": RANGE * 2 * np.pi * 2 * RATES, "lidar": (2 * RANGE) ** 2}
+VOLUME = {"radar": RANGE * 2 * np.pi * 2 * RATES, "lidar": np.pi * RANGE**2}
 FALSE_ALARM, PADDING = -1, -2
 
 
@@ -71,7 +71,8 @@ def one_scan(
         if kind == "radar":
             alarms = random.uniform([[0], [-np.pi], [-RATES]], [[RANGE], [np.pi], [RATES]], (3, false))
         else:
-            alarms = random.uniform(-RANGE, RANGE, (2, false))
+            away, angle = RANGE * np.sqrt(random.random(false)), random.uniform(-np.pi, np.pi, false)
+            alarms = away * np.array([np.cos(angle), np.sin(angle)])
         own = np.flatnonzero(random.random(count) < detection)
         noisy = ideal[:, own] + sigma[:, None] * random.normal(size=(len(sigma), len(own)))
         both = np.concatenate([noisy, alarms], axis=1)

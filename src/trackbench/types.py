@@ -31,6 +31,11 @@ def of_runs(values: npt.NDArray[T], runs: range) -> npt.NDArray[T]:
     return values if values.shape[-1] == 1 else values[..., runs.start : runs.stop]
 
 
+#: Status of an object at an instant: not in the scene; there, but a tracker need not have it; a tracker has to have it.
+ABSENT, OPTIONAL, DUE = 0, 1, 2
+#: In place of the number of the object that caused a detection: none did.
+FALSE_ALARM = -1
+
 #: The space in which trackers of different state are compared, in the fixed frame.
 COMMON_STATE = ("px", "py", "vx", "vy")
 
@@ -134,6 +139,21 @@ class RecordedMeasurements(NamedTuple):
     cycle of its own unless given."""
 
 
+class RecordedDetections(NamedTuple):
+    """What one sensor detected, where nothing says which objects there were."""
+
+    steps: Indices
+    """``(scans,)`` indices into the truth's times; a scan may have detected nothing."""
+    scan: Indices
+    """``(rows,)`` number of the scan of each detection."""
+    measurement: Array
+    """``(m, rows)``."""
+    own_track: Indices
+    """``(rows,)`` number of the sensor's own track that it says a detection is of; -1 where it says nothing."""
+    own_tracks: tuple[str, ...]
+    """A name for each."""
+
+
 @dataclass(frozen=True)
 class Observer:
     """The body that carries the sensors, at each step of the truth."""
@@ -199,6 +219,8 @@ class Truth:
     """What the audit found and did, as it goes into the result (JSON values only)."""
     target: Mask = field(default_factory=lambda: np.ones(0, dtype=bool))
     """``(objects,)``: whether tracks of it are wanted; all unless given."""
+    known: bool = True
+    """False where a recording has measurements alone: no object is known then."""
 
     def __post_init__(self) -> None:
         if len(self.target) != len(self.ids):

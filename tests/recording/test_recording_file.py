@@ -180,7 +180,7 @@ def test_a_failed_tracker_is_named_with_its_cause(result: Result, tmp_path: Path
         Result(result.summary.model_copy(update={"trackers": trackers}), Tables(others)), tmp_path / "run.rrd"
     )
     read = read_file(tmp_path / "run.rrd")
-    assert "**raw** at 0.600 s (step 12, run 3): returned NaN" in read("/ranking", "TextDocument:text")[None][0]
+    assert "**raw**: returned NaN (step 12, 0.60 s" in read("/ranking", "TextDocument:text")[None][0]
     assert "/world/estimates/ekf_cv/v1" in read.entities()
     assert "/world/estimates/raw/v1" not in read.entities()
 

@@ -65,7 +65,7 @@ def test_a_tracker_that_failed_is_ranked_last_and_named(run_tiny: Callable[..., 
     both = laid_over({"old": failing, "new": run_tiny()})
     rows = [line for line in both.ranking.splitlines() if line.startswith("| ")]
     assert rows[-1] == "| broken (old) | failed | | | |"
-    assert "**broken (old)** at" in both.ranking
+    assert "**broken (old)**: 'broken:Broken' is no tracker" in both.ranking
 
 
 def test_other_measurements_are_drawn_beside(pair: dict[str, Result], run_tiny: Callable[..., Result]) -> None:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.traffic_metrics import DUE, TrackHistory, TruthHistory
-from trackbench.types import Array
+from trackbench.traffic_metrics import TrackHistory, TruthHistory
+from trackbench.types import DUE, Array
 
 STEP = 0.5
 

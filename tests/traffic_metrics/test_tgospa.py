@@ -10,6 +10,7 @@ from tests.traffic_metrics.histories import random_histories, tracks_of, truth_o
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory, trajectory_paths
 from trackbench.traffic_metrics.assignment import count
+from trackbench.traffic_metrics.couples import Couples, Settled, settled
 from trackbench.traffic_metrics.tgospa import tgospa
 
 CUTOFF, SWITCH = 3.0, 1.5
@@ -70,6 +71,20 @@ def test_the_linear_program_is_at_most_the_exact_value_and_mostly_equal(
         assert relaxed.total > 0.9 * exact.total
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_too_large_for_both_gets_an_upper_bound_near_the_exact_value(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth, tracks = random_histories(np.random.default_rng(seed), 12, 4, 4, 9.0)
+    counted = count(truth, tracks, CUTOFF)
+    exact = tgospa(counted, SWITCH)
+    monkeypatch.setattr(trajectory_paths, "LARGEST", 0)
+    monkeypatch.setattr(trajectory_paths, "LARGEST_PROGRAM", 0)
+    bound = tgospa(counted, SWITCH)
+    assert exact.total * (1 - 1e-9) <= bound.total < 1.2 * exact.total
+    assert not bound.exact or bound.total == pytest.approx(exact.total, rel=1e-9)
+
+
 def test_one_switch_costs_one_switch() -> None:
     truth = truth_of([[0.0]] * 6)
     parts = tgospa(count(truth, tracks_of([[0.0, NAN]] * 3 + [[NAN, 0.0]] * 3), CUTOFF), SWITCH)
@@ -102,3 +117,40 @@ def test_the_metric_is_symmetric() -> None:
         turned = truth_of(np.where(tracks.ids >= 0, tracks.mean[0], NAN)), tracks_of(truth.state[0])
         there, back = (tgospa(count(*histories, CUTOFF), SWITCH).total for histories in ((truth, tracks), turned))
         assert there == pytest.approx(back, rel=1e-9)
+
+
+def walks(rng: np.random.Generator) -> tuple[TruthHistory, TrackHistory]:
+    """Objects in a row, and tracks that wander between them, swap and end."""
+    steps, objects = 60, 3
+    x = np.tile(np.arange(objects) * 2.0, (steps, 1))
+    y = x + np.cumsum(rng.normal(0, 0.2, x.shape), axis=0)
+    ids = np.tile(np.arange(objects), (steps, 1))
+    for k in rng.integers(0, steps, 3):
+        ids[k:] = ids[k:][:, rng.permutation(objects)]
+    y[rng.random(y.shape) < 0.1] = NAN
+    return truth_of(x), tracks_of(y, ids)
+
+
+def test_what_is_settled_beforehand_changes_no_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = [count(*walks(np.random.default_rng(seed)), CUTOFF) for seed in range(25)]
+    ours = [tgospa(counted, SWITCH).total for counted in cases]
+    shares = []
+
+    def nothing_settled(couples: Couples, half: float) -> Settled:
+        shares.append(settled(couples, half).assigned.any(axis=1).mean())
+        return Settled(np.zeros(couples.gain.shape, dtype=bool), np.ones(couples.gain.shape, dtype=bool))
+
+    monkeypatch.setattr(trajectory_paths, "settled", nothing_settled)
+    assert [tgospa(counted, SWITCH).total for counted in cases] == pytest.approx(ours, rel=1e-12)
+    assert np.mean(shares) > 0.3
+
+
+def test_the_dynamic_program_and_the_linear_program_agree_on_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    for seed in range(10):
+        counted = count(*walks(np.random.default_rng(seed)), CUTOFF)
+        exact = tgospa(counted, SWITCH)
+        with monkeypatch.context() as patched:
+            patched.setattr(trajectory_paths, "LARGEST", 0)
+            relaxed = tgospa(counted, SWITCH)
+        assert relaxed.exact
+        assert relaxed.total == pytest.approx(exact.total, rel=1e-9)

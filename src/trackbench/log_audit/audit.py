@@ -99,6 +99,8 @@ def _read(loaded: Scenario) -> tuple[RecordingTruth, Drive]:
         raise loaded.locate(InputError(message, key="truth.source"))
     kinds = {name: sensor.type for name, sensor in loaded.config.sensors.items()}
     try:
+        if truth.without_truth:
+            raise InputError("missing: an audit holds the measurements against a truth", key="truth.path")
         drive = read(truth, kinds, loaded.path.resolve().parent)
         if not drive.logs:
             message = "no sensor's measurements are recorded, so there is nothing to audit"

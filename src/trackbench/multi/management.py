@@ -72,7 +72,7 @@ class CountLogic:
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         missed = judged.in_view & ~judged.hit
-        after = evidence + np.array([judged.hit, judged.in_view, missed])
+        after: Array = evidence + np.array([judged.hit, judged.in_view, missed])
         after[2, judged.hit] = 0.0
         return after
 
@@ -81,7 +81,7 @@ class CountLogic:
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         lost = evidence[1] - evidence[0] > self.scans - self.needed
-        return np.where(confirmed, evidence[2] >= self.misses, lost)
+        return np.asarray(np.where(confirmed, evidence[2] >= self.misses, lost))
 
 
 @dataclass(frozen=True)

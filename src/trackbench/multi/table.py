@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class TrackTable(NamedTuple):
 
     def select(self, which: Mask | Indices) -> TrackTable:
         """Some of the tracks."""
-        return TrackTable(*(values[..., which] for values in self))
+        return TrackTable._make(values[..., which] for values in self)
 
 
 def empty(components: int, evidence: int) -> TrackTable:
@@ -48,7 +48,7 @@ def empty(components: int, evidence: int) -> TrackTable:
 
 def joined(table: TrackTable, more: TrackTable, runs: int) -> TrackTable:
     """Both, the tracks of a run together and ``more`` behind the others."""
-    both = TrackTable(*(np.concatenate(pair, axis=-1) for pair in zip(table, more, strict=True)))
+    both = TrackTable._make(np.concatenate(pair, axis=-1) for pair in zip(table, more, strict=True))
     return both if runs == 1 else both.select(np.argsort(both.run, kind="stable"))
 
 
@@ -82,19 +82,15 @@ def reported(table: TrackTable, motion: MotionModel, existence: Array | None, ru
     run = table.run[which]
     mean, covariance = motion.cartesian_belief(Gaussian(table.mean[:, which], table.covariance[..., which]))
     probability = None if existence is None else existence[which]
-    if runs == 1:
-        given = (table.id[which], mean, covariance, probability, table.used[which])
-        return Tracks(*(None if part is None else part[..., None] for part in given))  # type: ignore[arg-type]
     place = (rank_in_run(run, runs), run)
     shape = (int(place[0].max(initial=-1)) + 1, runs)
-    tracks = Tracks(
-        np.full(shape, NONE),
-        np.full((4, *shape), np.nan),
-        np.full((4, 4, *shape), np.nan),
-        None if probability is None else np.full(shape, np.nan),
-        np.full(shape, NONE),
-    )
-    for into, values in zip(tracks, (table.id[which], mean, covariance, probability, table.used[which]), strict=True):
-        if into is not None:
-            into[(..., *place)] = values
-    return tracks
+
+    def padded(values: Any) -> Any:
+        full = np.full((*values.shape[:-1], *shape), NONE if values.dtype.kind == "i" else np.nan)
+        full[(..., *place)] = values
+        return full
+
+    given: tuple[Any, ...] = (table.id[which], mean, covariance, probability, table.used[which])
+    if runs == 1:
+        return Tracks._make(None if part is None else part[..., None] for part in given)
+    return Tracks._make(None if part is None else padded(part) for part in given)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -12,20 +13,23 @@ from trackbench.distributions import chi_square_quantile
 from trackbench.filters import Belief, Filter
 from trackbench.multi import assign
 from trackbench.multi.detections import Detections, side_by_side
+from trackbench.multi.duplicates import duplicates
 from trackbench.multi.gate import gated, in_view
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
-from trackbench.trackers.associate import COUNTING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, SHARING, AssociateConfig
 from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
-from trackbench.trackers.initial import start
+from trackbench.trackers.initial import from_first
 from trackbench.types import Array, Indices, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
 CLAIMED = 0.5
+#: Smallest detection probability that a tracker reckons with where there is a detection.
+LEAST_DETECTION = 1e-3
 
 
 class MultiObjectState(NamedTuple):
@@ -82,7 +86,7 @@ class MultiObjectTracker:
         if scan.valid.ndim == 1:
             one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, one, None if origins is None else origins[:, None])
-            return state, Tracks(*(None if part is None else part[..., 0] for part in tracks))  # type: ignore[arg-type]
+            return state, Tracks._make(None if part is None else part[..., 0] for part in tracks)
         scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
         runs = scan.valid.shape[1]
         state = state or self._nothing_yet(scan.time, runs)
@@ -141,16 +145,16 @@ class MultiObjectTracker:
             assert origin is not None
             return _by_origin(at, table.origin, origin)
         measured = self.filter.measured(at.detections.scan)
-        threshold = float(chi_square_quantile(config.gate, len(at.predicted.mean)))
-        pairs = gated(at.predicted, measured, at.detections, at.run, threshold)
-        # What is in a gate has been in view.
-        at.detection_probability[pairs.track] = probability
+        pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
+        # What is in a gate was in view, whatever the sensor states.
+        at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
         if config.method == "naive":
             chosen = assign.in_order_of_list(pairs)
             return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
         false_alarms, new_objects = at.intensity.false_alarms, at.intensity.new_objects * probability
         if config.method == "gnn":
-            ratio = np.log(probability / false_alarms) + pairs.log_likelihood
+            with np.errstate(divide="ignore"):
+                ratio = np.log(at.detection_probability[pairs.track] / false_alarms) + pairs.log_likelihood
             chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
             return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
         density = false_alarms + (new_objects if config.method == "pmb" else 0.0)
@@ -164,7 +168,10 @@ class MultiObjectTracker:
         used = np.full(len(hit), NONE)
         used[hit] = detections.column[found.detection[hit]]
         seen = np.where(hit, time, before.seen)
-        ends = self._logic.deletes(evidence, before.id != NONE) | (time - seen >= self.associate.delete_after_s)
+        confirmed = before.id != NONE
+        ends = self._logic.deletes(evidence, confirmed) | (time - seen >= self.associate.delete_after_s)
+        if self.associate.method in SHARING:
+            ends |= duplicates(found.detection, confirmed, found.mean, found.covariance, self.filter.motion.angular)
         after = before._replace(mean=found.mean, covariance=found.covariance, evidence=evidence, used=used, seen=seen)
         return after.select(~ends)
 
@@ -182,7 +189,7 @@ class MultiObjectTracker:
             which &= origin >= 0
         own = np.flatnonzero(which)
         of = scan._replace(measurement=scan.measurement[:, own], valid=scan.valid[own])
-        belief = start(self.filter.motion, self.initial, of, None).belief
+        belief = from_first(self.filter.motion, self.initial, of)
         return TrackTable(
             at.detections.run[own],
             np.full(len(own), NONE),
@@ -207,9 +214,15 @@ class MultiObjectTracker:
     def _reads(self, sensor: str) -> bool:
         return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
 
-    @property
+    @cached_property
     def _logic(self) -> TrackLogic:
         return track_logic(self.associate)
+
+
+@lru_cache(maxsize=64)
+def _threshold(gate: float, components: int) -> float:
+    """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
+    return float(chi_square_quantile(gate, components))
 
 
 def _by_origin(at: Situation, of_track: Indices, of_detection: Indices) -> Association:

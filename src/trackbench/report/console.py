@@ -63,7 +63,8 @@ def _print_missed(result: Result, console: Console) -> None:
 
 def _title(result: Result) -> Text:
     summary, truth = result.summary, result.summary.truth
-    what = f"{runs_in_words(result)}, {counted(len(truth.objects), 'vehicle')}, {duration(result)}"
+    vehicles = counted(len(truth.objects), "vehicle") if truth.known else "no truth"
+    what = f"{runs_in_words(result)}, {vehicles}, {duration(result)}"
     return Text.assemble((result.name, "bold"), f": {what}, seed {summary.seed}")
 
 
@@ -88,7 +89,7 @@ def _ranked(result: Result, width: int) -> list[Text]:
     trackers = result.scored
     letters = _groups(result)
     if result.summary.identities == "hidden":
-        columns = [_Column(heading, cells) for heading, cells in traffic.values(trackers)]
+        columns = [_Column(heading, cells) for heading, cells in traffic.values(result)]
         return _rows(trackers, columns[:1] + _grouped(letters) + columns[1:], width)
     diverged = [tracker.health.diverged_runs or 0 for tracker in trackers]
     columns = [
@@ -127,6 +128,8 @@ def _row(columns: Sequence[_Column], cells: Sequence[Text]) -> Text:
 
 def _groups(result: Result) -> list[str]:
     """The letters of each tracker; nothing where there are so many that they say nothing at a glance."""
+    if not result.summary.truth.known:
+        return []
     found = groups([tracker.name for tracker in result.scored], Pairs(result.summary))
     return list(found.values()) if max(map(len, found.values())) <= _MOST_LETTERS else []
 

@@ -60,6 +60,8 @@ class TruthSummary(Part):
 
     source: str
     objects: list[str]
+    known: bool = True
+    """False where a recording has measurements alone: nothing is ranked then."""
     steps: int
     dt: float | None
     duration_s: float
@@ -375,7 +377,9 @@ class Summary(Part):
 
     @property
     def headline(self) -> str:
-        """The metric that trackers are ranked by."""
+        """The metric that trackers are ranked by; without a truth, by nothing, and this one stands first."""
+        if not self.truth.known:
+            return "track_count"
         return "position_rmse" if self.identities == "known" else "gospa"
 
     @property

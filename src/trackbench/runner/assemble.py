@@ -217,6 +217,7 @@ def truth_summary(
     truth = loaded.truth
     entries = {
         "objects": list(truth.ids),
+        "known": truth.known,
         "steps": len(truth.time),
         "dt": float(truth.time[1] - truth.time[0]) if len(truth.time) > 1 else None,
         "duration_s": float(truth.time[-1]),

@@ -12,11 +12,13 @@ import numpy.typing as npt
 
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
 from trackbench.sensing.due import Due, find_due
 from trackbench.stepping import TrackFault, fault_of, start_tracks
-from trackbench.stepping.tracks import NO_TRACK
+from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
+from trackbench.trackers.config import FilterConfig
 from trackbench.traffic_metrics import (
     Associations,
     RunScores,
@@ -26,7 +28,8 @@ from trackbench.traffic_metrics import (
     score_run,
 )
 from trackbench.traffic_metrics.histories import NO_DETECTION
-from trackbench.types import Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
+from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
+from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
 
 
 @dataclass
@@ -101,6 +104,7 @@ class _Passage:
         self._time = self._truth.time[due.steps]
         self._instants: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
+        self._predicted: list[Tracks | None] = []
         self._seconds = 0.0
         self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
 
@@ -118,6 +122,8 @@ class _Passage:
             for instant, (_, group) in enumerate(groupby(numbered, key=lambda item: item[1][0].time)):
                 for number, (scan, origins) in group:
                     given, known = self._given(scan, origins)
+                    if given is scan and not self._truth.known:
+                        self._predicted.append(self._prediction(stepper, scan))
                     begin = time.perf_counter()
                     tracks = stepper.step(given, known)
                     self._seconds += time.perf_counter() - begin
@@ -137,10 +143,12 @@ class _Passage:
         named = self._work.trackers[self._name].sensors_used
         if named is None or scan.sensor in named:
             return scan, origins
-        nothing = scan._replace(
-            measurement=scan.measurement[:, :0], valid=scan.valid[:0], detection_probability=0.0, clutter_density=0.0
-        )
-        return nothing, origins[:0]
+        return unread(scan), origins[:0]
+
+    def _prediction(self, stepper: TracksStepper, scan: Scan) -> Tracks | None:
+        """The tracks of a built-in tracker before a scan; others could be changed by the question."""
+        built_in = isinstance(self._work.trackers[self._name], FilterConfig)
+        return stepper.predict(scan) if built_in and isinstance(stepper, BatchedTracks) else None
 
     def _scored(self) -> TrafficScores:
         runs = self._piece.runs
@@ -148,35 +156,51 @@ class _Passage:
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         state, status = of_runs(state, runs), of_runs(self._due.status, runs)
         found = TrafficScores([], np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
+        taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):
             truth = TruthHistory(self._time, _one(state, run), _one(status, run))
             history = _of_run(tracks, run)
-            taken = self._associations(run)
-            found.runs.append(score_run(truth, history, self._options, taken))
+            own = None if taken is None else _associations_of(taken, run)
+            if self._truth.known:
+                found.runs.append(score_run(truth, history, self._options, own))
+            else:
+                found.runs.append(without_truth(score_without_truth(self._judged_scans(run))))
             found.reused_ids[run] = reused(history.ids)
             if run == self._kept:
                 found.recorded, found.taken = history, self._detections_taken(run)
         return found
 
-    def _associations(self, run: int) -> Associations | None:
-        """Which detection each track took; None where the tracker does not say."""
+    def _associations(self) -> Associations | None:
+        """Which detection each track took in every run: arrays ``(scans, ..., runs)``; None where it does not say."""
         if not self._taken or any(tracks.used is None and tracks.ids.size for _, tracks, _ in self._taken):
             return None
-        most = max(len(tracks.ids) for _, tracks, _ in self._taken)
-        shape, objects = (len(self._taken), most), len(self._truth.ids)
+        runs, objects = len(self._piece.runs), len(self._truth.ids)
+        shape = (len(self._taken), max(len(tracks.ids) for _, tracks, _ in self._taken), runs)
         ids, origin = np.full(shape, NO_TRACK), np.full(shape, NO_DETECTION)
-        merged, detected = np.full(shape, NO_TRACK), np.zeros((len(self._taken), objects), dtype=bool)
+        merged, detected = np.full(shape, NO_TRACK), np.zeros((shape[0], objects, runs), dtype=bool)
         for row, (_, tracks, number) in enumerate(self._taken):
-            origins, second = self._hidden.origins[number][:, run], self._hidden.merged[number][:, run]
-            detected[row, np.concatenate([origins[origins >= 0], second[second >= 0]])] = True
+            origins, second = self._hidden.origins[number], self._hidden.merged[number]
+            for caused in (origins, second):
+                column, run = np.nonzero(caused >= 0)
+                detected[row, caused[column, run], run] = True
             if tracks.used is None or not len(tracks.ids):
                 continue
-            count = len(tracks.ids)
-            ids[row, :count] = tracks.ids[:, run]
-            took = tracks.used[:, run]
-            known = took >= 0
-            origin[row, :count][known], merged[row, :count][known] = origins[took[known]], second[took[known]]
+            ids[row, : len(tracks.ids)] = tracks.ids
+            track, run = np.nonzero(tracks.used >= 0)
+            took = tracks.used[track, run]
+            origin[row, track, run], merged[row, track, run] = origins[took, run], second[took, run]
         return Associations(np.array([instant for instant, _, _ in self._taken]), ids, origin, detected, merged)
+
+    def _judged_scans(self, run: int) -> list[UnlabelledScan]:
+        """What the tracker said of each scan that it took, in a run of a recording without a truth."""
+        sensors = {sensor.name: sensor.config for sensor in self._work.scenes[self._piece.scene].sensors}
+        found = []
+        for (_, tracks, number), predicted in zip(self._taken, self._predicted, strict=True):
+            scan = of_run(self._hidden.scans[number], run)
+            own_track = self._hidden.origins[number][: len(scan.valid), run]
+            asked = None if predicted is None else tracks_of_run(predicted, run)
+            found.append(judged_scan(scan, own_track, sensors[scan.sensor], asked, tracks_of_run(tracks, run)))
+        return found
 
     def _detections_taken(self, run: int) -> Indices:
         rows = [
@@ -244,6 +268,11 @@ def _of_run(tracks: Tracks, run: int) -> TrackHistory:
     return TrackHistory(
         ids[rows, order], tracks.mean[:, rows, order, run], tracks.covariance[:, :, rows, order, run], existence
     )
+
+
+def _associations_of(taken: Associations, run: int) -> Associations:
+    merged = None if taken.merged is None else taken.merged[..., run]
+    return Associations(taken.instant, taken.ids[..., run], taken.origin[..., run], taken.detected[..., run], merged)
 
 
 def _counts(hidden: HiddenMeasurements) -> dict[str, tuple[float, float]]:

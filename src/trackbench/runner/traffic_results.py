@@ -20,11 +20,13 @@ from trackbench.runner.expectations import judge
 from trackbench.runner.traffic import TrafficBlock, TrafficScores
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.traffic_metrics import METRICS, RunScores
+from trackbench.traffic_metrics import METRICS, RunScores, TrafficMetric
+from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.truth import LoadedTruth
 from trackbench.types import Array
 
 HEADLINE = "gospa"
+NOT_ASKED = "only built-in trackers are asked what they predict"
 #: What a tracker that says nothing of it has in the place of a value.
 NOT_SAID = "the tracker does not say which detections it used"
 
@@ -41,6 +43,8 @@ class TrafficEvaluation:
     reused_ids: int
     step_time: float
     """Microseconds for a scan of one run."""
+    known: bool = True
+    """Whether there is a truth."""
 
     def sums(self, path: str) -> Array:
         """``(2, runs)`` totals and counts of a metric; zeros where a run cannot tell it."""
@@ -50,12 +54,14 @@ class TrafficEvaluation:
     def values(self) -> dict[str, MetricValue]:
         """As they stand in a result."""
         found = {}
-        for path, metric in METRICS.items():
+        for path, metric in _metrics(self.known).items():
             unit = metric.unit or "1"
             if path in self.intervals:
                 found[path] = self.intervals[path].as_value(unit)
             else:
-                found[path] = MetricValue(unit=unit, reason=NOT_SAID if "association" in path else "no run tells it")
+                found[path] = MetricValue(unit=unit, reason=_why_missing(path))
+        if not self.known:
+            found |= {path: MetricValue(unit=metric.unit or "1", reason=NO_TRUTH) for path, metric in METRICS.items()}
         found["step_time"] = MetricValue(value=self.step_time, unit="us")
         return found
 
@@ -66,12 +72,17 @@ def assemble_traffic(
     """The result of all blocks of a run."""
     scenario = loaded.config
     failures, found = _evaluated(work, blocks)
-    ranked = sorted(found, key=lambda name: (found[name].intervals[HEADLINE].value, list(found).index(name)))
+    known = _known(work)
+    ranked = list(found)
+    if known:
+        ranked.sort(key=lambda name: found[name].intervals[HEADLINE].value)
     margin = MarginSummary(**scenario.score.margin.model_dump())
     compared = {name: found[name].intervals for name in ranked}
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    summaries = [_metric_summary(path) for path in METRICS]
-    pairs = differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE)
+    summaries = [_metric_summary(path, metric) for path, metric in _metrics(known).items()]
+    pairs = (
+        differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
+    )
     trackers = [_tracker(work, name, failures, found) for name in work.trackers]
     expectations = judge(scenario.expect, trackers, pairs, 0.0)
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
@@ -134,10 +145,9 @@ def _evaluated(work: Work, blocks: Sequence[TrafficBlock]) -> tuple[dict[str, Fa
 def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
     reused = int(sum(block.reused_ids.sum() for block in blocks))
-    found = TrafficEvaluation(
-        [run for block in blocks for run in block.runs], {}, {}, reused, 1e6 * seconds / max(steps, 1)
-    )
-    for path, metric in METRICS.items():
+    runs, known = [run for block in blocks for run in block.runs], _known(work)
+    found = TrafficEvaluation(runs, {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
+    for path, metric in _metrics(known).items():
         total, count = found.sums(path)
         if not count.any():
             continue
@@ -160,7 +170,7 @@ def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[st
         )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
-    shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run)
+    shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run) if _known(work) else None
     return TrackerResult(
         name=name,
         describe=described,
@@ -172,8 +182,22 @@ def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[st
     )
 
 
-def _metric_summary(path: str) -> OwnMetricSummary:
-    metric = METRICS[path]
+def _known(work: Work) -> bool:
+    """Whether there is a truth."""
+    return all(scene.truth.known for scene in work.scenes)
+
+
+def _metrics(known: bool) -> dict[str, TrafficMetric]:
+    return METRICS if known else METRICS_WITHOUT_TRUTH
+
+
+def _why_missing(path: str) -> str:
+    if "association" in path or path in OF_USE:
+        return NOT_SAID
+    return NOT_ASKED if path in OF_PREDICTIONS else "no run tells it"
+
+
+def _metric_summary(path: str, metric: TrafficMetric) -> OwnMetricSummary:
     return OwnMetricSummary(
         name=path,
         unit=metric.unit or "1",

@@ -12,15 +12,15 @@ import pyarrow as pa
 from trackbench.metrics.stored import own_column
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results import Failure
-from trackbench.results.table_check import FALSE_ALARM
+from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic import TrafficBlock
 from trackbench.runner.traffic_events import association_table, events_table, existence_table, objects_table
 from trackbench.runner.work import Work
 from trackbench.stepping.tracks import NO_TRACK
-from trackbench.traffic_metrics import METRICS, TrackHistory
-from trackbench.types import Array, Indices, Scan
+from trackbench.traffic_metrics import TrackHistory
+from trackbench.types import Array, Indices, Scan, Truth
 
 if TYPE_CHECKING:
     from trackbench.runner.traffic_results import TrafficEvaluation
@@ -42,7 +42,7 @@ def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, Traff
         "steps": _steps(found, longest.truth.time[longest.instants()]),
         "runs": _runs(work, found),
         "truth": truth_table(scene.truth, work.recorded_run),
-        "measurements": _measurements(block.scans, block.origins, ids),
+        "measurements": _measurements(scene.truth, block.scans, block.origins),
         "tracks": _tracks(recorded, time),
         "taken": _taken(taken, block.scans),
         "events": events_table(work, found),
@@ -65,7 +65,9 @@ def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
                 values = getattr(run.gospa, part)
                 total[: len(values)] += values
                 count[: len(values)] += 1
-            columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(total / np.maximum(count, 1))
+            columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(
+                total / np.where(count > 0, count, np.nan)
+            )
         parts.append({"tracker": [name] * len(time), "time_s": time, **columns})
     return stacked(parts)
 
@@ -74,7 +76,7 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     """Of each run what it has of each metric, for paired comparisons."""
     scene = work.scene_of_run.astype(float)
     rows = len(scene)
-    paths = [path for path in METRICS if any(path in item.per_run for item in found.values())]
+    paths = list(dict.fromkeys(path for item in found.values() for path in item.per_run))
     parts: list[Columns] = []
     for name, item in found.items():
         values = {own_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
@@ -83,8 +85,13 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     return stacked(parts)
 
 
-def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequence[str]) -> pa.Table:
-    """Every detection of the recorded run, with what caused it, which no tracker knows."""
+def _measurements(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices]) -> pa.Table:
+    """Every detection of the recorded run, with what caused it, which no tracker knows.
+
+    Without a truth nobody knows, and there is the number of the sensor's own track.
+    """
+    # The last one is also that of -1, which is the origin of a false alarm.
+    names = [*truth.ids, FALSE_ALARM]
     parts: list[Columns] = []
     for number, (scan, origin) in enumerate(zip(scans, origins, strict=True)):
         rows = len(origin)
@@ -94,7 +101,7 @@ def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequen
             {
                 "sensor": [scan.sensor] * rows,
                 "kind": [scan.kind] * rows,
-                "object": [ids[one] if one >= 0 else FALSE_ALARM for one in origin],
+                "object": [names[one] if truth.known else NO_OBJECT for one in origin],
                 "scan": np.full(rows, float(number)),
                 "detection": np.arange(rows, dtype=float),
                 "time_s": np.full(rows, scan.time),
@@ -107,6 +114,7 @@ def _measurements(scans: Sequence[Scan], origins: Sequence[Indices], ids: Sequen
                 "sensor_x_m": np.full(rows, scan.sensor_pose[0]),
                 "sensor_y_m": np.full(rows, scan.sensor_pose[1]),
                 "sensor_yaw_rad": np.full(rows, scan.sensor_pose[2]),
+                **({} if truth.known else {"own_track": np.where(origin >= 0, origin, np.nan)}),
             }
         )
     return stacked(parts)

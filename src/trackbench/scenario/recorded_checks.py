@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from trackbench.config import Problem
 from trackbench.errors import nearest
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig
-from trackbench.truth.config.columns import COMPONENT_QUANTITIES, unit_problems
+from trackbench.truth.config.columns import unit_problems
 from trackbench.truth.sources import RecordingTruth
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Proble
     kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
     fed = truth.feeds(kinds)
     yield from _columns(truth, kinds)
+    yield from _without_truth(scenario, truth, fed)
     if truth.format == "udacity":
         yield from _one_of_each(fed)
     for name in fed:
@@ -41,17 +43,37 @@ def _columns(truth: RecordingTruth, kinds: dict[str, str]) -> Iterator[Problem]:
         if name not in kinds:
             yield Problem(at, f"the scenario has no sensor {name!r}; {nearest(name, kinds)}")
             continue
-        needed = SENSOR_MODELS[kinds[name]].components
+        model = SENSOR_MODELS[kinds[name]]
+        needed = columns.of_sensor(model.components)
         for component in needed:
             if component not in columns.components:
                 yield Problem((*at, component), f"missing: a {kinds[name]} reads {', '.join(needed)}")
         for component in (*columns.components, *columns.bias):
             if component not in needed:
                 yield Problem((*at, component), f"sensor {name} is a {kinds[name]}, which reads {', '.join(needed)}")
-        model = SENSOR_MODELS[kinds[name]]
-        quantities = {c: COMPONENT_QUANTITIES.get(unit) for c, unit in zip(needed, model.units, strict=True)}
+        quantities = columns.quantities(model.components, model.units)
         for problem in unit_problems(columns.units, {"time": "time", **quantities}):
             yield Problem((*at, *problem.at), problem.message)
+
+
+def _without_truth(scenario: ScenarioConfig, truth: RecordingTruth, fed: dict[str, str]) -> Iterator[Problem]:
+    if not truth.without_truth:
+        for name, columns in truth.measurements.items():
+            for key in ("slot", "copies_within_m"):
+                if getattr(columns, key) is not None:
+                    message = "only used without a truth, which says of which object a row is; remove"
+                    yield Problem(("truth", "readings", name, key), message)
+        return
+    if scenario.sensing.identities == "known":
+        message = "missing: the file with the truth; without one, write sensing: {identities: hidden}"
+        yield Problem(("truth", "path"), message)
+    for name in scenario.sensors:
+        if name not in fed:
+            yield Problem(("truth", "readings"), f"{name} is missing: nothing can be synthesised without a truth")
+    for name, tracker in scenario.trackers.items():
+        if isinstance(tracker, FilterConfig) and tracker.associate is not None and tracker.associate.method == "oracle":
+            message = "oracle is told of which object each detection is, and there is no truth that says so"
+            yield Problem(("trackers", name, "associate", "method"), message)
 
 
 def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
@@ -65,8 +87,9 @@ def _one_of_each(fed: dict[str, str]) -> Iterator[Problem]:
 def _synthetic(scenario: ScenarioConfig, name: str) -> Iterator[Problem]:
     sensor = scenario.sensors[name]
     biases = tuple(key for key in type(sensor).model_fields if "_bias_" in key)
+    of_preset = presets()[sensor.preset].values if sensor.preset is not None else {}
     for key in (*SYNTHETIC, *biases):
-        if key in sensor.model_fields_set and sensor.preset is None:
+        if key in sensor.model_fields_set and key not in of_preset:
             yield Problem(
                 ("sensors", name, key), f"the measurements of {name} are recorded and taken as they are; remove"
             )

@@ -16,10 +16,11 @@ from trackbench.sensing.scans import IdealSensor, measured
 from trackbench.sensing.schedule import silent
 from trackbench.sensing.view import field_of_view
 from trackbench.streams import stream
-from trackbench.types import Array, Indices, Mask, Scan
+from trackbench.types import FALSE_ALARM, Array, Indices, Mask, Scan
 
-#: In place of an object's number: a detection that stems from none, and a column without a detection.
-FALSE_ALARM, PADDING = -1, -2
+#: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
+#: caused it.
+PADDING, UNKNOWN = -2, -3
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class HiddenMeasurements:
     ``(D, runs)``: in each run its detections first, then columns of NaN that are not valid."""
     origins: list[Indices]
     """For each scan ``(D, runs)``: the number of the object that a detection stems from (of a merged one, the one with
-    the larger share), or ``FALSE_ALARM`` or ``PADDING``."""
+    the larger share), or ``FALSE_ALARM`` or ``PADDING``. Where there is no truth, the number of the sensor's own track,
+    or ``UNKNOWN``."""
     merged: list[Indices]
     """For each scan ``(D, runs)``: the second object of a merged detection, else -1."""
     digests: list[bytes]
@@ -62,7 +64,8 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     hashes = [hashlib.sha256() for _ in runs]
     found: list[tuple[Scan, Indices, Indices]] = []
     for sensor in sensors:
-        drawn = [_detections(sensor, seed, scenario, run) for run in runs]
+        take = _detections if sensor.detections is None else _as_recorded
+        drawn = [take(sensor, seed, scenario, run) for run in runs]
         for i, of_run in enumerate(drawn):
             hashes[i].update(of_run.instant.tobytes())
             hashes[i].update(of_run.measurement.tobytes())
@@ -115,6 +118,23 @@ def _detections(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Det
         np.concatenate([measurement[:, detected], *(one.measurement for one in alarms)], axis=1)[:, order],
         np.concatenate([number, np.full(false, FALSE_ALARM)])[order],
         np.concatenate([second[detected], np.full(false, -1)])[order],
+        np.arange(len(instant)) - np.searchsorted(instant, instant),
+    )
+
+
+def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _Detections:
+    """Detections of unknown origin, in an order that says nothing."""
+    recorded = sensor.detections
+    assert recorded is not None
+    keys = stream(seed, scenario, run, f"order of {sensor.name}").random(len(recorded.scan))
+    order = np.lexsort((keys, recorded.scan))
+    order = order[~silent(sensor.config, sensor.time)[recorded.scan[order]]]
+    instant, own_track = recorded.scan[order], recorded.own_track[order]
+    return _Detections(
+        instant,
+        recorded.measurement[:, order],
+        np.where(own_track >= 0, own_track, UNKNOWN),
+        np.full(len(order), -1),
         np.arange(len(instant)) - np.searchsorted(instant, instant),
     )
 

@@ -13,10 +13,7 @@ from trackbench.sensing.geometry import SensorMotion, sensor_motion
 from trackbench.sensing.scans import IdealSensor
 from trackbench.sensing.schedule import silent
 from trackbench.sensing.view import field_of_view, in_view, polar
-from trackbench.types import Array, Indices, Mask, Truth
-
-#: Not in the scene; there, but a tracker need not have it; a tracker has to have it.
-ABSENT, OPTIONAL, DUE = 0, 1, 2
+from trackbench.types import ABSENT, DUE, OPTIONAL, Array, Indices, Mask, Truth
 
 
 class Due(NamedTuple):

@@ -38,6 +38,7 @@ def resolve(sensor: IdealSensor, measurement: Array, detected: Mask, run: int) -
         detected: ``(instants, objects)``.
         run: the number of the run.
     """
+    assert sensor.polar is not None
     of_run = run if sensor.polar.shape[-1] > 1 else 0
     seen, ideal = sensor.polar[..., of_run], sensor.measurement[..., of_run]
     second = np.full(detected.shape, -1)

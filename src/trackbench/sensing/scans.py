@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from trackbench.sensing.geometry import SensorMotion, sensor_motion
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.sensing.view import detection_probability, in_view, polar
 from trackbench.streams import stream
-from trackbench.types import Array, Indices, Mask, RecordedMeasurements, Scan, Truth
+from trackbench.truth.base import Recorded
+from trackbench.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
 from trackbench.units import difference
 
 
@@ -33,8 +34,6 @@ class IdealSensor:
     """``(instants, objects, runs or 1)``: in view, and the sensor not silent."""
     in_view: Mask
     """``(instants, objects, runs or 1)``: present, in range and in the field of view, and not occluded."""
-    polar: Array
-    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s."""
     probability: Array
     """``(instants, objects, runs or 1)`` that an object is detected where it is visible."""
     pose: Array
@@ -43,14 +42,19 @@ class IdealSensor:
     """``(2, instants)``."""
     noise_covariance: Array
     """``(m, m)``."""
+    polar: Array | None = None
+    """``(3, instants, objects, runs or 1)`` true range m, azimuth rad and range rate m/s, of a sensor of limited
+    resolution."""
     cycle_starts: Indices = field(default_factory=lambda: np.arange(0))
     """``(cycles,)`` the first instant of each cycle, where the measurements are recorded."""
     recorded: bool = False
     """Whether the measurements are as recorded: no noise is added, and NaN where the sensor missed an object."""
+    detections: RecordedDetections | None = None
+    """Those that are recorded where there is no truth."""
 
 
 def ideal_sensors(
-    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, RecordedMeasurements] | None = None
+    truth: Truth, sensors: Mapping[str, Sensor], recorded: Mapping[str, Recorded] | None = None
 ) -> list[IdealSensor]:
     """The side of sensing that is the same in every run.
 
@@ -121,11 +125,27 @@ def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
     probability = detection_probability(truth, steps, config, pose, seen)
     noise, time = config.noise_covariance(), truth.time[steps]
     return IdealSensor(
-        name, config, steps, time, measurement, visible, within, seen, probability, pose, velocity, noise
+        name,
+        config,
+        steps,
+        time,
+        measurement,
+        visible,
+        within,
+        probability,
+        pose,
+        velocity,
+        noise,
+        polar=None if config.resolution is None else seen,
     )
 
 
-def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: RecordedMeasurements) -> IdealSensor:
+def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded) -> IdealSensor:
+    if isinstance(measurements, RecordedDetections):
+        scans = len(measurements.steps)
+        none = np.zeros((len(config.components), scans, 0)), np.zeros((scans, 0), dtype=bool)
+        objectless = _as_recorded(truth, name, config, RecordedMeasurements(measurements.steps, *none))
+        return replace(objectless, detections=measurements)
     steps, valid = measurements.steps, measurements.valid
     motion = _motion(truth, config, steps)
     pose, velocity = motion
@@ -139,7 +159,7 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
     within = in_view(truth, steps, config, motion, seen)
     visible = (valid[:, :, None] | (missed[:, :, None] & within)) & ~silenced
     within = within | valid[:, :, None]
-    probability = np.ones_like(seen[0])
+    probability = np.broadcast_to(1.0, within.shape)
     noise = config.noise_covariance()
     measurement = measurements.measurement[..., None]
     time = truth.time[steps]
@@ -151,12 +171,11 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
         measurement,
         visible,
         within,
-        seen,
         probability,
         pose,
         velocity,
         noise,
-        first,
+        cycle_starts=first,
         recorded=True,
     )
 

@@ -61,7 +61,7 @@ def detection_probability(truth: Truth, steps: Indices, config: Sensor, pose: Ar
     ``P = P_fa^(1 / (1 + S))``, with the signal-to-noise ratio S proportional to ``range^-4``.
     """
     factors, distance = config.detection, seen[0]
-    probability = np.full(distance.shape, config.detection_probability)
+    probability: Array = np.broadcast_to(config.detection_probability, distance.shape)
     if factors.half_range_m is not None:
         at_half = np.log(FALSE_ALARM_PROBABILITY) / np.log(0.5) - 1.0
         signal = at_half * (factors.half_range_m / distance) ** 4

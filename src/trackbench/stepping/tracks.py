@@ -61,6 +61,14 @@ class BatchedTracks:
         self._state, answer = unpack(self._tracker.step(self._state, scan, *more))
         return checked_tracks(answer, scan)
 
+    def predict(self, scan: Scan) -> Tracks:
+        """The tracks of all runs at the time of a scan without its detections; the tracker stays as it is.
+
+        Only of a tracker that does not change its state in place, as the built-in ones do not.
+        """
+        nothing = unread(scan)
+        return checked_tracks(unpack(self._tracker.step(self._state, nothing))[1], nothing)
+
     def close(self) -> None:
         """Nothing is left to end."""
 
@@ -94,10 +102,23 @@ class LoopedTracks:
         """Nothing is left to end."""
 
 
+def unread(scan: Scan) -> Scan:
+    """An empty scan in its place, of a sensor that could have detected nothing."""
+    return scan._replace(
+        measurement=scan.measurement[:, :0], valid=scan.valid[:0], detection_probability=0.0, clutter_density=0.0
+    )
+
+
 def scan_of_run(scan: Scan, run: int) -> Scan:
     """The detections of one run, without padding: ``measurement`` ``(m, D)``."""
     count = int(np.count_nonzero(scan.valid[:, run]))
     return scan._replace(measurement=scan.measurement[:, :count, run], valid=scan.valid[:count, run])
+
+
+def tracks_of_run(tracks: Tracks, run: int) -> Tracks:
+    """Those of one run, without padding."""
+    there = tracks.ids[:, run] != NO_TRACK
+    return Tracks(*(None if part is None else part[..., there, run] for part in tracks))  # type: ignore[arg-type]
 
 
 def stacked(runs: Sequence[Tracks]) -> Tracks:

@@ -13,8 +13,10 @@ AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 #: Methods that confirm tracks by counting or by score; the others by the probability that the object exists.
-COUNTING = ("gnn", "jpda", "oracle", "naive")
-EXISTENCE = ("jipda", "pmb")
+COUNTING: tuple[AssociationMethod, ...] = ("gnn", "jpda", "oracle", "naive")
+EXISTENCE: tuple[AssociationMethod, ...] = ("jipda", "pmb")
+#: Methods in which several tracks may take a share of one detection.
+SHARING: tuple[AssociationMethod, ...] = ("jpda", "jipda", "pmb")
 #: The methods that have a key, where not all have it.
 METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "gate": ("gnn", "jpda", "jipda", "pmb", "naive"),
@@ -27,7 +29,7 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "lifetime_s": EXISTENCE,
     "new_objects_per_s": EXISTENCE,
     "undetected": EXISTENCE,
-    "max_cluster": ("jpda", "jipda", "pmb"),
+    "max_cluster": SHARING,
 }
 #: Most scans within which a track may be confirmed.
 LONGEST_WINDOW = 100

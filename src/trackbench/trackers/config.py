@@ -81,7 +81,7 @@ class InitialConfig(Config):
         "zero",
         description="First velocity, from first_reading only. radial: the third component of a radar's measurement, "
         "along the line of sight. range_rate: the same, and along the line of sight as certain as the range rate is; "
-        "velocity_sigma_mps holds across it, and for sensors without a range rate.",
+        "velocity_sigma_mps holds across it, and all around where the sensor has no range rate or the state no vx, vy.",
     )
     position_sigma_m: Positive = Field(
         1, description="Standard deviation of each position component, m; from truth only."

@@ -51,19 +51,24 @@ def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: Tenta
     counts = scan.valid & (waiting.measurements >= config.skip)
     after = _taken_in(waiting, scan, position, counts)
     if config.source == "first_reading":
-        velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
-        velocity = np.zeros_like(velocity) if config.velocity == "zero" else velocity
-        known = _from_one(position, velocity, config.velocity_sigma_mps)
-        if config.velocity == "range_rate":
-            known = _with_range_rate(known, scan)
-        belief = motion.from_cartesian(known, sigmas(config))
-        return Start(counts, _stated(belief, config), after)
+        return Start(counts, from_first(motion, config, scan, position), after)
     elapsed = scan.time - waiting.time
     ready = counts & (elapsed > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
         begun = motion.from_cartesian(belief, sigmas(config))
     return Start(ready, _stated(begun, config), after)
+
+
+def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
+    """The state ``(n, ...)`` that each measurement of a scan says by itself; ``position`` is its position, if known."""
+    velocity = np.zeros((2, *scan.valid.shape))
+    if config.velocity != "zero":
+        velocity = SENSOR_MODELS[scan.kind].radial_velocity(scan)
+    known = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
+    if config.velocity == "range_rate" and "vx" in motion.components:
+        known = _with_range_rate(known, scan)
+    return _stated(motion.from_cartesian(known, sigmas(config)), config)
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:

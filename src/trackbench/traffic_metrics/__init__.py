@@ -3,15 +3,12 @@
 Pure functions of one run's histories; :func:`score_run` computes all at once, and ``METRICS`` says what each means.
 """
 
-from trackbench.traffic_metrics.histories import ABSENT, DUE, OPTIONAL, Associations, TrackHistory, TruthHistory
+from trackbench.traffic_metrics.histories import Associations, TrackHistory, TruthHistory
 from trackbench.traffic_metrics.run import RunScores, TrafficScoreOptions, score_run
 from trackbench.traffic_metrics.table import METRICS, TrafficMetric
 
 __all__ = [
-    "ABSENT",
-    "DUE",
     "METRICS",
-    "OPTIONAL",
     "Associations",
     "RunScores",
     "TrackHistory",

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.traffic_metrics.histories import ABSENT, DUE, OPTIONAL, TrackHistory, TruthHistory
+from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
 from trackbench.traffic_metrics.matching import best_matching
-from trackbench.types import Array, Indices, Mask
+from trackbench.types import ABSENT, DUE, OPTIONAL, Array, Indices, Mask
 
 #: Distances computed at once: they fit the cache.
 CHUNK = 1 << 18

@@ -8,8 +8,8 @@ import numpy as np
 
 from trackbench.traffic_metrics.assignment import Counted, NearPairs
 from trackbench.traffic_metrics.clear import object_of_each
-from trackbench.traffic_metrics.histories import FALSE_ALARM, NO_DETECTION, Associations
-from trackbench.types import Indices
+from trackbench.traffic_metrics.histories import NO_DETECTION, Associations
+from trackbench.types import FALSE_ALARM, Indices
 
 
 class AssociationCounts(NamedTuple):

@@ -9,10 +9,8 @@ import numpy.typing as npt
 
 from trackbench.types import Array, Indices, Mask
 
-#: Status of an object at an instant.
-ABSENT, OPTIONAL, DUE = 0, 1, 2
-#: Origin of a detection that no object caused, and of none.
-FALSE_ALARM, NO_DETECTION = -1, -2
+#: In place of the origin of a detection: the track took none.
+NO_DETECTION = -2
 
 Status = npt.NDArray[np.int8]
 

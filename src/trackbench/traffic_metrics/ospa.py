@@ -63,8 +63,7 @@ def ospa2(counted: Counted, window: int) -> Array:
 
 def _both(due: Mask, there: Mask, window: int) -> Array:
     """``(windows, N, tracks)`` instants of each window at which both are there."""
-    padding = -len(due) % window
-    cut = [
-        np.pad(mask, ((0, padding), (0, 0))).reshape(-1, window, mask.shape[1]).astype(float) for mask in (due, there)
-    ]
+    windows = -(-len(due) // window)
+    filled = ((0, windows * window - len(due)), (0, 0))
+    cut = [np.pad(mask, filled).reshape(windows, window, mask.shape[1]).astype(float) for mask in (due, there)]
     return np.asarray(np.swapaxes(cut[0], 1, 2) @ cut[1])

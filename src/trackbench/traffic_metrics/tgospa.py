@@ -21,7 +21,8 @@ class TgospaParts(NamedTuple):
     false: float
     switch: float
     exact: bool
-    """False where a group of objects was too large and the linear program stands for it (also a metric)."""
+    """False where the linear program of a group had a cheaper optimum than any assignment (it is a metric too), or the
+    group was too large even for that and was assigned from instant to instant: an upper bound."""
 
     @property
     def total(self) -> float:
@@ -35,7 +36,7 @@ def tgospa(counted: Counted, switch: float) -> TgospaParts:
 
     Objects are solved one by one. Those that use the same track at an instant are then solved together, by dynamic
     programming over their joint assignments or, where these are too many, by linear programming. Optima of all groups
-    without a conflict are an optimum of the whole.
+    without a conflict are an optimum of the whole. ``exact`` says whether they were found.
 
     Source: Garcia-Fernandez, Rahmathullah and Svensson (2020), "A metric on the space of finite sets of trajectories
     for evaluation of multi-target tracking algorithms", IEEE Transactions on Signal Processing 68, section III.

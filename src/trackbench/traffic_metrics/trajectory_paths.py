@@ -7,11 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.traffic_metrics.couples import Couples, Settled, settled
+from trackbench.traffic_metrics.matching import matched_in_group
 from trackbench.traffic_metrics.trajectory_program import relaxed_weights
 from trackbench.types import Array, Mask
 
 #: Joint assignments of a group up to which it is solved by dynamic programming.
 LARGEST = 64
+#: Weights to be decided up to which a group is solved by linear programming, in about .2 s.
+LARGEST_PROGRAM = 20_000
 ROUNDING = 1e-9
 
 
@@ -53,6 +56,8 @@ def solve_together(couples: Couples, half: float) -> Weights:
     members = _joint_assignments(couples)
     if members is not None:
         return Weights(couples, _joint_path(couples.gain, members, plain, half), True)
+    if plain.open.sum() > LARGEST_PROGRAM:
+        return Weights(couples, _path_step_by_step(couples, half), False)
     weight = relaxed_weights(couples, plain, half)
     return Weights(couples, weight, bool(np.all(np.minimum(weight, 1 - weight) == 0)))
 
@@ -140,3 +145,16 @@ def _joint_path(gain: Array, members: Array, plain: Settled, half: float) -> Arr
         taken[k] = now
         now = before[k, now]
     return np.asarray(members[taken])
+
+
+def _path_step_by_step(couples: Couples, half: float) -> Array:
+    """``(T, E)`` the couples to take at each instant, decided without looking ahead: not optimal, but possible."""
+    weight = np.zeros(couples.gain.shape)
+    worth = couples.gain[0]
+    for k in range(len(weight)):
+        some = np.flatnonzero(worth > 0)
+        if len(some):
+            weight[k, some] = matched_in_group(couples.object[some], couples.track[some], worth[some])
+        if k + 1 < len(weight):
+            worth = couples.gain[k + 1] + np.where(weight[k] > 0, half, -half)
+    return weight

@@ -11,8 +11,10 @@ from pydantic import Field, model_validator
 
 from trackbench.config import Config
 from trackbench.plugins import Registry, lacks_class
-from trackbench.types import Progress, RecordedMeasurements, Truth, no_progress
+from trackbench.types import Progress, RecordedDetections, RecordedMeasurements, Truth, no_progress
 
+#: What a sensor has measured: of known objects, or of nobody knows what.
+Recorded = RecordedMeasurements | RecordedDetections
 #: Largest number of scenes of one source.
 MAX_SCENES = 1000
 
@@ -33,7 +35,7 @@ class LoadedTruth(NamedTuple):
     """Whether it was read from the cache."""
     notes: tuple[str, ...] = ()
     """What went wrong with the cache, and what was left out of a recording, a line each."""
-    measurements: dict[str, RecordedMeasurements] | None = None
+    measurements: dict[str, Recorded] | None = None
     """By sensor; None where measurements are to be synthesised."""
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from rich.text import Text
 
 from trackbench.report.numbers import decimals, fixed
 from trackbench.report.run.cells import metric_of
 from trackbench.report.run.scenes import basis_of_intervals
-from trackbench.results import Result, TrackerResult
+from trackbench.results import Result
 
 #: The columns: heading, metric, significant digits, and the factor of its unit in the heading.
 COLUMNS = (
@@ -25,10 +23,24 @@ COLUMNS = (
 )
 
 
-def values(trackers: Sequence[TrackerResult]) -> list[tuple[str, list[Text]]]:
+#: Without a truth.
+COLUMNS_WITHOUT_TRUTH = (
+    ("tracks", "track_count", 3, 1.0),
+    ("length s", "track_length", 3, 1.0),
+    ("new/min", "new_tracks", 3, 1.0),
+    ("used %", "used_share", 3, 100.0),
+    ("NIS", "nis", 2, 1.0),
+    ("breaks", "track_breaks", 2, 1.0),
+    ("own br.", "own_track_breaks", 2, 1.0),
+    ("swaps", "track_swaps", 2, 1.0),
+    ("score", "prediction_score", 3, 1.0),
+)
+
+
+def values(result: Result) -> list[tuple[str, list[Text]]]:
     """Each column's heading and cells."""
-    found = []
-    for heading, path, digits, factor in COLUMNS:
+    found, trackers = [], result.scored
+    for heading, path, digits, factor in COLUMNS if result.summary.truth.known else COLUMNS_WITHOUT_TRUTH:
         numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
         places = decimals(numbers, digits)
         found.append((heading, [Text(fixed(number, places)) for number in numbers]))
@@ -37,9 +49,21 @@ def values(trackers: Sequence[TrackerResult]) -> list[tuple[str, list[Text]]]:
 
 def notes(result: Result) -> list[str]:
     """What the headings mean."""
+    if not result.summary.truth.known:
+        return notes_without_truth()
     cutoff = result.summary.score.cutoff_m
     return [
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches a minute of an object",
         "pos. m, NEES (4 expected): of matched tracks alone",
         f"intervals are in the report, {basis_of_intervals(result)}",
+    ]
+
+
+def notes_without_truth() -> list[str]:
+    """What the headings mean, and what is not told."""
+    return [
+        "There is no truth: no errors, no GOSPA, no HOTA, and no ranking; trackers stand in the scenario's order.",
+        "tracks: mean number; length: median; used: share of detections; NIS: 1 when consistent",
+        "breaks: our track ends and the sensor's own goes on; own br.: the other way round;",
+        "swaps: both go on in other pairs; each per minute. score: of predicted detections, nats",
     ]

@@ -29,6 +29,7 @@ from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.pairs import Pairs, groups
 from trackbench.report.run.scenes import basis_of_intervals, scenes
 from trackbench.report.run.sentences import expectations_met, facts, failure, headline
+from trackbench.report.traffic import without_truth
 from trackbench.report.traffic.events import events_section
 from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
 from trackbench.report.traffic.map import map_of_tracks
@@ -68,11 +69,7 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
     shown = [styles[tracker.name] for tracker in result.drawn]
     sections = [
         Section("Verdict", tuple(_verdict(result))),
-        *_scores(result, styles),
-        *([Section("Scene by scene", tuple(scenes(result)))] if summary.truth.scenes else []),
-        *_objects(result, shown),
-        *events_section(result),
-        *_details(result),
+        *(_of_truth(result, styles, shown) if summary.truth.known else without_truth.sections(result)),
         *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
         Section("Truth and sensors", tuple(truth_and_sensors(result))),
         Section("How to reproduce it", tuple(reproduction(result))),
@@ -84,20 +81,35 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
 
 def _verdict(result: Result) -> Iterator[Block]:
     summary, missing = result.summary, result.unscored
-    yield Paragraph(headline(result), strong=True)
+    yield without_truth.statement() if not summary.truth.known else Paragraph(headline(result), strong=True)
     yield Status(
         expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
     )
     if missing:
         yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
+    if summary.truth.known:
+        yield from _standings(result)
+    if missing:
+        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
+        yield Section("Not ranked", (Items(failures),))
+
+
+def _standings(result: Result) -> Iterator[Block]:
     for sentence in association_against_filtering(result):
         yield Paragraph(sentence)
     if result.scored:
         items = (Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.scored)
         yield Items(tuple(items), numbered=True)
-    if missing:
-        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
-        yield Section("Not ranked", (Items(failures),))
+
+
+def _of_truth(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+    """What only the truth tells."""
+    yield from _scores(result, styles)
+    if result.summary.truth.scenes:
+        yield Section("Scene by scene", tuple(scenes(result)))
+    yield from _objects(result, shown)
+    yield from events_section(result)
+    yield from _details(result)
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

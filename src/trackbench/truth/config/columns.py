@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from trackbench.config import Config, Problem
+from trackbench.config import Config, Positive, Problem
 from trackbench.errors import nearest
 
 #: The units that columns may have, in SI units and radians.
@@ -26,6 +26,8 @@ MOTION_QUANTITIES = {
     **dict.fromkeys(("yaw", "course", "heading", "yaw_rate"), "angle"),
 }
 COMPONENT_QUANTITIES = {"m": "length", "m/s": "speed", "rad": "angle"}
+#: The two ways to state a position in a sensor's frame.
+POLAR, CARTESIAN = ("range", "azimuth"), ("x", "y")
 #: The two ways to state a velocity.
 VELOCITY = (("vx", "vy"), ("speed", "course"))
 _OWN_UNITS = "Units of single columns, by the keys above: `{time: us, %s: deg}`; those of truth.units unless given."
@@ -132,7 +134,8 @@ class MeasurementColumns(Config):
     """Names of the columns that hold a sensor's measurements; where they are empty, it did not detect the object.
 
     Beside the keys below there is one for each component of the sensor's measurement: range, azimuth and range_rate of
-    a radar, range, azimuth and speed of a speed_radar, x and y of a lidar (`trackbench list sensors` shows them).
+    a radar, range, azimuth and speed of a speed_radar, x and y of a lidar (`trackbench list sensors` shows them). A
+    radar whose file has positions has x (forward) and y (left), in its own frame, in place of range and azimuth.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -141,6 +144,17 @@ class MeasurementColumns(Config):
     path: str | None = Field(None, description="The file, of the same format; that of the truth unless given.")
     time: str | None = Field(None, description="Time of the measurement; named as in truth.columns unless given.")
     object: str | None = Field(None, description="Name of the object; named as in truth.columns unless given.")
+    slot: str | None = Field(
+        None,
+        description="Without a truth: the sensor's own number of a track, which trackers are not told. By it the rows "
+        "of one cycle are found, which may be some ms apart; without it, those of one time are a scan.",
+    )
+    new_track: str | None = Field(None, description="Without a truth: 1 where the slot took a new object, else 0.")
+    copies_within_m: Positive | None = Field(
+        None,
+        description="Without a truth: of detections of one cycle nearer to each other than this, m, the one of "
+        "the older slot is kept: some radars list an object twice. All are kept unless given.",
+    )
     units: dict[str, str] = Field(default_factory=dict, description=_OWN_UNITS % "azimuth")
     time_offset_s: float = Field(
         0, ge=-3600, le=3600, description="Added to the times, s; negative where the time stamps are late."
@@ -154,3 +168,18 @@ class MeasurementColumns(Config):
     def components(self) -> dict[str, str]:
         """The column of each component of a measurement that is given."""
         return dict(self.__pydantic_extra__)
+
+    def of_sensor(self, components: tuple[str, ...]) -> tuple[str, ...]:
+        """The components that the file has of a sensor's: of a radar, it may have a position as x and y."""
+        cartesian = components[:2] == POLAR and any(name in self.components for name in CARTESIAN)
+        return (*CARTESIAN, *components[2:]) if cartesian else components
+
+    def quantities(self, components: tuple[str, ...], units: tuple[str, ...]) -> dict[str, str | None]:
+        """The quantity in each of these columns, from the components of the sensor and their units; None: as it is."""
+        names = self.of_sensor(components)
+        own = units if names == components else ("m", "m", *units[2:])
+        return {name: COMPONENT_QUANTITIES.get(unit) for name, unit in zip(names, own, strict=True)}
+
+    def problems(self) -> Iterator[Problem]:
+        if self.new_track is not None and self.slot is None:
+            yield Problem(("new_track",), "is of a slot, whose column is not given; add slot")

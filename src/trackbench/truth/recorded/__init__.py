@@ -7,9 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded.drive import Drive
-from trackbench.types import RecordedMeasurements, Truth
+from trackbench.types import Truth
 
 __all__ = ["Drive", "Recording", "load", "read"]
 
@@ -18,7 +19,7 @@ class Recording(NamedTuple):
     """What a file says, on one grid of times."""
 
     truth: Truth
-    measurements: dict[str, RecordedMeasurements]
+    measurements: dict[str, Recorded]
     """By sensor."""
     notes: tuple[str, ...]
     """What was put in order or left out, a line each."""
@@ -35,8 +36,10 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     Raises:
         InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
     """
-    from trackbench.truth.recorded import assemble
+    from trackbench.truth.recorded import assemble, unlabelled
 
+    if config.without_truth:
+        return Recording(*unlabelled.load(config, kinds, folder))
     drive = read(config, kinds, folder)
     clipped = drive.clipped()
     assemble.require_measurements(drive, clipped)
@@ -45,7 +48,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Re
     counts = assemble.left_out(drive, clipped)
     truth = assemble.truth(config, clipped, times)
     truth = replace(truth, source={**truth.source, **({"left_out": counts} if counts else {})})
-    found = {
+    found: dict[str, Recorded] = {
         name: assemble.measurements(log, kinds[name], looked[name], times, len(truth.ids))
         for name, log in clipped.logs.items()
     }

@@ -13,7 +13,6 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.config.columns import (
-    COMPONENT_QUANTITIES,
     MOTION_QUANTITIES,
     MeasurementColumns,
     MotionColumns,
@@ -37,6 +36,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
         InputError: a file cannot be read, or a row of it is damaged.
     """
     assert config.columns is not None
+    assert config.path is not None
     columns, units = config.columns, config.units
     file = files.find(config.path, folder, "truth.path")
     observer = columns.observer
@@ -44,9 +44,9 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     wanted = [columns.time, columns.object, *columns.given.values(), *(c for e in inside for c in _own(e, columns))]
     wanted += list(observer.given.values()) if observer is not None and observer.path is None else []
     table = rows.read(file, config.format, [name for name in wanted if name is not None])
-    stamps = _stamps(table, columns.time, units.factor("time", columns.units.get("time")))
+    stamps = time_stamps(table, columns.time, units.factor("time", columns.units.get("time")))
     start = min(stamps)
-    seconds = _seconds(stamps, start)
+    seconds = seconds_from(start, stamps)
     if seconds.max() > limits.LONGEST:
         row = int(np.argmax(seconds))
         raise table.error(row, f"{columns.time}: {limits.why_too_long(seconds[row])}")
@@ -56,11 +56,11 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
         other = files.find(observer.path, folder, "truth.columns.observer.path")
         time = observer.time or columns.time
         source = rows.read(other, config.format, [time, *observer.given.values()])
-        times = _seconds(_stamps(source, time, units.factor("time", observer.units.get("time"))), start)
-        carrier = _observer(source, observer, times, units)
+        times = seconds_from(start, time_stamps(source, time, units.factor("time", observer.units.get("time"))))
+        carrier = observer_motion(source, observer, times, units)
     elif observer is not None:
         _require_one_pose_a_time(table, observer, seconds)
-        carrier = _observer(table, observer, seconds, units)
+        carrier = observer_motion(table, observer, seconds, units)
     logs = {}
     for name, entry in config.measurements.items():
         source, own_file = table, entry.path is not None
@@ -68,7 +68,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
             other = files.find(entry.path, folder, f"truth.readings.{name}.path")
             source = rows.read(other, config.format, _own(entry, columns))
         unit = entry.units.get("time", columns.units.get("time"))
-        times = _seconds(_stamps(source, entry.time or columns.time, units.factor("time", unit)), start)
+        times = seconds_from(start, time_stamps(source, entry.time or columns.time, units.factor("time", unit)))
         times = times + entry.time_offset_s
         log = _log(source, entry, columns, times, units, SENSOR_MODELS[kinds[name]], list(motions))
         # A table with rows of the truth or of several sensors does not say when this one looked and found nothing.
@@ -81,13 +81,13 @@ def _own(entry: MeasurementColumns, columns: TruthColumns) -> list[str]:
     return [name for name in named if name is not None]
 
 
-def _stamps(table: Rows, column: str, factor: float) -> list[Decimal]:
+def time_stamps(table: Rows, column: str, factor: float) -> list[Decimal]:
     """A column of times in s, exactly, so that nanoseconds since 1970 keep their differences."""
     scale = Decimal(str(factor))
     return [stamp * scale for stamp in table.times(column)]
 
 
-def _seconds(stamps: list[Decimal], start: Decimal) -> Array:
+def seconds_from(start: Decimal, stamps: list[Decimal]) -> Array:
     """To the nanosecond, below which no clock of a vehicle tells rows apart."""
     return np.array([round(float(stamp - start), 9) for stamp in stamps])
 
@@ -117,7 +117,7 @@ def _motions(table: Rows, columns: TruthColumns, seconds: Array, units: Units) -
     }, order
 
 
-def _observer(table: Rows, columns: ObserverColumns, seconds: Array, units: Units) -> Motion:
+def observer_motion(table: Rows, columns: ObserverColumns, seconds: Array, units: Units) -> Motion:
     kept, _ = row_order(seconds, np.zeros(len(seconds), dtype=np.intp))
     time = seconds[kept]
     value = {key: column[kept] for key, column in _values(table, columns, units, columns.units).items()}
@@ -144,30 +144,42 @@ def _log(
     table: Rows,
     entry: MeasurementColumns,
     columns: TruthColumns,
-    seconds: Array,
+    at: Array,
     units: Units,
     sensor: type[Sensor],
     ids: list[str],
 ) -> Log:
-    named, components = entry.components, sensor.components
+    measurement, detected = measured(table, entry, units, sensor)
+    owner = _owners(table, entry.object or columns.object, detected, ids)
+    kept, order = row_order(at[detected], owner)
+    time = at[detected][kept]
+    return Log(time, owner[kept], measurement[:, kept], np.unique(time), order)
+
+
+def measured(table: Rows, entry: MeasurementColumns, units: Units, sensor: type[Sensor]) -> tuple[Array, Indices]:
+    """The measurements ``(m, n)`` in SI units and radians, and the rows ``(n,)`` that have one.
+
+    Raises:
+        InputError: a number is damaged, or no row has a measurement.
+    """
+    named, quantities = entry.components, entry.quantities(sensor.components, sensor.units)
     values = []
-    for name, unit in zip(components, sensor.units, strict=True):
-        quantity = COMPONENT_QUANTITIES.get(unit)
+    for name, quantity in quantities.items():
         factor = units.factor(quantity, entry.units.get(name))
         bias = entry.bias.get(name, 0.0) * factor
         values.append(table.numbers(named[name], factor, quantity, optional=True) - bias)
-    measurement = np.stack(values)
-    there = np.isfinite(measurement)
+    there = np.isfinite(values)
     for row in np.flatnonzero(there.any(axis=0) & ~there.all(axis=0)).tolist():
-        missing = named[components[int(np.argmin(there[:, row]))]]
+        missing = named[list(quantities)[int(np.argmin(there[:, row]))]]
         raise table.error(row, f"{missing} is empty, but other columns of the same measurement are not")
-    detected = np.flatnonzero(there.all(axis=0))
-    if not len(detected):
+    rows = np.flatnonzero(there.all(axis=0))
+    if not len(rows):
         raise InputError(f"there is no measurement in {', '.join(named.values())}", file=table.file)
-    owner = _owners(table, entry.object or columns.object, detected, ids)
-    kept, order = row_order(seconds[detected], owner)
-    time = seconds[detected][kept]
-    return Log(time, owner[kept], measurement[:, detected][:, kept], np.unique(time), order)
+    measurement = np.stack(values)[:, rows]
+    if tuple(quantities) != sensor.components:
+        x, y = measurement[:2]
+        measurement = np.stack([np.hypot(x, y), np.arctan2(y, x), *measurement[2:]])
+    return measurement, rows
 
 
 def _owners(table: Rows, column: str | None, rows: Indices, ids: list[str]) -> Indices:

@@ -23,7 +23,7 @@ def load(config: RecordingOptions, kinds: Mapping[str, str], folder: Path) -> Dr
     Raises:
         InputError: the file cannot be read, or a line of it is damaged.
     """
-    file = files.find(config.path, folder, "truth.path")
+    file = files.find(config.path or "", folder, "truth.path")
     measurements = parse(files.read_text(file), file)
     stamps = np.array([item.stamp for item in measurements], dtype=np.int64)
     seconds = (stamps - stamps[0]) / 1e6

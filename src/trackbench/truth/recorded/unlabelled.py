@@ -1,0 +1,231 @@
+"""A log of detections of which nothing says what caused them: the scans, and the motion of what carries the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from decimal import Decimal
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.errors import InputError
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.truth import limits
+from trackbench.truth.base import Recorded
+from trackbench.truth.config import RecordingOptions
+from trackbench.truth.config.columns import POLAR, MeasurementColumns
+from trackbench.truth.recorded import files, rows
+from trackbench.truth.recorded.assemble import carrier, fixed
+from trackbench.truth.recorded.cycles import cycles
+from trackbench.truth.recorded.drive import Motion, row_order
+from trackbench.truth.recorded.rows import Rows
+from trackbench.truth.recorded.table import measured, observer_motion, seconds_from, time_stamps
+from trackbench.types import Array, Indices, Mask, Observer, RecordedDetections, Truth
+from trackbench.units import wrap_angle
+from trackbench.words import counted
+
+#: A slot that was empty for longer has another object afterwards, s.
+EMPTY_SLOT = 1.0
+
+
+class _Scans(NamedTuple):
+    """Of one sensor, sorted by time."""
+
+    time: Array
+    """``(scans,)`` the first instant of each cycle, s."""
+    scan: Indices
+    """``(rows,)``"""
+    measurement: Array
+    """``(m, rows)``, angles wrapped."""
+    own_track: Indices
+    """``(rows,)``"""
+    own_tracks: tuple[str, ...]
+    rows: int
+    """In the file."""
+    duplicates: int
+    """Rows of the same slot at the same time as a row before, which are left out."""
+    copies: int = 0
+    """Detections beside another of the same object, which are left out."""
+
+
+def load(
+    config: RecordingOptions, kinds: Mapping[str, str], folder: Path
+) -> tuple[Truth, dict[str, Recorded], tuple[str, ...]]:
+    """A truth without objects, the detections of each sensor, and what was left out, a line each.
+
+    Raises:
+        InputError: a file cannot be read or is damaged, with its name and line (row, where there are no lines).
+    """
+    tables = {
+        name: rows.read(files.find(entry.path or "", folder, f"truth.readings.{name}.path"), config.format, _own(entry))
+        for name, entry in config.measurements.items()
+    }
+    stamps = {
+        name: time_stamps(tables[name], entry.time or "", config.units.factor("time", entry.units.get("time")))
+        for name, entry in config.measurements.items()
+    }
+    start = min(min(of) for of in stamps.values())
+    found = {}
+    for name, entry in config.measurements.items():
+        at = seconds_from(start, stamps[name])
+        if at.max() > limits.LONGEST:
+            row = int(np.argmax(at))
+            raise tables[name].error(row, f"{entry.time}: {limits.why_too_long(at[row])}")
+        found[name] = _scans(tables[name], entry, at + entry.time_offset_s, config, kinds[name])
+    times = np.unique(np.concatenate([of.time for of in found.values()]))
+    motion = None if config.ego is None else _ego(config, folder, start)
+    observer = fixed(config.observer, len(times))
+    if motion is not None:
+        times = times[_known(times, motion)]
+        observer = carrier(motion, times)
+    detections: dict[str, Recorded] = {name: _detections(of, times) for name, of in found.items()}
+    return _no_objects(config, times, observer), detections, tuple(_notes(found, times))
+
+
+def _ego(config: RecordingOptions, folder: Path, start: Decimal) -> Motion:
+    """The motion of what carries the sensors."""
+    columns = config.ego
+    assert columns is not None
+    file = files.find(columns.path or "", folder, "truth.ego.path")
+    table = rows.read(file, config.format, [columns.time or "", *columns.given.values()])
+    stamps = time_stamps(table, columns.time or "", config.units.factor("time", columns.units.get("time")))
+    return observer_motion(table, columns, seconds_from(start, stamps), config.units)
+
+
+def _no_objects(config: RecordingOptions, times: Array, observer: Observer) -> Truth:
+    none = np.zeros((len(times), 0, 1))
+    return Truth(
+        time=times,
+        ids=(),
+        px=none,
+        py=none,
+        heading=none,
+        course=none,
+        speed=none,
+        acceleration=none,
+        yaw_rate=none,
+        alive=np.zeros((len(times), 0), dtype=bool),
+        length=np.zeros(0),
+        width=np.zeros(0),
+        observer=observer,
+        source={"source": "recording", "format": config.format, "recorded": list(config.measurements)},
+        known=False,
+    )
+
+
+def _own(entry: MeasurementColumns) -> list[str]:
+    named = [entry.time, entry.slot, entry.new_track, *entry.components.values()]
+    return [name for name in named if name is not None]
+
+
+def _scans(table: Rows, entry: MeasurementColumns, at: Array, config: RecordingOptions, kind: str) -> _Scans:
+    model = SENSOR_MODELS[kind]
+    measurement, detected = measured(table, entry, config.units, model)
+    names = [""] * len(table) if entry.slot is None else table.names(entry.slot)
+    slots = list(dict.fromkeys(names[row] for row in detected.tolist()))
+    number = {name: i for i, name in enumerate(slots)}
+    slot = np.array([number[names[row]] for row in detected.tolist()], dtype=np.intp)
+    new = np.zeros(len(detected), dtype=bool) if entry.new_track is None else _flags(table, entry.new_track)[detected]
+    # Without slots two equal rows are two detections.
+    kept, order = row_order(at[detected], np.arange(len(detected)) if entry.slot is None else slot)
+    time, slot, new = at[detected][kept], slot[kept], new[kept]
+    looked = cycles(time, slot, np.unique(at)) if entry.slot is not None else None
+    instants = np.unique(at) if looked is None else looked.instants
+    cycle = np.arange(len(instants)) if looked is None else looked.cycle
+    _, first, of_instant = np.unique(cycle, return_index=True, return_inverse=True)
+    scan = of_instant[np.searchsorted(instants, time)]
+    values = measurement[:, kept]
+    for i in model.angular:
+        values[i] = wrap_angle(values[i])
+    own_track, own_tracks = np.full(len(time), -1), list[str]()
+    if entry.slot is not None:
+        own_track, own_tracks = _tracks_of_slots(time, slot, new, slots)
+    found = _Scans(instants[first], scan, values, own_track, tuple(own_tracks), len(table), order.duplicates)
+    return found if entry.copies_within_m is None else _without_copies(found, time, model, entry.copies_within_m)
+
+
+def _flags(table: Rows, column: str) -> Mask:
+    values = table.numbers(column, 1.0, None)
+    for row in np.flatnonzero((values != 0) & (values != 1)).tolist():
+        raise table.error(row, f"{column} is {values[row]:g}, where 0 or 1 is expected")
+    return np.asarray(values == 1)
+
+
+def _tracks_of_slots(time: Array, slot: Indices, new: Mask, names: list[str]) -> tuple[Indices, list[str]]:
+    """The number of the sensor's own track of each row, and their names: the slot and how many it had before.
+
+    A slot has another track from a row on that says so, and where it was empty for longer than ``EMPTY_SLOT``.
+    """
+    found, tracks = np.full(len(time), -1), list[str]()
+    for number, name in enumerate(names):
+        own = np.flatnonzero(slot == number)
+        begins = new[own] | (np.diff(time[own], prepend=-np.inf) > EMPTY_SLOT)
+        found[own] = len(tracks) + np.cumsum(begins) - 1
+        tracks += [f"{name}-{count + 1}" for count in range(int(begins.sum()))]
+    return found, tracks
+
+
+def _without_copies(of: _Scans, time: Array, model: type[Sensor], within: float) -> _Scans:
+    """Of detections of one scan that are near each other, only that of the sensor's older track."""
+    first, second = of.measurement[:2]
+    polar = model.components[:2] == POLAR
+    position = np.stack([first * np.cos(second), first * np.sin(second)] if polar else [first, second])
+    began = np.full(len(time), 0.0)
+    for track in range(len(of.own_tracks)):
+        own = of.own_track == track
+        began[own] = time[own][0]
+    order = np.lexsort((began, of.scan))
+    kept = np.ones(len(time), dtype=bool)
+    for rows_of_scan in np.split(order, np.flatnonzero(np.diff(of.scan[order])) + 1):
+        older: list[int] = []
+        for row in rows_of_scan.tolist():
+            away = position[:, older] - position[:, [row]]
+            kept[row] = not np.any(np.hypot(*away) < within)
+            older += [row] if kept[row] else []
+    return of._replace(
+        scan=of.scan[kept],
+        measurement=of.measurement[:, kept],
+        own_track=of.own_track[kept],
+        copies=int((~kept).sum()),
+    )
+
+
+def _known(times: Array, motion: Motion) -> Mask:
+    """Which of the times lie within those at which the observer is known.
+
+    Raises:
+        InputError: none.
+    """
+    first, last = float(motion.time[0]), float(motion.time[-1])
+    known = (times >= first) & (times <= last)
+    if not known.any():
+        span = f"from {times[0]:g} to {times[-1]:g} s"
+        message = f"it is known from {first:g} to {last:g} s, and the measurements {span}: check the units of time"
+        raise InputError(message, key="truth.ego")
+    return np.asarray(known)
+
+
+def _notes(found: Mapping[str, _Scans], times: Array) -> Iterator[str]:
+    for name, of in found.items():
+        outside = int((~np.isin(of.time, times))[of.scan].sum())
+        if of.duplicates:
+            what = "of a slot and a time that came before (left out)"
+            yield f"{name}: of {counted(of.rows, 'row')}, {of.duplicates} {what}"
+        if of.copies:
+            yield f"{name}: of {counted(of.rows, 'row')}, {of.copies} copies of another of their cycle (left out)"
+        if outside:
+            yield f"{name}: of {counted(of.rows, 'row')}, {outside} outside the time of the observer (left out)"
+
+
+def _detections(of: _Scans, times: Array) -> RecordedDetections:
+    kept = np.isin(of.time, times)
+    number = np.cumsum(kept) - 1
+    there = kept[of.scan]
+    return RecordedDetections(
+        np.searchsorted(times, of.time[kept]),
+        number[of.scan[there]],
+        of.measurement[:, there],
+        of.own_track[there],
+        of.own_tracks,
+    )

@@ -1,0 +1,95 @@
+"""What is wrong with the options of detection, clutter and resolution: one message each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SCENARIO = """\
+name: options
+truth: {source: highway-env, env: highway-v0, duration_s: 2, rate_hz: 10}
+sensing: {identities: hidden}
+sensors:
+  front: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
+  roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, max_range_m: 80}
+  odd: {type: speed_radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, speed_sigma_mps: 0.1}
+trackers: {raw: {use: raw}}
+"""
+REMEDY = "write sensing: {identities: hidden}, or remove this"
+BAD = [
+    ("front", "clutter: {per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of view"
+     " that ends"),
+    ("front", "states: {clutter_per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of"
+     " view that ends"),
+    ("odd", "max_range_m: 90, clutter: {per_scan: 5}", "7: sensors.odd.clutter.per_scan: a speed_radar has no uniform"
+     " clutter; remove it"),
+    ("roof", "clutter: {range_rate_mps: [5, -5]}", "6: sensors.roof.clutter.range_rate_mps: must be [low, high] with 5"
+     " below -5"),
+    ("roof", "clutter: {places: [{line: [], per_scan: 1}]}", "6: sensors.roof.clutter.places.0.line: must not be"
+     " empty"),
+    ("front", "resolution: {}", "5: sensors.front.resolution: says nothing: add range_m, azimuth_deg or"
+     " range_rate_mps"),
+    ("roof", "resolution: {range_rate_mps: 1}", "6: sensors.roof.resolution.range_rate_mps: a lidar measures no range"
+     " rate; remove it"),
+    ("front", "detection: {half_range_m: 90, by_range: [[0, 1]]}", "5: sensors.front.detection.by_range: not used with"
+     " half_range_m; remove one of them"),
+    ("front", "detection: {by_range: [[0, 1.5]]}", "5: sensors.front.detection.by_range.0: the factor must be from 0 to"
+     " 1, not 1.5"),
+    ("front", "detection: {by_aspect: [[90, 1], [0, 0.5]]}", "5: sensors.front.detection.by_aspect.1: must come after"
+     " 90; sort the rows"),
+]  # fmt: skip
+ONLY_HIDDEN = [
+    ("roof", "clutter: {per_scan: 5}", f"sensors.roof.clutter: a false alarm has no identity; {REMEDY}"),
+    ("roof", "resolution: {range_m: 5}", "sensors.roof.resolution: a detection of two vehicles has no single identity;"
+     f" {REMEDY}"),
+    ("roof", "states: {detection_probability: 0.5}", "sensors.roof.states: trackers are told of this only without"
+     f" identities; {REMEDY}"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def check(tmp_path: Path, cli: Callable[..., Any]) -> Callable[[str], str]:
+    def call(text: str) -> str:
+        file = tmp_path / "options.yaml"
+        file.write_text(text, encoding="utf-8")
+        done = cli("check", file)
+        assert done.status == (2 if done.err else 0)
+        return str(done.err).replace(f"{file}:", "")
+
+    return call
+
+
+def with_option(sensor: str, option: str) -> str:
+    return SCENARIO.replace(f"  {sensor}: {{", f"  {sensor}: {{{option}, ")
+
+
+@pytest.mark.parametrize(("sensor", "option", "message"), BAD, ids=[f"{one[0]} {one[1]}" for one in BAD])
+def test_a_message_says_what_is_wrong(check: Callable[[str], str], sensor: str, option: str, message: str) -> None:
+    assert check(with_option(sensor, option)) == f"{message}\n"
+
+
+@pytest.mark.parametrize(("sensor", "option", "message"), ONLY_HIDDEN)
+def test_what_needs_hidden_identities(check: Callable[[str], str], sensor: str, option: str, message: str) -> None:
+    text = with_option(sensor, option)
+    assert check(text) == ""
+    assert check(text.replace("hidden", "known")) == f"6: {message}\n"
+
+
+def test_what_works_with_known_identities(check: Callable[[str], str]) -> None:
+    text = with_option("front", "occlusion: true, detection: {half_range_m: 90}")
+    assert check(text.replace("hidden", "known")) == ""
+
+
+def test_a_limit_of_the_scene_needs_hidden_identities(check: Callable[[str], str]) -> None:
+    text = SCENARIO.replace("duration_s: 2", "duration_s: 2, others_within_m: 50")
+    assert check(text) == ""
+    expected = f"2: truth.others_within_m: with known identities only targets are measured; {REMEDY}\n"
+    assert check(text.replace("hidden", "known")) == expected
+
+
+def test_shares_of_sizes_add_up_to_at_most_one(check: Callable[[str], str]) -> None:
+    text = SCENARIO.replace("duration_s: 2", "duration_s: 2, sizes: {van: 0.7, truck: 0.4}")
+    assert check(text) == "2: truth.sizes: the shares add up to 1.1; at most 1 is possible\n"

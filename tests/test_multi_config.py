@@ -1,0 +1,57 @@
+"""The options of association: those that do not go together are refused with a clear message."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from trackbench.trackers.config import FilterConfig
+
+EKF = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2.0}
+
+
+def messages(associate: dict[str, Any], **keys: Any) -> list[tuple[str, str]]:
+    with pytest.raises(ValidationError) as caught:
+        FilterConfig.model_validate({**EKF, **keys, "associate": associate})
+    return [(".".join(map(str, error["loc"])), error["msg"]) for error in caught.value.errors()]
+
+
+@pytest.mark.parametrize(
+    ("associate", "key", "message"),
+    [
+        ({"method": "oracle", "gate": 0.9}, "gate", "not used with method: oracle; remove it, or use gnn or jpda or"),
+        ({"method": "pmb", "confirm": [3, 5]}, "confirm", "not used with method: pmb; remove it, or use gnn or jpda"),
+        ({"method": "gnn", "delete_existence": 0.1}, "delete_existence", "not used with method: gnn; remove it, or"),
+        ({"method": "gnn", "max_cluster": 3}, "max_cluster", "not used with method: gnn; remove it, or use jpda or"),
+        ({"method": "gnn", "score_drop": 3.0}, "score_drop", "only used with confirm: score; remove it, or write"),
+        ({"method": "naive", "confirm": "score"}, "confirm", "method: naive has no score; use [M, N]"),
+        ({"method": "gnn", "confirm": [5, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [5, 3]"),
+        ({"method": "gnn", "confirm": [0, 3]}, "confirm", "[M, N] needs M from 1 to N, and N at most 100, not [0, 3]"),
+        ({"method": "pmb", "delete_existence": 0.99}, "delete_existence", "must be less than confirm_existence, which"),
+    ],
+)
+def test_options_that_do_not_go_together(associate: dict[str, Any], key: str, message: str) -> None:
+    (found,) = messages(associate)
+    assert found[0] == f"associate.{key}"
+    assert found[1].startswith(message)
+
+
+@pytest.mark.parametrize("initial", ["two_readings", "truth", {"sensors": ["lidar"]}])
+def test_a_track_starts_from_one_detection(initial: Any) -> None:
+    (found,) = messages({"method": "gnn"}, initial=initial)
+    assert found == ("initial.from", "with associate a track starts from one detection: use from: first_reading")
+
+
+def test_what_tracks_of_one_object_wait_for() -> None:
+    (found,) = messages({"method": "gnn"}, initial={"from": "first_reading", "skip": 2})
+    assert found == ("initial.skip", "not used with associate, which has confirm; remove it")
+
+
+def test_tracks_start_with_the_range_rate_unless_said_otherwise() -> None:
+    config = FilterConfig.model_validate({**EKF, "associate": {"method": "gnn"}})
+    assert (config.initial.source, config.initial.velocity) == ("first_reading", "range_rate")
+    given = FilterConfig.model_validate({**EKF, "initial": "first_reading", "associate": {"method": "gnn"}})
+    assert given.initial.velocity == "zero"
+    assert FilterConfig.model_validate(EKF).initial.source == "two_readings"

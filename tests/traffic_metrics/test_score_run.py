@@ -1,0 +1,254 @@
+"""All scores of one run: what each says in cases that can be worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.traffic_metrics.histories import STEP, random_histories, tracks_of, truth_of
+
+from trackbench.traffic_metrics import METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
+from trackbench.traffic_metrics.histories import NO_DETECTION
+from trackbench.traffic_metrics.strips import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
+from trackbench.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL
+
+NAN = np.nan
+
+
+def ratios(scores: RunScores) -> dict[str, float]:
+    """The values as they stand in a result of this one run."""
+    found = {path: total / count for path, (total, count) in scores.values.items()}
+    return {path: value**0.5 if METRICS[path].combine == "root" else value for path, value in found.items()}
+
+
+def associations_of(truth: TruthHistory, tracks: TrackHistory, origin: object) -> Associations:
+    """One scan an instant, in which every object was detected."""
+    every = np.ones(truth.status.shape, dtype=bool)
+    return Associations(np.arange(len(truth.time)), tracks.ids, np.asarray(origin), every)
+
+
+def test_every_metric_of_the_table_is_computed() -> None:
+    truth, tracks = random_histories(np.random.default_rng(0), 30, 4, 5, 20.0)
+    nothing = associations_of(truth, tracks, np.where(tracks.ids >= 0, FALSE_ALARM, NO_DETECTION))
+    assert set(score_run(truth, tracks, associations=nothing).values) == set(METRICS)
+
+
+def test_perfect_tracks() -> None:
+    truth = truth_of(np.tile([0.0, 20.0], (10, 1)))
+    tracks = tracks_of(truth.state[0])
+    found = ratios(score_run(truth, tracks, associations=associations_of(truth, tracks, [[0, 1]] * 10)))
+    wanted = {path: 0.0 for path, metric in METRICS.items() if metric.better == "smaller"}
+    wanted |= {path: 1.0 for path, metric in METRICS.items() if metric.better == "larger"}
+    wanted |= {"nees": 0.0, "siap_ambiguity": 1.0}
+    assert found == pytest.approx(wanted)
+
+
+def test_an_object_that_is_never_tracked() -> None:
+    truth = truth_of([[0.0]] * 8)
+    scores = score_run(truth, tracks_of([[NAN]] * 8))
+    found = ratios(scores)
+    assert found["gospa"] == found["gospa_missed"] == found["tgospa"] == pytest.approx((5.0**2 / 2) ** 0.5)
+    assert found["ospa"] == found["ospa2"] == 5.0
+    assert found["confirm_latency"] == 8 * STEP
+    assert (found["matched_share"], found["hota"], found["idf1"], found["mota"]) == (0, 0, 0, 0)
+    assert not {"motp", "position_rmse", "nees", "track_purity", "lost_time_share"} & set(found)
+    (event,) = scores.events
+    assert (event.kind, event.why, event.cost) == ("lost", "it never had a track", 8 * 12.5)
+    assert np.all(scores.strips == WAITING)
+
+
+@pytest.mark.parametrize(("objects", "columns"), [(0, 0), (0, 2), (2, 0), (1, 1)])
+def test_nothing_to_score_gives_no_value_and_no_fault(objects: int, columns: int) -> None:
+    truth, tracks = truth_of(np.full((4, objects), NAN)), tracks_of(np.full((4, columns), NAN))
+    found = ratios(score_run(truth, tracks))
+    assert found["gospa"] == found["tgospa"] == found["ospa"] == found["false_tracks"] == 0
+    assert not {"hota", "idf1", "mota", "matched_share", "id_switches", "confirm_latency"} & set(found)
+
+
+def test_one_instant_has_no_duration() -> None:
+    found = ratios(score_run(truth_of([[0.0]]), tracks_of([[1.0]])))
+    assert found["gospa"] == found["position_rmse"] == found["motp"] == 1.0
+    assert "id_switches" not in found
+
+
+def test_a_track_on_an_optional_object_is_neither_right_nor_wrong() -> None:
+    x = np.tile([0.0, 30.0, 60.0], (12, 1))
+    status = np.tile([DUE, OPTIONAL, ABSENT], (12, 1))
+    truth = truth_of(x, status)
+    without = score_run(truth, tracks_of(x[:, :1] + 0.5))
+    # Two tracks near the optional object, one of which wanders around it.
+    wander = 30.0 + np.linspace(-4, 4, 12)[:, None]
+    with_it = score_run(truth, tracks_of(np.hstack([x[:, :1] + 0.5, x[:, 1:2], wander])))
+    assert with_it.values == without.values
+    assert {event.kind for event in with_it.events} == {"born", "confirmed"}
+    # Where nothing is, a track is wrong.
+    wrong = score_run(truth, tracks_of(np.hstack([x[:, :1] + 0.5, x[:, 2:]])))
+    assert ratios(wrong)["gospa_false"] == pytest.approx(12.5**0.5)
+    # A missed optional object costs nothing, whatever the status was before.
+    status[6:, 0] = OPTIONAL
+    gone = x[:, :1].copy()
+    gone[6:] = NAN
+    found = ratios(score_run(truth_of(x, status), tracks_of(gone)))
+    assert (found["gospa"], found["lost_time_share"], found["fragmentations"]) == (0, 0, 0)
+
+
+def test_a_track_nearer_to_an_optional_object_is_on_that_one() -> None:
+    truth = truth_of([[0.0, 4.0]] * 3, [[DUE, OPTIONAL]] * 3)
+    found = ratios(score_run(truth, tracks_of([[3.5]] * 3)))
+    assert (found["matched_share"], found["gospa_false"]) == (0, 0)
+    assert found["gospa_missed"] == pytest.approx(12.5**0.5)
+    # With a track each, the nearer one counts.
+    assert ratios(score_run(truth, tracks_of([[0.5, 3.5]] * 3)))["gospa"] == pytest.approx(0.5)
+
+
+def test_a_switch() -> None:
+    truth = truth_of([[0.0]] * 12)
+    scores = score_run(truth, tracks_of([[0.0, NAN]] * 6 + [[NAN, 0.0]] * 6, ids=[[7, 9]] * 12))
+    found = ratios(scores)
+    assert found["id_switches"] == pytest.approx(1 / (12 * STEP / 60))
+    assert found["mota"] == pytest.approx(11 / 12)
+    assert found["idf1"] == pytest.approx(0.5)
+    assert found["gospa_switch"] == pytest.approx((4 / 12) ** 0.5)
+    assert found["track_purity"] == 1.0
+    (event,) = [event for event in scores.events if event.kind == "switched"]
+    assert (event.instant, event.time, event.track, event.other_track) == (6, 3.0, 9, 7)
+    assert event.why == "its former track ended"
+    assert scores.strips[:, 0].tolist() == [TRACKED] * 6 + [SWITCHED] + [TRACKED] * 5
+
+
+def test_two_tracks_that_change_places() -> None:
+    truth = truth_of([[0.0, 30.0]] * 8)
+    scores = score_run(truth, tracks_of([[0.0, 30.0]] * 4 + [[30.0, 0.0]] * 4))
+    changes = [event for event in scores.events if event.kind == "switched"]
+    assert [(event.object, event.track, event.other_track, event.other_object) for event in changes] == [
+        (0, 1, 0, 1),
+        (1, 0, 1, 0),
+    ]
+    assert ratios(scores)["track_purity"] == 0.5
+
+
+def test_latency_loss_and_fragmentation() -> None:
+    truth = truth_of([[0.0, NAN]] * 2 + [[0.0, 30.0]] * 14)
+    x = np.full((16, 2), NAN)
+    x[4:10, 0] = x[12:, 0] = 1.0
+    x[2:, 1] = 30.0
+    scores = score_run(truth, tracks_of(x))
+    np.testing.assert_allclose(scores.latencies, [4 * STEP, 0.0])
+    found = ratios(scores)
+    assert found["confirm_latency"] == pytest.approx(2 * STEP)
+    assert found["confirm_latency_95"] == pytest.approx(0.95 * 4 * STEP)
+    assert found["lost_time_share"] == pytest.approx(2 / (12 + 14))
+    assert found["matched_share"] == pytest.approx((10 + 14) / (16 + 14))
+    assert found["fragmentations"] == pytest.approx(1 / (30 * STEP / 60))
+    assert found["position_rmse"] == pytest.approx((10 / 24) ** 0.5)
+    assert found["nees"] == pytest.approx(10 / 24)
+    expected = [NOT_DUE] * 0 + [WAITING] * 4 + [TRACKED] * 6 + [LOST] * 2 + [TRACKED] * 4
+    assert scores.strips[:, 0].tolist() == expected
+    assert scores.strips[:, 1].tolist() == [NOT_DUE] * 2 + [TRACKED] * 14
+    of_first = [(event.kind, event.instant, event.cost) for event in scores.events if event.object == 0]
+    assert of_first == [
+        ("born", 4, 0.0),
+        ("confirmed", 4, 4 * 12.5),
+        ("lost", 10, 2 * 12.5),
+        ("fragmented", 12, 0.0),
+    ]
+
+
+def test_two_objects_with_one_track_between_them_are_merged() -> None:
+    truth = truth_of([[0.0, 8.0]] * 4 + [[2.0, 6.0]] * 4)
+    tracks = tracks_of([[0.0, 8.0]] * 4 + [[2.0, NAN]] * 4)
+    kinds = {event.kind: event for event in score_run(truth, tracks).events}
+    assert kinds["lost"].why == "its track ended"
+    beside = tracks_of([[0.0, 8.0]] * 4 + [[2.0, 0.5]] * 4)
+    (event,) = [event for event in score_run(truth, beside).events if event.kind == "merged"]
+    assert (event.object, event.track, event.other_object, event.other_track) == (1, 1, 0, 0)
+
+
+def test_false_tracks() -> None:
+    truth = truth_of([[0.0]] * 12)
+    x = np.full((12, 3), NAN)
+    x[:, 0] = 0.0
+    x[2:5, 1] = 50.0
+    x[6:, 2] = np.linspace(1.0, 51.0, 6)
+    scores = score_run(truth, tracks_of(x))
+    found = ratios(scores)
+    # Of the second it cannot be said that it never was near the object, but the first track was nearer.
+    assert found["false_tracks"] == pytest.approx(2 / (12 * STEP / 60))
+    events = [(event.track, event.instant, event.cost, event.x) for event in scores.events if event.kind == "false"]
+    assert events == [(1, 2, 3 * 12.5, 50.0), (2, 6, 6 * 12.5, 1.0)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_events_account_for_all_that_is_missed_and_false(seed: int) -> None:
+    truth, tracks = random_histories(np.random.default_rng(seed), 40, 4, 5, 30.0)
+    status = truth.status.copy()
+    status[np.random.default_rng(seed).random(status.shape) < 0.1] = OPTIONAL
+    truth = truth._replace(status=np.where(truth.status == ABSENT, ABSENT, status))
+    scores = score_run(truth, tracks)
+    matched, due = scores.values["matched_share"]
+    misses = sum(event.cost for event in scores.events if event.kind in ("confirmed", "lost", "merged"))
+    assert misses == pytest.approx(12.5 * (due - matched))
+    true_minus_false = scores.values["mota"][0] + sum(event.kind == "switched" for event in scores.events)
+    false = sum(event.cost for event in scores.events if event.kind == "false")
+    assert false == pytest.approx(12.5 * (matched - true_minus_false))
+    assert sum(event.kind == "fragmented" for event in scores.events) == scores.values["fragmentations"][0]
+    assert sum(event.kind == "switched" for event in scores.events) == scores.values["id_switches"][0]
+    assert [event.instant for event in scores.events] == sorted(event.instant for event in scores.events)
+
+
+def test_associations_are_judged_by_the_object_that_the_track_had_before() -> None:
+    truth = truth_of([[0.0, 8.0]] * 6)
+    # At the fourth instant track 0 takes the detection of object 1 and jumps to it.
+    tracks = tracks_of([[0.0, NAN]] * 3 + [[8.0, NAN]] * 3)
+    origin = [[0, NO_DETECTION]] * 2 + [[FALSE_ALARM, NO_DETECTION]] + [[1, NO_DETECTION]] * 2 + [[NO_DETECTION] * 2]
+    found = score_run(truth, tracks, associations=associations_of(truth, tracks, origin)).values
+    shares = {path.removeprefix("association_"): sums[0] for path, sums in found.items() if "association" in path}
+    assert shares == {"right": 3, "wrong_object": 1, "clutter": 1, "missed": 1}
+
+
+def test_a_detection_of_two_objects_is_right_for_both_and_silence_is_no_miss_where_nothing_was_detected() -> None:
+    truth = truth_of([[0.0, 4.0]] * 3)
+    tracks = tracks_of(truth.state[0])
+    taken = associations_of(truth, tracks, [[0, 0], [0, NO_DETECTION], [NO_DETECTION, 1]])
+    taken = taken._replace(merged=np.array([[1, 1], [-1, -1], [-1, -1]]))
+    taken.detected[1, 1] = False
+    found = score_run(truth, tracks, associations=taken).values
+    assert found["association_right"] == (4, 5)
+    assert found["association_missed"] == (1, 5)
+
+
+def test_two_tracks_on_an_object_are_ambiguous() -> None:
+    truth = truth_of([[0.0, 30.0]] * 4)
+    found = ratios(score_run(truth, tracks_of([[0.0, 1.0, 60.0]] * 4)))
+    names = ("completeness", "ambiguity", "spuriousness", "position")
+    assert [found[f"siap_{name}"] for name in names] == pytest.approx([1 / 2, 2.0, 1 / 3, 1 / 2])
+
+
+def test_existence_probabilities_are_held_against_what_is_real() -> None:
+    truth = truth_of([[0.0, 30.0]] * 4, [[DUE, OPTIONAL]] * 4)
+    x = np.array([[0.0, 30.0, 60.0]] * 4)
+    bins = score_run(truth, tracks_of(x, existence=np.tile([0.85, 0.95, 0.25], (4, 1)))).existence
+    assert bins is not None
+    assert bins.number.tolist() == [0, 0, 4, 0, 0, 0, 0, 0, 4, 0]
+    assert bins.real.tolist() == [0, 0, 0, 0, 0, 0, 0, 0, 4, 0]
+    assert bins.stated[[2, 8]] == pytest.approx([1.0, 3.4])
+    assert score_run(truth, tracks_of(x)).existence is None
+
+
+def test_columns_and_the_numbers_of_ids_mean_nothing() -> None:
+    rng = np.random.default_rng(3)
+    truth, tracks = random_histories(rng, 25, 4, 6, 20.0)
+    order = np.argsort(rng.random(tracks.ids.shape), axis=1)
+    shuffled = TrackHistory(
+        np.take_along_axis(np.where(tracks.ids >= 0, 1000 - tracks.ids, -1), order, axis=1),
+        np.take_along_axis(tracks.mean, order[None], axis=2),
+        tracks.covariance,
+    )
+    assert ratios(score_run(truth, shuffled)) == pytest.approx(ratios(score_run(truth, tracks)))
+
+
+def test_a_mean_that_is_not_finite_is_on_no_object() -> None:
+    truth, tracks = truth_of([[0.0]] * 4), tracks_of([[0.0, 0.0]] * 4)
+    tracks.mean[:, :, 1] = NAN
+    found = ratios(score_run(truth, tracks))
+    assert found["gospa_false"] == pytest.approx(12.5**0.5)
+    assert found["position_rmse"] == 0
