@@ -20,7 +20,7 @@ MENU = {
     "Start": ["Quick start <self>", "tour"],
     "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "traffic-sensing", "sensor-presets"],
     "Trackers": ["motion-models", "filters", "own-tracker", "adaptors"],
-    "Results": ["metrics", "reading-a-report", "reading-a-recording", "compare"],
+    "Results": ["metrics", "traffic-metrics", "reading-a-report", "reading-a-recording", "compare"],
     "Tools": ["command-line", "execution", "doctor", "doctor-rates"],
     "Published projects": [
         "projects/range-3km",

@@ -265,3 +265,19 @@ def test_a_sensor_that_is_not_read_changes_nothing() -> None:
     assert asked.used is not None
     assert (asked.ids >= 0).sum() >= 10
     assert (asked.used == -1).all()
+
+
+@pytest.mark.parametrize("method", ["gnn", "jpda", "jipda", "pmb"])
+def test_a_sensor_that_states_that_it_detects_nothing(method: str) -> None:
+    seen = traffic(vehicles(3, spacing=30.0), 10, detection=1.0, clutter=0.0)
+    of, state = tracker(method), None
+    for scan in seen.scans:
+        state, tracks = of.step(state, of_run(scan, 0))
+    last = of_run(seen.scans[-1], 0)
+    for probability, density in ((0.0, 0.0), (0.0, 1e-6)):
+        blind = last._replace(detection_probability=probability, clutter_density=density)
+        _, same = of.step(state, blind)
+        np.testing.assert_array_equal(same.ids, tracks.ids)
+        empty = blind._replace(measurement=last.measurement[:, :0], valid=last.valid[:0])
+        _, same = of.step(state, empty)
+        np.testing.assert_array_equal(same.mean, tracks.mean)

@@ -37,7 +37,8 @@ def test_perfect_tracks() -> None:
     tracks = tracks_of(truth.state[0])
     found = ratios(score_run(truth, tracks, associations=associations_of(truth, tracks, [[0, 1]] * 10)))
     wanted = {path: 0.0 for path, metric in METRICS.items() if metric.better == "smaller"}
-    wanted |= {path: 1.0 for path, metric in METRICS.items() if metric.better == "larger"} | {"nees": 0.0}
+    wanted |= {path: 1.0 for path, metric in METRICS.items() if metric.better == "larger"}
+    wanted |= {"nees": 0.0, "siap_ambiguity": 1.0}
     assert found == pytest.approx(wanted)
 
 
@@ -213,6 +214,13 @@ def test_a_detection_of_two_objects_is_right_for_both_and_silence_is_no_miss_whe
     found = score_run(truth, tracks, associations=taken).values
     assert found["association_right"] == (4, 5)
     assert found["association_missed"] == (1, 5)
+
+
+def test_two_tracks_on_an_object_are_ambiguous() -> None:
+    truth = truth_of([[0.0, 30.0]] * 4)
+    found = ratios(score_run(truth, tracks_of([[0.0, 1.0, 60.0]] * 4)))
+    names = ("completeness", "ambiguity", "spuriousness", "position")
+    assert [found[f"siap_{name}"] for name in names] == pytest.approx([1 / 2, 2.0, 1 / 3, 1 / 2])
 
 
 def test_existence_probabilities_are_held_against_what_is_real() -> None:

@@ -11,7 +11,7 @@ from trackbench.compare.differences import Match, coverage_notes, differences, o
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.metrics import ComparedMetric, compared_metric
-from trackbench.compare.ranking import RANKED_BY, Pairings, ranking, scores
+from trackbench.compare.ranking import Pairings, ranking, scores
 from trackbench.errors import InputError, nearest
 from trackbench.execution import one_blas_thread
 from trackbench.results import Result
@@ -41,7 +41,8 @@ def compare(
 
     Args:
         results: the sets; the first is the baseline.
-        metrics: what to compare by, beside those of the limits; ``position_rmse`` unless given.
+        metrics: what to compare by, beside those of the limits; unless given ``position_rmse``, or ``gospa`` where
+            identities are hidden.
         trackers: names of those to compare; all unless given.
         limits: how much worse the trackers of the later sets may be.
 
@@ -49,10 +50,11 @@ def compare(
         InputError: results that cannot be compared, a name that is not there, nothing to compare.
     """
     sets = [_set_of(number, item) for number, item in enumerate(results)]
-    wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in limits)])) or [RANKED_BY]
+    ranked_by = _ranked_by(sets)
+    wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in limits)])) or [ranked_by]
     for limit in limits:
         require_directed(_metric(limit.metric, OPTION, sets))
-    known = {path: _metric(path, "--metric", sets) for path in (RANKED_BY, *wanted)}
+    known = {path: _metric(path, "--metric", sets) for path in (ranked_by, *wanted)}
     _require_known(sets, trackers)
     cells, notes = _cells(sets)
     for cell in cells:
@@ -69,14 +71,14 @@ def compare(
     single = len(sets) == 1
     matches = [match for cell in cells for match in _matches(cell, chosen, single)]
     if single and len(cells) > 1:
-        wanted = list(dict.fromkeys([RANKED_BY, *wanted]))
+        wanted = list(dict.fromkeys([ranked_by, *wanted]))
     elif not any(match.pairs for match in matches):
         what = "only one tracker" if single else "no tracker of the same name in the first result and a later one"
         raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
     allowed = {limit.metric: limit.percent for limit in limits}
     compared = [known[path] for path in wanted]
     found, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
-    pairings = _pairings(found, matches, known[RANKED_BY]) if single else None
+    pairings = _pairings(found, matches, known[ranked_by]) if single else None
     scored = [
         score
         for cell in cells
@@ -86,6 +88,7 @@ def compare(
     ranked, rank_differences = ranking(scored, pairings) if pairings else ([], [])
     return Comparison(
         sets=[item.label for item in sets],
+        ranked_by=ranked_by,
         scenarios=[_compared(cell, matches) for cell in cells],
         scores=scored,
         differences=found,
@@ -101,7 +104,23 @@ def compare(
 def _pairings(found: Sequence[PairDifference], matches: Sequence[Match], metric: ComparedMetric) -> Pairings:
     """Which tracker is better where, whatever metrics are compared."""
     known = any(item.metric == metric.path for item in found)
-    return Pairings(found if known else differences(matches, [metric], over_scenarios=False)[0])
+    return Pairings(found if known else differences(matches, [metric], over_scenarios=False)[0], metric.path)
+
+
+def _ranked_by(sets: Sequence[ResultSet]) -> str:
+    """The metric that trackers are ranked by.
+
+    Raises:
+        InputError: identities are hidden in some results and known in others.
+    """
+    first, *others = (entry for item in sets for entry in item.entries)
+    ours = first.result.summary
+    for entry in others:
+        theirs = entry.result.summary
+        if theirs.identities != ours.identities:
+            reason = f"identities are {theirs.identities} here and {ours.identities} there"
+            raise InputError(f"cannot be compared with {first.label}: {reason}", file=entry.label)
+    return ours.headline
 
 
 def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultSet:
@@ -120,8 +139,9 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
 
 def _metric(path: str, key: str, sets: Sequence[ResultSet]) -> ComparedMetric:
     """A metric by its path, which may be one that is not built in."""
+    hidden = sets[0].entries[0].result.summary.identities == "hidden"
     own = [metric for item in sets for entry in item.entries for metric in entry.result.summary.score.metrics]
-    return compared_metric(path, key, own)
+    return compared_metric(path, key, own, built_in=not hidden)
 
 
 def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) -> None:

@@ -101,8 +101,8 @@ def _obstacles(baseline: Entry, later: Entry) -> Iterator[str]:
 
 def _stated(scenario: ScenarioConfig) -> dict[str, Any]:
     """What must be the same: the truth, the sensors, and which errors count."""
-    found = scenario.model_dump(mode="json", include={"truth", "sensors"})
-    return {**found, "score": {"settle_s": scenario.score.settle_s}}
+    found = scenario.model_dump(mode="json", include={"truth", "sensors", "sensing"})
+    return {**found, "score": {"settle_s": scenario.score.settle_s, "cutoff_m": scenario.score.cutoff_m}}
 
 
 def _own_metric(entry: Entry, path: str) -> dict[str, Any] | None:

@@ -66,8 +66,8 @@ class EntrantScore(Part):
     """Those that have a value, by path."""
     diverged_runs: int
     rank: float | None
-    """By position RMSE, in a set that is compared alone: one, and one for each tracker that is shown to be better by
-    more than the margin, a half for each where neither is. None without a score, and with several sets."""
+    """By the metric that ranks, in a set that is compared alone: one, and one for each tracker that is shown to be
+    better by more than the margin, a half for each where neither is. None without a score, and with several sets."""
     leading: bool
     """Whether it is the best of the scenario, or was not shown to be worse than the best by more than the margin."""
     failure: str = ""
@@ -203,6 +203,8 @@ class Comparison(Part):
     schema_version: int = SCHEMA_VERSION
     sets: list[str]
     """Their labels."""
+    ranked_by: str = "position_rmse"
+    """The metric that trackers are ranked by; ``gospa`` where identities are hidden."""
     scenarios: list[ComparedScenario]
     scores: list[EntrantScore]
     differences: list[PairDifference]

@@ -31,20 +31,26 @@ class ComparedMetric:
     unit: str
     better: Direction | None
     """Which values are better; None where neither is."""
+    own: bool = False
+    """Whether it is not built in: the mean of its column is the metric."""
 
     @property
     def over(self) -> str:
         """Column of the reference that it is divided by, empty where it is by none."""
-        return _OVER.get(self.path, ("", ""))[1]
+        return "" if self.own else _OVER.get(self.path, ("", ""))[1]
 
     @property
     def column(self) -> str:
         """Of its values."""
+        if self.own:
+            return stored.own_column(self.path)
         return "nees_mean" if self.path == _NEES else stored.run_column(self._numerator)
 
     @property
     def count(self) -> str | None:
         """Column of the number of terms of each; None where every run counts alike."""
+        if self.own:
+            return None
         return "count" if self.path == _NEES else stored.count_column(self._numerator)
 
     @property
@@ -59,6 +65,8 @@ class ComparedMetric:
             count: ``(runs,)`` the number of terms of each.
             reference: ``(runs,)`` what it is divided by; None where it is by none.
         """
+        if self.own:
+            return ratio(values, np.ones(len(values))) if np.isfinite(values).all() else None
         if self.path == _NEES:
             return ratio(np.nan_to_num(values) * count, count, positive=True) if count.sum() > 0 else None
         if reference is not None:
@@ -67,15 +75,17 @@ class ComparedMetric:
         return stored.from_runs(self._numerator, values, count)
 
 
-def compared_metric(path: str, key: str, own: Sequence[OwnMetricSummary] = ()) -> ComparedMetric:
-    """A metric by its path; ``own`` are those that are not built in.
+def compared_metric(
+    path: str, key: str, own: Sequence[OwnMetricSummary] = (), *, built_in: bool = True
+) -> ComparedMetric:
+    """A metric by its path; ``own`` are those that are not built in, beside which there may be none.
 
     Raises:
         InputError: it has no value in each run; ``key`` is the option that names it.
     """
     found = {item.path: ComparedMetric(item.path, item.unit, item.better) for item in registry.known()}
-    known = {name: metric for name, metric in found.items() if name in BUILT_IN}
-    known |= {item.name: ComparedMetric(item.name, item.unit, item.better) for item in own if not item.per_sensor}
+    known = {name: metric for name, metric in found.items() if name in BUILT_IN and built_in}
+    known |= {item.name: ComparedMetric(item.name, item.unit, item.better, True) for item in own if not item.per_sensor}
     if path not in known:
         raise InputError(f"{path!r} is not compared run by run; {nearest(path, known)}", key=key)
     return known[path]

@@ -13,20 +13,22 @@ from trackbench.compare.mean_ranks import interval, sign_flip
 from trackbench.metrics.differences import LEVEL
 from trackbench.metrics.intervals import holm
 
-#: The metric that trackers are ranked by.
-RANKED_BY = "position_rmse"
-#: The metrics that a score keeps.
-SHOWN = ("position_rmse", "velocity_rmse", "position_over_reference", "nees", "step_time")
+#: The metrics that a score keeps, by the one that trackers are ranked by.
+SHOWN = {
+    "position_rmse": ("position_rmse", "velocity_rmse", "position_over_reference", "nees", "step_time"),
+    "gospa": ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "id_switches", "step_time"),
+}
 
 
 class Pairings:
     """Which of two trackers is better in a scenario."""
 
-    def __init__(self, differences: Sequence[PairDifference]) -> None:
+    def __init__(self, differences: Sequence[PairDifference], metric: str) -> None:
+        """``metric``: the one that trackers are ranked by."""
         self._better: dict[tuple[str, frozenset[str]], str] = {}
         for item in differences:
             a, b = item.entrant.tracker, item.against.tracker
-            if item.metric == RANKED_BY and item.verdict in ("better", "worse"):
+            if item.metric == metric and item.verdict in ("better", "worse"):
                 self._better[item.scenario, frozenset((a, b))] = a if item.verdict == "better" else b
 
     def better(self, scenario: str, a: str, b: str) -> str | None:
@@ -44,6 +46,7 @@ def scores(
 ) -> list[EntrantScore]:
     """What the trackers of one result reached, in the order of the scenario; ranked if it is known who is better."""
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
+    shown = SHOWN[entry.result.summary.headline]
     found = []
     for tracker in entry.result.summary.trackers:
         name = tracker.name
@@ -51,7 +54,7 @@ def scores(
             continue
         has_score = name in scored
         ranked = pairings if has_score else None
-        metrics = {path: value for path in SHOWN if (value := tracker.metrics.get(path)) and value.value is not None}
+        metrics = {path: value for path in shown if (value := tracker.metrics.get(path)) and value.value is not None}
         found.append(
             EntrantScore(
                 scenario=scenario,

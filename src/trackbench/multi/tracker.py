@@ -28,6 +28,8 @@ from trackbench.types import Array, Indices, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
 CLAIMED = 0.5
+#: Smallest detection probability that a tracker reckons with where there is a detection.
+LEAST_DETECTION = 1e-3
 
 
 class MultiObjectState(NamedTuple):
@@ -144,15 +146,15 @@ class MultiObjectTracker:
             return _by_origin(at, table.origin, origin)
         measured = self.filter.measured(at.detections.scan)
         pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
-        # What is in a gate has been in view.
-        at.detection_probability[pairs.track] = probability
+        # What is in a gate was in view, whatever the sensor states.
+        at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
         if config.method == "naive":
             chosen = assign.in_order_of_list(pairs)
             return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
         false_alarms, new_objects = at.intensity.false_alarms, at.intensity.new_objects * probability
         if config.method == "gnn":
             with np.errstate(divide="ignore"):
-                ratio = np.log(probability / false_alarms) + pairs.log_likelihood
+                ratio = np.log(at.detection_probability[pairs.track] / false_alarms) + pairs.log_likelihood
             chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
             return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
         density = false_alarms + (new_objects if config.method == "pmb" else 0.0)

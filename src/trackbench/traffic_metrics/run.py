@@ -19,6 +19,7 @@ from trackbench.traffic_metrics.identity import identity
 from trackbench.traffic_metrics.lifetimes import durations, false_tracks, latencies, lost, purity
 from trackbench.traffic_metrics.matched import matched_errors
 from trackbench.traffic_metrics.ospa import ospa, ospa2
+from trackbench.traffic_metrics.siap import siap
 from trackbench.traffic_metrics.strips import strips
 from trackbench.traffic_metrics.tgospa import tgospa
 from trackbench.types import Array
@@ -89,6 +90,7 @@ def score_run(
         **_latency(waited),
         "lost_time_share": lost(track_of, counted.due),
         "track_purity": purity(matched, counted.due.shape[1], len(counted.ids)),
+        **{f"siap_{name}": sums for name, sums in siap(truth, tracks, counted)._asdict().items()},
         **_errors(truth, tracks, matched),
     }
     if associations is not None:

@@ -41,6 +41,11 @@ METRICS: dict[str, TrafficMetric] = {
     "confirm_latency_95": TrafficMetric("s", "time within which 95 % of the objects are tracked", "smaller", "mean"),
     "lost_time_share": TrafficMetric("", "share of the time after its first track that an object has none", "smaller"),
     "track_purity": TrafficMetric("", "share of a track's time that it spends on its main object", "larger"),
+    "siap_completeness": TrafficMetric("", "share of the due instants with any track", "larger"),
+    "siap_ambiguity": TrafficMetric("", "tracks on an object that has any", "smaller"),
+    "siap_spuriousness": TrafficMetric("", "share of the tracks on no object", "smaller"),
+    "siap_position": TrafficMetric("m", "mean distance of tracks to the nearest object", "smaller"),
+    "siap_velocity": TrafficMetric("m/s", "mean difference of their velocities", "smaller"),
     "position_rmse": TrafficMetric("m", "root mean square error of the position of matched tracks", "smaller", "root"),
     "velocity_rmse": TrafficMetric(
         "m/s", "root mean square error of the velocity of matched tracks", "smaller", "root"

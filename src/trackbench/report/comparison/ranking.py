@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from trackbench.compare import Comparison
-from trackbench.compare.comparison import EntrantScore
+from trackbench.compare.comparison import EntrantScore, RankedTracker
 from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.metrics.verdict_words import conditions_off
@@ -17,7 +17,7 @@ from trackbench.words import counted
 #: A verdict's colour.
 _TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn", "mixed": "warn"}
 
-_POSITION = (
+_RANKED = (
     "With half of its 95 % interval. Bold: the best of the scenario, and every tracker that was not shown to be worse "
     "than it by more than the margin (paired over runs, Holm)."
 )
@@ -28,6 +28,17 @@ _NEES = (
 _TIME = "Of one predict and update of one run, on this machine."
 
 _ToCell = Callable[[EntrantScore, int], Cell]
+#: The metrics that rank, in words.
+_NAMES = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
+_Matrix = Callable[[str, str, _ToCell], Table]
+#: Where identities are hidden, what is shown beside GOSPA: title, metric.
+_OF_TRACKS = {
+    "Localisation part of GOSPA, m": "gospa_localisation",
+    "Missed part of GOSPA, m": "gospa_missed",
+    "False part of GOSPA, m": "gospa_false",
+    "HOTA": "hota",
+    "Switches a minute of an object": "id_switches",
+}
 
 
 def lead(comparison: Comparison) -> str:
@@ -59,17 +70,21 @@ def blocks(
     comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
 ) -> Iterator[Block]:
     """The ranking, a matrix for each quantity, the scenarios, and what has no score."""
-    yield Section("Overall", (_overall(comparison), Paragraph(_METHOD), rank_figure(comparison, colours)))
+    yield Section(
+        "Overall",
+        (
+            _overall(comparison),
+            Paragraph(_METHOD.format(metric=_NAMES[comparison.ranked_by])),
+            rank_figure(comparison, colours),
+        ),
+    )
     links = {s.name: reports.get(s.results[0].label, "") for s in comparison.scenarios}
 
     def matrix(name: str, metric: str, cell: _ToCell) -> Table:
         return _matrix(comparison, links, name, metric, cell)
 
-    position = matrix("position", "position_rmse", _position)
-    yield Section("Position RMSE, m", (Paragraph(_POSITION), position, reference_figure(comparison)))
-    velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
-    yield Section("Velocity RMSE, m/s", (Paragraph("With half of its 95 % interval."), velocity))
-    yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
+    hidden = comparison.ranked_by == "gospa"
+    yield from _tracks(matrix) if hidden else _estimates(comparison, matrix)
     if times:
         yield Section("Time of a step, µs", (Paragraph(_TIME), matrix("time", "step_time", _plain("step_time"))))
     yield Section("Scenarios", (_scenarios(comparison, links),))
@@ -82,8 +97,22 @@ def blocks(
         yield Section("Without a score", (Items(tuple(failures)),))
 
 
+def _estimates(comparison: Comparison, matrix: _Matrix) -> Iterator[Block]:
+    position = matrix("position", "position_rmse", _ranked("position_rmse"))
+    yield Section("Position RMSE, m", (Paragraph(_RANKED), position, reference_figure(comparison)))
+    velocity = matrix("velocity", "velocity_rmse", _plain("velocity_rmse"))
+    yield Section("Velocity RMSE, m/s", (Paragraph("With half of its 95 % interval."), velocity))
+    yield Section("Does each tracker know its own error?", (Paragraph(_NEES), matrix("nees", "nees", _nees)))
+
+
+def _tracks(matrix: _Matrix) -> Iterator[Block]:
+    yield Section("GOSPA, m", (Paragraph(_RANKED), matrix("gospa", "gospa", _ranked("gospa"))))
+    for title, metric in _OF_TRACKS.items():
+        yield Section(title, (matrix(metric.replace("_", "-"), metric, _plain(metric)),))
+
+
 _METHOD = (
-    "Rank by position RMSE within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
+    "Rank by {metric} within each scenario, averaged: 1, and 1 more for each tracker that is shown to be better "
     "by more than the margin (paired over runs, 5 % level after Holm), a half for each where neither is. Won, lost and "
     "tied count the same pairings. The interval, and the p-value of the lead, are about scenarios of this kind, each "
     "with as many runs: both the choice of scenarios and the noise within them are in the spread of the ranks. Two "
@@ -95,9 +124,11 @@ _METHOD = (
 
 def _overall(comparison: Comparison) -> Table:
     """Every tracker over all scenarios, best first."""
-    headings = ("mean rank", "95 % interval", "won", "lost", "tied", "consistent")
+    known = comparison.ranked_by == "position_rmse"
+    headings = ["mean rank", "95 % interval", "won", "lost", "tied"]
+    headings += ["consistent", "diverged runs"] if known else []
     columns = [Column("", left=True), Column("tracker", left=True), *(Column(text) for text in headings)]
-    columns += [Column("diverged runs"), Column("scenarios")]
+    columns.append(Column("scenarios"))
     rows = [
         (
             Cell(str(i)),
@@ -107,13 +138,16 @@ def _overall(comparison: Comparison) -> Table:
             Cell(str(item.won)),
             Cell(str(item.lost)),
             Cell(str(item.tied)),
-            Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"),
-            Cell(str(item.diverged_runs)),
+            *(_health(item) if known else ()),
             Cell(str(item.scenarios), (f"{item.failed_scenarios} without a score",) if item.failed_scenarios else ()),
         )
         for i, item in enumerate(comparison.ranking, 1)
     ]
     return Table("ranking", tuple(columns), tuple(rows))
+
+
+def _health(item: RankedTracker) -> tuple[Cell, ...]:
+    return Cell(f"{item.consistent_scenarios} of {item.judged_scenarios}"), Cell(str(item.diverged_runs))
 
 
 def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric: str, cell: _ToCell) -> Table:
@@ -143,10 +177,16 @@ def _plain(metric: str) -> _ToCell:
     return cell
 
 
-def _position(score: EntrantScore, places: int) -> Cell:
-    cell = _plain("position_rmse")(score, places)
-    diverged = (f"{counted(score.diverged_runs, 'run')} diverged",) if score.diverged_runs else ()
-    return Cell(cell.text, (*cell.details, *diverged), cell.tone, strong=score.leading)
+def _ranked(metric: str) -> _ToCell:
+    """The metric that ranks, with the runs that diverged; the best stand out."""
+    plain = _plain(metric)
+
+    def cell(score: EntrantScore, places: int) -> Cell:
+        found = plain(score, places)
+        diverged = (f"{counted(score.diverged_runs, 'run')} diverged",) if score.diverged_runs else ()
+        return Cell(found.text, (*found.details, *diverged), found.tone, strong=score.leading)
+
+    return cell
 
 
 def _nees(score: EntrantScore, _: int) -> Cell:

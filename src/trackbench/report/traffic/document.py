@@ -50,6 +50,12 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 
+#: Words of the metrics' names that are written otherwise.
+ACRONYMS = {
+    "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
+    "mota": "MOTA", "motp": "MOTP", "rmse": "RMSE", "nees": "NEES",
+}  # fmt: skip
+
 
 def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -> Document:
     """The report of a run of trackers of several objects.
@@ -103,6 +109,7 @@ def _of_truth(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequenc
         yield Section("Scene by scene", tuple(scenes(result)))
     yield from _objects(result, shown)
     yield from events_section(result)
+    yield from _details(result)
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -118,8 +125,6 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
         pairs = Section("All pairs", (tables.all_differences(result, result.drawn),), folded=True)
         text = DIFFERENCES.format(metric="GOSPA", margin=margin)
         yield Section("Differences between trackers", (Paragraph(text), beside, pairs))
-    for title, paths in GROUPS.items():
-        yield Section(title, (_table(title, trackers, paths),))
 
 
 def ranking(result: Result) -> Table:
@@ -139,7 +144,7 @@ def _table(
     columns = [(TRACKER, names(trackers)), *first]
     for path in paths:
         metric = METRICS[path]
-        heading = f"{path.replace('_', ' ')}{f', {metric.unit}' if metric.unit else ''}"
+        heading = f"{_named(path)}{f', {metric.unit}' if metric.unit else ''}"
         columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
     return Table.of_columns(title.lower().replace(" ", "-"), columns)
 
@@ -155,6 +160,16 @@ def _objects(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]
     drawn = tuple(figure for figure in figures if figure)
     if drawn:
         yield Section("What happened", (Row(drawn),))
+
+
+def _named(path: str) -> str:
+    """A metric as a heading."""
+    return " ".join(ACRONYMS.get(word, word) for word in path.split("_"))
+
+
+def _details(result: Result) -> Iterator[Section]:
+    for title, paths in GROUPS.items() if result.scored else ():
+        yield Section(title, (_table(title, result.scored, paths),))
 
 
 def about(tracker: TrackerResult) -> str:
