@@ -25,6 +25,10 @@ class Pairs(NamedTuple):
     log_likelihood: Array
     """``(P,)`` of the detection, if the track's object caused it."""
 
+    def select(self, which: Mask) -> Pairs:
+        """Some of the pairs."""
+        return Pairs(*(values[which] for values in self))
+
 
 def gated(
     predicted: PredictedMeasurement, measured: Measured, detections: Detections, run: Indices, threshold: float
@@ -47,7 +51,7 @@ def gated(
     inside = distance <= threshold
     normalised = np.prod(factor.inverse_diagonal, axis=0) * (2 * np.pi) ** (-len(innovation) / 2)
     log_likelihood = np.log(normalised) - 0.5 * distance
-    return Pairs(track[inside], detection[inside], distance[inside], log_likelihood[inside])
+    return Pairs(track, detection, distance, log_likelihood).select(inside)
 
 
 def _close(
