@@ -11,8 +11,7 @@ from trackbench.palette import BOUND_COLOUR
 from trackbench.recording.charts import Chart, ChartLine
 from trackbench.recording.contents import Contents
 from trackbench.results.columns import Columns, split
-from trackbench.traffic_metrics import DUE
-from trackbench.types import Array
+from trackbench.types import DUE, Array
 
 PARTS = {
     "gospa_m": "GOSPA",

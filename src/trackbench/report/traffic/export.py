@@ -15,8 +15,7 @@ from pyarrow import csv
 from trackbench.errors import InputError
 from trackbench.results import Result
 from trackbench.results.columns import split
-from trackbench.traffic_metrics import DUE, OPTIONAL
-from trackbench.types import Array
+from trackbench.types import DUE, OPTIONAL, Array
 
 ExportFormat = Literal["mot", "events"]
 FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
