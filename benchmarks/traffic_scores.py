@@ -59,7 +59,7 @@ def sequence(steps: int, objects: int) -> tuple[TruthHistory, TrackHistory]:
         ids[start:, [one, other]] = ids[start:, [other, one]]
         ids[start:, rng.integers(objects)] = objects + start
     ids[rng.random(ids.shape) < 0.02] = -1
-    false = np.repeat(np.arange(steps // 20)[:, None], 20, axis=0) * (objects // 10) + np.arange(objects // 10)
+    false = (np.arange(steps) // 20)[:, None] * (objects // 10) + np.arange(objects // 10)
     places = rng.uniform([-140, -2], [140, 14], (int(false.max()) + 1, 2))[false]
     mean = state + rng.normal(0, 0.3, state.shape)
     wrong = np.concatenate([np.moveaxis(places, 2, 0), np.zeros((2, *false.shape))])
