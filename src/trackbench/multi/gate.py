@@ -27,7 +27,7 @@ class Pairs(NamedTuple):
 
     def select(self, which: Mask) -> Pairs:
         """Some of the pairs."""
-        return Pairs(*(values[which] for values in self))
+        return Pairs._make(values[which] for values in self)
 
 
 def gated(

@@ -20,7 +20,7 @@ from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
-from trackbench.trackers.associate import COUNTING, SHARING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
 from trackbench.trackers.initial import from_first
@@ -109,7 +109,7 @@ class MultiObjectTracker:
         belief = Belief(table.mean, table.covariance)
         if len(table.run):
             belief = self.filter.predict(belief, elapsed)
-        evidence = self._logic.after_time(table.evidence, survival)
+        evidence = self._logic.after_time(table.evidence, elapsed)
         table = table._replace(mean=belief.mean, covariance=belief.covariance, evidence=evidence)
         return MultiObjectState(time, table, state.next_id, undetected), belief
 
@@ -148,6 +148,8 @@ class MultiObjectTracker:
         pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
         # What is in a gate was in view, whatever the sensor states.
         at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
+        if config.method in EXISTENCE:
+            at.detection_probability[:] *= table.evidence[1]
         if config.method == "naive":
             chosen = assign.in_order_of_list(pairs)
             return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
@@ -158,7 +160,7 @@ class MultiObjectTracker:
             return self._established(at, pairs, table.id != NONE, density)
         if config.method == "pmb":
             density += at.intensity.new_objects * probability
-        return weighed(at, pairs, table.evidence[0], density, config.max_cluster)
+        return weighed(at, pairs, table.evidence, density, config.max_cluster)
 
     def _nearest(self, at: Situation, pairs: Pairs) -> Association:
         ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
