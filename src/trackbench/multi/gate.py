@@ -27,7 +27,7 @@ class Pairs(NamedTuple):
 
     def select(self, which: Mask) -> Pairs:
         """Some of the pairs."""
-        return Pairs._make(values[which] for values in self)
+        return Pairs(self.track[which], self.detection[which], self.distance[which], self.log_likelihood[which])
 
 
 def gated(

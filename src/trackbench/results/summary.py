@@ -13,6 +13,8 @@ from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, Lay
 from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 3
+#: How a tracker associates that knows the true origin of each detection.
+ORACLE = "oracle"
 
 Metrics = Annotated[
     dict[str, MetricValue],

@@ -62,7 +62,7 @@ OBSERVER = "observer"
 Names = Mapping[str, Collection[str]]
 
 
-class Layout(NamedTuple):
+class TableLayout(NamedTuple):
     """What the tables of a run hold."""
 
     names: Names
@@ -73,7 +73,7 @@ class Layout(NamedTuple):
     """Whether identities are hidden."""
 
 
-def require_table(name: str, table: pa.Table, layout: Layout, file: Path) -> None:
+def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -> None:
     """Make sure that a table is one of a run.
 
     Args:
