@@ -105,7 +105,7 @@ class MultiObjectTracker:
         """The state at a later time, and the belief with what the filter can reuse for its update."""
         elapsed, table, config = time - state.time, state.table, self.associate
         survival = float(np.exp(-elapsed / config.lifetime_s))
-        undetected = state.undetected * survival + config.new_objects_per_s * elapsed
+        undetected = state.undetected * survival + config.birth_rate_hz * elapsed
         belief = Belief(table.mean, table.covariance)
         if len(table.run):
             belief = self.filter.predict(belief, elapsed)

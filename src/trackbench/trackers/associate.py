@@ -29,7 +29,7 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "lifetime_s": EXISTENCE,
     "visible_s": EXISTENCE,
     "hidden_s": EXISTENCE,
-    "new_objects_per_s": EXISTENCE,
+    "birth_rate_hz": EXISTENCE,
     "undetected": EXISTENCE,
     "max_cluster": SHARING,
 }
@@ -80,12 +80,12 @@ class AssociateConfig(Config):
         "scan without a detection speaks against its existence.",
     )
     hidden_s: Positive = Field(1, description="jipda and pmb. Mean time that a hidden object stays so, s.")
-    new_objects_per_s: Positive = Field(
+    birth_rate_hz: Positive = Field(
         1,
         description="jipda and pmb. Expected number of objects per second that come into the field of view.",
     )
     undetected: NonNegative = Field(
-        10, description="pmb only. Expected number of objects in the field of view before the first scan."
+        10, description="jipda and pmb. Expected number of objects in the field of view before the first scan."
     )
     max_cluster: int = Field(
         6,
