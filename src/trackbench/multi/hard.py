@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.filters import Belief, Filter, PredictedMeasurement
-from trackbench.multi.detections import Detections
+from trackbench.multi.detections import RunDetections
 from trackbench.multi.intensity import Intensity
 from trackbench.multi.table import NONE
 from trackbench.types import Array, Indices
@@ -21,7 +21,7 @@ class Situation(NamedTuple):
     """``(n, L)`` predicted to the scan."""
     predicted: PredictedMeasurement
     """``(m, L)``"""
-    detections: Detections
+    detections: RunDetections
     run: Indices
     """``(L,)``"""
     detection_probability: Array

@@ -6,7 +6,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.filters.base import wrap_components
-from trackbench.multi.gate import Pairs
+from trackbench.multi.gate import GatedPairs
 from trackbench.multi.hard import Association, Situation, updates
 from trackbench.multi.marginals import marginals
 from trackbench.multi.table import NONE
@@ -14,7 +14,7 @@ from trackbench.types import Array, Indices
 from trackbench.units import difference
 
 
-def weighed(at: Situation, pairs: Pairs, existence: Array | None, density: float, max_cluster: int) -> Association:
+def weighed(at: Situation, pairs: GatedPairs, existence: Array | None, density: float, max_cluster: int) -> Association:
     """Joint probabilistic data association, with or without existence probabilities.
 
     Source: Fortmann, Bar-Shalom and Scheffe (1983), "Sonar tracking of multiple targets using joint probabilistic

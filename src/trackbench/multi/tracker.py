@@ -12,9 +12,9 @@ import numpy as np
 from trackbench.distributions import chi_square_quantile
 from trackbench.filters import Belief, Filter
 from trackbench.multi import assign
-from trackbench.multi.detections import Detections, side_by_side
+from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
-from trackbench.multi.gate import Pairs, gated, in_view
+from trackbench.multi.gate import GatedPairs, gated, in_view
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
@@ -129,7 +129,7 @@ class MultiObjectTracker:
         undetected = ahead.undetected * (1.0 - self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
-    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: Detections) -> Situation:
+    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: RunDetections) -> Situation:
         scan, run = detections.scan, ahead.table.run
         position = self.filter.motion.to_cartesian(belief.mean)[:2]
         predicted = self.filter.predict_measurement(belief, scan)
@@ -162,12 +162,12 @@ class MultiObjectTracker:
             density += at.intensity.new_objects * probability
         return weighed(at, pairs, table.evidence, density, config.max_cluster)
 
-    def _nearest(self, at: Situation, pairs: Pairs) -> Association:
+    def _nearest(self, at: Situation, pairs: GatedPairs) -> Association:
         ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
         chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
         return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
 
-    def _established(self, at: Situation, pairs: Pairs, confirmed: Mask, density: float) -> Association:
+    def _established(self, at: Situation, pairs: GatedPairs, confirmed: Mask, density: float) -> Association:
         """JPDA takes each object to exist, which is known of confirmed tracks; the others take the nearest of the rest.
 
         A tentative track that shares would keep much of its first covariance, and find a false alarm in its wide gate
