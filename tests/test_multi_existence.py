@@ -38,7 +38,9 @@ def followed(random: np.random.Generator, method: str, runs: int, scans: int) ->
     keys = {
         "filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0,
         "initial": {"from": "first_reading", "velocity_sigma_mps": VELOCITY_SIGMA},
-        "associate": {"method": method, "undetected": OBJECTS, "new_objects_per_s": 1e-6, "lifetime_s": 1e6},
+        "associate": {
+            "method": method, "undetected": OBJECTS, "birth_rate_hz": 1e-6, "lifetime_s": 1e6, "visible_s": None,
+        },
     }  # fmt: skip
     of, state, said = build_multi(FilterConfig.model_validate(keys)), None, []
     for k in range(scans):

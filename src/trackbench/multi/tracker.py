@@ -12,15 +12,15 @@ import numpy as np
 from trackbench.distributions import chi_square_quantile
 from trackbench.filters import Belief, Filter
 from trackbench.multi import assign
-from trackbench.multi.detections import Detections, side_by_side
+from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
-from trackbench.multi.gate import Pairs, gated, in_view
+from trackbench.multi.gate import GatedPairs, gated, in_view
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
-from trackbench.trackers.associate import COUNTING, SHARING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
 from trackbench.trackers.initial import from_first
@@ -105,11 +105,11 @@ class MultiObjectTracker:
         """The state at a later time, and the belief with what the filter can reuse for its update."""
         elapsed, table, config = time - state.time, state.table, self.associate
         survival = float(np.exp(-elapsed / config.lifetime_s))
-        undetected = state.undetected * survival + config.new_objects_per_s * elapsed
+        undetected = state.undetected * survival + config.birth_rate_hz * elapsed
         belief = Belief(table.mean, table.covariance)
         if len(table.run):
             belief = self.filter.predict(belief, elapsed)
-        evidence = self._logic.after_time(table.evidence, survival)
+        evidence = self._logic.after_time(table.evidence, elapsed)
         table = table._replace(mean=belief.mean, covariance=belief.covariance, evidence=evidence)
         return MultiObjectState(time, table, state.next_id, undetected), belief
 
@@ -129,7 +129,7 @@ class MultiObjectTracker:
         undetected = ahead.undetected * (1.0 - self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
-    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: Detections) -> Situation:
+    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: RunDetections) -> Situation:
         scan, run = detections.scan, ahead.table.run
         position = self.filter.motion.to_cartesian(belief.mean)[:2]
         predicted = self.filter.predict_measurement(belief, scan)
@@ -148,6 +148,8 @@ class MultiObjectTracker:
         pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
         # What is in a gate was in view, whatever the sensor states.
         at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
+        if config.method in EXISTENCE:
+            at.detection_probability[:] *= table.evidence[1]
         if config.method == "naive":
             chosen = assign.in_order_of_list(pairs)
             return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
@@ -158,14 +160,14 @@ class MultiObjectTracker:
             return self._established(at, pairs, table.id != NONE, density)
         if config.method == "pmb":
             density += at.intensity.new_objects * probability
-        return weighed(at, pairs, table.evidence[0], density, config.max_cluster)
+        return weighed(at, pairs, table.evidence, density, config.max_cluster)
 
-    def _nearest(self, at: Situation, pairs: Pairs) -> Association:
+    def _nearest(self, at: Situation, pairs: GatedPairs) -> Association:
         ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
         chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
         return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
 
-    def _established(self, at: Situation, pairs: Pairs, confirmed: Mask, density: float) -> Association:
+    def _established(self, at: Situation, pairs: GatedPairs, confirmed: Mask, density: float) -> Association:
         """JPDA takes each object to exist, which is known of confirmed tracks; the others take the nearest of the rest.
 
         A tentative track that shares would keep much of its first covariance, and find a false alarm in its wide gate
