@@ -30,7 +30,7 @@ def print_tracks(found: TrackInspection, console: Console) -> None:
         print_contents(found.summary, found.recorded, found.sensors, console)
         trackers = found.recorded.result.scored
         console.print(Text("\nAll runs"), highlight=False)
-        columns = values(trackers)
+        columns = values(found.recorded.result)
         rows = [[t.name, *(cells[i].plain for _, cells in columns)] for i, t in enumerate(trackers)]
         console.print(table(["tracker", *(heading for heading, _ in columns)], rows))
 
