@@ -49,12 +49,14 @@ def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: 
 
     batch = Batch(prepared, plan, executor, listener)
     found = batch.run()
-    if plan.out is not None and len(found) > 1:
-        if len({result.summary.identities for result in found}) == 1:
-            save_comparison(found, plan.out, batch.colours)
-        else:
-            listener.note("not compared: identities are hidden in some of these scenarios and known in others")
+    if plan.out is not None and comparable(found):
+        save_comparison(found, plan.out, batch.colours)
     return found
+
+
+def comparable(found: Sequence[Result]) -> bool:
+    """Whether there are several results, whose trackers are ranked by the same metric."""
+    return len(found) > 1 and len({item.summary.headline for item in found}) == 1 and found[0].summary.truth.known
 
 
 def _checked(scenario: Scenario, plan: Plan) -> Scenario:

@@ -112,5 +112,10 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
 
 def _summary(written: list[str]) -> str:
     folders = [path.partition("/")[0] for path in written if "/" in path]
-    counts = [f"{counted(folders.count(name), name.removesuffix('s'))} in {name}/" for name in dict.fromkeys(folders)]
+    counts = [f"{counted(folders.count(name), _kind(name))} in {name}/" for name in dict.fromkeys(folders)]
     return ", ".join([*(path for path in written if "/" not in path), *counts])
+
+
+def _kind(folder: str) -> str:
+    """What is in a folder of a report."""
+    return folder.removesuffix("s") if folder.endswith("s") else "file"

@@ -59,11 +59,14 @@ class Window(NamedTuple):
 
 
 def wide_window(truth: pa.Table) -> Window:
-    """The observer's, which has the vehicles near it most of the time."""
+    """The observer's, which has the vehicles near it most of the time, or its surroundings where there is none."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
     targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
     alive = np.array([rows["alive"] for rows in targets], dtype=bool)
+    if not alive.any():
+        side = REACH + MARGIN
+        return Window(observer, "wide", (-side, side), (-side / 2, side / 2), 10.0)
     x = np.array([rows["px_m"] - at["px_m"] for rows in targets])
     y_down = np.array([at["py_m"] - rows["py_m"] for rows in targets])
     nearest = np.where(alive, np.hypot(x, y_down), np.inf).min(axis=0)

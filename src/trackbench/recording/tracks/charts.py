@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import pyarrow as pa
 
+from trackbench.metrics.track_events import instants
 from trackbench.palette import BOUND_COLOUR
 from trackbench.recording.charts import Chart, ChartLine
 from trackbench.recording.contents import Contents
@@ -30,14 +30,9 @@ def charts_of_tracks(contents: Contents) -> list[Chart]:
     return [*parts, _numbers(contents)]
 
 
-def instants(due: pa.Table) -> Array:
-    """``(instants,)`` s at which a sensor looks in the recorded run."""
-    return np.unique(due["time_s"].to_numpy()) if due.num_rows else np.empty(0)
-
-
 def _numbers(contents: Contents) -> Chart:
     """How many confirmed tracks each tracker has, and how many objects are due."""
-    time = instants(contents.tables.due)
+    time = instants(contents.tables)
     tracks = {tracker: rows["time_s"] for (tracker,), rows in split(contents.tables.tracks, "tracker").items()}
     lines = tuple(
         ChartLine((tracker,), tracker, colour, time, _count(tracks.get(tracker, np.empty(0)), time))

@@ -8,14 +8,14 @@ import numpy as np
 import pyarrow.compute as pc
 import rerun as rr
 
-from trackbench.metrics.track_events import TrackEvent, events_of
+from trackbench.metrics.track_events import TrackEvent, events_of, instants
 from trackbench.palette import sensor_colours
 from trackbench.recording import legend, scene, views
 from trackbench.recording.charts import send_chart
 from trackbench.recording.contents import Contents
 from trackbench.recording.focus import Focus
 from trackbench.recording.stream import Stream, path
-from trackbench.recording.tracks.charts import charts_of_tracks, instants
+from trackbench.recording.tracks.charts import charts_of_tracks
 from trackbench.recording.tracks.layout import EVENTS, blueprint
 from trackbench.recording.tracks.scene import MARKED, send_associations, send_marks, send_misses, send_tracks
 from trackbench.recording.trails import send_true_trails
@@ -36,7 +36,7 @@ def draw_tracks(recording: rr.RecordingStream, contents: Contents, result: Resul
     scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     send_true_trails(stream, tables.truth, contents.hold)
-    time = instants(tables.due)
+    time = instants(tables)
     for tracker in contents.colours:
         own = {
             name: table.filter(pc.equal(table["tracker"], tracker))

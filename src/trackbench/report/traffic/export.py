@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from trackbench.errors import InputError
+from trackbench.metrics.track_events import instants
 from trackbench.results import Result
 from trackbench.results.columns import split
 from trackbench.types import DUE, OPTIONAL, Array
@@ -30,14 +31,16 @@ def exported(result: Result, format: ExportFormat) -> Iterator[tuple[str, Callab
     """The files of a format: relative paths, each with a function that makes the content.
 
     Raises:
-        InputError: identities are known in this result.
+        InputError: identities are known in this result, or there is no truth.
     """
     if result.summary.identities == "known":
         raise InputError(f"{format} is written of runs with hidden identities alone", key="--format")
+    if not result.summary.truth.known:
+        raise InputError(f"{format} needs a truth, which this recording has not", key="--format")
     if format == "events":
         yield "events.csv", lambda: _csv(result.tables.events)
         return
-    name, time = result.name, np.unique(result.tables.due["time_s"].to_numpy())
+    name, time = result.name, instants(result.tables)
     yield f"mot/gt/{name}/gt/gt.txt", lambda: _lines(_objects(result, time))
     yield f"mot/gt/{name}/seqinfo.ini", lambda: _sequence(name, time)
     for tracker in result.summary.trackers:
