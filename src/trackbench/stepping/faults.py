@@ -19,6 +19,8 @@ KINDS = get_args(Kind)
 
 #: Characters of a cause.
 LONGEST = 1000
+#: What Python raises where something asks for input and there is none: a debugger, ``input()``.
+ASKING = ("BdbQuit", "EOFError")
 
 
 class TrackFault(Exception):
@@ -67,7 +69,9 @@ def _cause(error: BaseException) -> str:
     text = " ".join(text.split())
     if isinstance(error, TrackbenchError | TrackerFault):
         return text or name
-    return f"{name}: {text}" if text else name
+    if name in ASKING:
+        text += " (a process of its own has no terminal; see --in-process)"
+    return f"{name}: {text.strip()}" if text else name
 
 
 class _Frame(NamedTuple):
