@@ -9,8 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from trackbench.palette import tracker_colours
-from trackbench.recording import text
-from trackbench.recording.tracks import text as track_text
+from trackbench.recording import text, track_text
 from trackbench.results import MOST_DRAWN, Result, Tables
 from trackbench.results.summary import SensorSummary
 
