@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import trackbench as tb
+from trackbench.results import Result
 
 TRAFFIC = """\
 name: three_cars
@@ -57,13 +58,13 @@ def traffic_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def traffic_result(traffic_folder: Path) -> tb.Result:
+def traffic_result(traffic_folder: Path) -> Result:
     """Its result, as it was saved."""
-    return tb.Result.load(traffic_folder)
+    return Result.load(traffic_folder)
 
 
 @pytest.fixture(scope="session")
-def failing_result(tmp_path_factory: pytest.TempPathFactory) -> tb.Result:
+def failing_result(tmp_path_factory: pytest.TempPathFactory) -> Result:
     """That of the same scenario with a tracker that fails, and one alone that does not."""
     folder = tmp_path_factory.mktemp("failing")
     (folder / "failing_tracks.py").write_text(FAILING, encoding="utf-8")
@@ -71,4 +72,4 @@ def failing_result(tmp_path_factory: pytest.TempPathFactory) -> tb.Result:
     text = TRAFFIC[:begin] + '  failing: {use: "failing_tracks:Failing"}\n' + TRAFFIC[end:]
     (folder / "three_cars.yaml").write_text(text, encoding="utf-8")
     tb.run(folder / "three_cars.yaml", out=folder)
-    return tb.Result.load(folder / "three_cars")
+    return Result.load(folder / "three_cars")

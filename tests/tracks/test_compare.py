@@ -13,9 +13,10 @@ from trackbench.compare import compare
 from trackbench.document.files import text
 from trackbench.errors import InputError
 from trackbench.report.comparison import document
+from trackbench.results import Result
 
 
-def test_trackers_are_compared_by_gospa(traffic_result: tb.Result) -> None:
+def test_trackers_are_compared_by_gospa(traffic_result: Result) -> None:
     found = compare([traffic_result])
     assert found.ranked_by == "gospa"
     for item in found.differences:
@@ -32,12 +33,12 @@ def test_trackers_are_compared_by_gospa(traffic_result: tb.Result) -> None:
     assert item.ci95 == pytest.approx(stored.ci95)
 
 
-def _pair(result: tb.Result) -> tuple[str, str]:
+def _pair(result: Result) -> tuple[str, str]:
     return result.summary.ranking[0], result.summary.ranking[-1]
 
 
 @pytest.mark.parametrize("metric", ["hota", "position_rmse", "nees", "id_switches"])
-def test_every_metric_of_the_run_is_compared(traffic_result: tb.Result, metric: str) -> None:
+def test_every_metric_of_the_run_is_compared(traffic_result: Result, metric: str) -> None:
     for item in compare([traffic_result], metrics=[metric]).differences:
         ours = traffic_result[item.entrant.tracker].metrics[metric].value
         assert item.value == pytest.approx(ours)
@@ -49,7 +50,7 @@ def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder:
     assert "4 of 4 limits kept" in done.out
 
 
-def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: tb.Result) -> None:
+def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = text(document(compare([[traffic_result, other]]), times=True))
     assert "Rank by GOSPA within each scenario" in page
@@ -57,7 +58,7 @@ def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: tb.Result) 
     assert "consistent" not in page
 
 
-def test_known_and_hidden_identities_are_not_compared(traffic_result: tb.Result, tiny_result: tb.Result) -> None:
+def test_known_and_hidden_identities_are_not_compared(traffic_result: Result, tiny_result: Result) -> None:
     message = "cannot be compared with results 1: identities are hidden here and known there"
     with pytest.raises(InputError, match=message):
         compare([tiny_result, traffic_result])
@@ -69,7 +70,7 @@ def test_another_cutoff_is_another_score(traffic_text: str, traffic_folder: Path
     (tmp_path / "three_cars.yaml").write_text(traffic_text + "score: {cutoff_m: 3}\n", encoding="utf-8")
     other = tb.run(tmp_path / "three_cars.yaml")
     with pytest.raises(InputError, match=r"another scenario: score\.cutoff_m is 3.* here and 5.* there"):
-        compare([tb.Result.load(traffic_folder), other])
+        compare([Result.load(traffic_folder), other])
 
 
 def test_a_batch_of_both_is_run_and_not_compared(

@@ -13,8 +13,8 @@ import pytest
 from trackeval.datasets import MotChallenge2DBox
 from trackeval.metrics import CLEAR
 
-import trackbench as tb
 from trackbench.metrics.track_events import events_of
+from trackbench.results import Result
 
 QUIET = {"PRINT_CONFIG": False}
 
@@ -41,7 +41,7 @@ def read(folder: Path) -> MotChallenge2DBox:
     )
 
 
-def test_trackeval_reads_it(exported: Path, traffic_result: tb.Result) -> None:
+def test_trackeval_reads_it(exported: Path, traffic_result: Result) -> None:
     dataset = read(exported)
     due, tracks = traffic_result.to_pandas("due"), traffic_result.to_pandas("tracks")
     assert sorted(dataset.tracker_list) == ["gnn", "naive", "oracle", "pmb"]
@@ -69,7 +69,7 @@ def test_boxes_a_cutoff_apart_overlap_by_half(exported: Path) -> None:
     assert both / (2 * width * height - both) == 0.5
 
 
-def test_a_track_on_an_optional_object_does_not_count_there(exported: Path, traffic_result: tb.Result) -> None:
+def test_a_track_on_an_optional_object_does_not_count_there(exported: Path, traffic_result: Result) -> None:
     rows = np.loadtxt(exported / "gt/three_cars/gt/gt.txt", delimiter=",")
     status = traffic_result.to_pandas("due")["status"]
     assert set(rows[:, 7]) == {1, 8}
@@ -83,9 +83,7 @@ def test_the_sequence_says_its_rate(exported: Path) -> None:
     assert dict(file["Sequence"]) == {"name": "three_cars", "framerate": "10", "seqlength": "61"}
 
 
-def test_events_as_csv(
-    cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path, traffic_result: tb.Result
-) -> None:
+def test_events_as_csv(cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path, traffic_result: Result) -> None:
     done = cli("report", traffic_folder, "--format", "events", "--out", tmp_path)
     assert done.status == 0
     with (tmp_path / "events.csv").open(encoding="utf-8", newline="") as file:

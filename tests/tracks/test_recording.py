@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import trackbench as tb
 from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
 from trackbench.recording.chunks import read_chunks
 from trackbench.recording.focus import Opening, focus_of
 from trackbench.recording.reader import read
+from trackbench.results import Result
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def entities(traffic_folder: Path) -> dict[str, list[Any]]:
     return found
 
 
-def test_the_tables_come_back(traffic_folder: Path, traffic_result: tb.Result) -> None:
+def test_the_tables_come_back(traffic_folder: Path, traffic_result: Result) -> None:
     tables = read(traffic_folder / "recording.rrd").result.tables
     for name in ("truth", "measurements", "tracks", "taken", "due", "steps", "objects", "association", "existence"):
         ours, theirs = (source[name].to_pandas() for source in (traffic_result.tables, tables))
@@ -43,7 +43,7 @@ def test_the_tables_come_back(traffic_folder: Path, traffic_result: tb.Result) -
     assert events_of(found) == events_of(traffic_result, run=0)
 
 
-def test_every_track_is_drawn_at_every_instant(entities: dict[str, list[Any]], traffic_result: tb.Result) -> None:
+def test_every_track_is_drawn_at_every_instant(entities: dict[str, list[Any]], traffic_result: Result) -> None:
     tracks = traffic_result.to_pandas("tracks")
     for tracker in ("gnn", "pmb"):
         rows = entities[f"/world/tracks/{tracker}"]
@@ -56,7 +56,7 @@ def test_every_track_is_drawn_at_every_instant(entities: dict[str, list[Any]], t
         ) == sum(drawn)  # fmt: skip
 
 
-def test_existence_is_opacity(entities: dict[str, list[Any]], traffic_result: tb.Result) -> None:
+def test_existence_is_opacity(entities: dict[str, list[Any]], traffic_result: Result) -> None:
     tracks = traffic_result.to_pandas("tracks")
     own = tracks[tracks["tracker"] == "pmb"].sort_values("time_s", kind="stable")
     colours = [
@@ -70,7 +70,7 @@ def test_existence_is_opacity(entities: dict[str, list[Any]], traffic_result: tb
     assert alpha.min() < 250
 
 
-def test_a_due_object_without_a_track_is_ringed(entities: dict[str, list[Any]], traffic_result: tb.Result) -> None:
+def test_a_due_object_without_a_track_is_ringed(entities: dict[str, list[Any]], traffic_result: Result) -> None:
     objects = traffic_result.to_pandas("objects")
     own = objects[(objects["tracker"] == "gnn") & objects["state"].isin(["waiting", "lost"])]
     instants = round(float((own["until_s"] - own["time_s"]).sum() / 0.1))
@@ -82,17 +82,19 @@ def test_a_due_object_without_a_track_is_ringed(entities: dict[str, list[Any]], 
     assert sum(rings) == instants > 0
 
 
-def test_events_are_a_log(entities: dict[str, list[Any]], traffic_result: tb.Result) -> None:
+def test_events_are_a_log(entities: dict[str, list[Any]], traffic_result: Result) -> None:
     for tracker in ("gnn", "naive"):
         events = events_of(traffic_result, tracker, 0)
         texts = [
             cell[0] for chunk in entities[f"/events/{tracker}"] for cell in chunk.column("TextLog:text").to_pylist()
         ]
         assert len(texts) == len(events)
-        assert sum(text.startswith("born") for text in texts) == sum(event.kind == "born" for event in events)
+        assert sum(text.startswith(f"{tracker}: born") for text in texts) == sum(
+            event.kind == "born" for event in events
+        )
 
 
-def test_a_line_leads_to_each_detection_taken(entities: dict[str, list[Any]], traffic_result: tb.Result) -> None:
+def test_a_line_leads_to_each_detection_taken(entities: dict[str, list[Any]], traffic_result: Result) -> None:
     taken = traffic_result.to_pandas("taken")
     lines = [
         len(cell or [])
@@ -102,7 +104,7 @@ def test_a_line_leads_to_each_detection_taken(entities: dict[str, list[Any]], tr
     assert 0 < sum(lines) <= (taken["tracker"] == "oracle").sum()
 
 
-def test_the_worst_is_the_costliest_event(traffic_result: tb.Result) -> None:
+def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
     events = [event for event in events_of(traffic_result, "naive", 0) if event.cost_m2 > 0]
     for number in (1, 2):
         focus = focus_of([traffic_result], Opening(worst=number, tracker="naive"))
@@ -114,9 +116,7 @@ def test_the_worst_is_the_costliest_event(traffic_result: tb.Result) -> None:
         focus_of([traffic_result], Opening(worst=1, tracker="naiv"))
 
 
-def test_inspect_names_the_worst_events(
-    cli: Callable[..., Any], traffic_folder: Path, traffic_result: tb.Result
-) -> None:
+def test_inspect_names_the_worst_events(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
     done = cli("inspect", traffic_folder, "--worst", "2", "--json")
     assert done.status == 0
     found = json.loads(done.out)["worst"]

@@ -15,11 +15,11 @@ from trackbench.document.model import Document, Section, every
 from trackbench.metrics.track_events import events_of
 from trackbench.report.result import ranking_table, result_document
 from trackbench.report.traffic.sentences import association_against_filtering, verdict
-from trackbench.results import MetricValue
+from trackbench.results import MetricValue, Result
 
 
 @pytest.fixture(scope="module")
-def document(traffic_result: tb.Result) -> Document:
+def document(traffic_result: Result) -> Document:
     return result_document(traffic_result)
 
 
@@ -35,13 +35,13 @@ def test_every_figure_is_drawn(document: Document) -> None:
         assert len(figure.alternative) > 30
 
 
-def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traffic_result: tb.Result) -> None:
+def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traffic_result: Result) -> None:
     best = traffic_result.contenders[0].name
     assert best != "oracle"
     assert f"{best} has the smallest GOSPA" in text(document)
 
 
-def test_the_sentence_says_what_dominates(traffic_result: tb.Result) -> None:
+def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
     metrics = {
         **traffic_result["gnn"].metrics,
         "gospa": MetricValue(value=5.0, unit="m"),
@@ -54,7 +54,7 @@ def test_the_sentence_says_what_dominates(traffic_result: tb.Result) -> None:
     assert said.startswith(start + "localisation 36\N{NO-BREAK SPACE}%")
 
 
-def test_the_oracle_is_held_against_the_best_of_its_filter(traffic_result: tb.Result) -> None:
+def test_the_oracle_is_held_against_the_best_of_its_filter(traffic_result: Result) -> None:
     (said,) = association_against_filtering(traffic_result)
     metric = traffic_result["oracle"].metrics["gospa"].value
     assert said.startswith("oracle knows which detection is whose: its GOSPA of ")
@@ -68,7 +68,7 @@ def test_the_oracle_is_held_against_the_best_of_its_filter(traffic_result: tb.Re
 
 
 def test_the_costliest_events_are_listed_with_the_commands_that_show_them(
-    document: Document, traffic_result: tb.Result
+    document: Document, traffic_result: Result
 ) -> None:
     (table,) = (table for table in document.tables if table.name == "costliest-events")
     costs = [float(row[5].text) for row in table.rows if row[0].text == "naive"]
@@ -82,7 +82,7 @@ def test_headings_are_the_terms_of_the_field(document: Document) -> None:
     assert {"GOSPA, m", "HOTA", "IDF1", "T-GOSPA, m", "DetA", "AssA", "position RMSE, m", "NEES"} <= headings
 
 
-def test_a_failed_tracker_and_one_alone(failing_result: tb.Result) -> None:
+def test_a_failed_tracker_and_one_alone(failing_result: Result) -> None:
     document = result_document(failing_result)
     assert "Not ranked" in titles(document)
     assert "Differences between trackers" not in titles(document)
@@ -92,17 +92,17 @@ def test_a_failed_tracker_and_one_alone(failing_result: tb.Result) -> None:
     assert [row[0].text for row in ranking_table(failing_result).rows] == ["gnn"]
 
 
-def test_all_trackers_failed(failing_result: tb.Result) -> None:
+def test_all_trackers_failed(failing_result: Result) -> None:
     only = failing_result.updated(trackers=[failing_result["failing"]], ranking=["failing"], differences=[])
     empty = {
         name: table.slice(0, 0) if "tracker" in table.column_names else table for name, table in only.tables.items()
     }
-    document = result_document(tb.Result(only.summary, type(only.tables)(empty)))
+    document = result_document(Result(only.summary, type(only.tables)(empty)))
     assert "No tracker finished." in text(document)
     assert document.figures == []
 
 
-def test_long_names_and_many_trackers_are_drawn(traffic_result: tb.Result) -> None:
+def test_long_names_and_many_trackers_are_drawn(traffic_result: Result) -> None:
     names = {name: f"a_tracker_with_a_rather_long_name_{name}" for name in traffic_result}
     summary = traffic_result.summary.model_dump_json()
     tables = {}
@@ -113,7 +113,7 @@ def test_long_names_and_many_trackers_are_drawn(traffic_result: tb.Result) -> No
             column = [names[str(value)] for value in table["tracker"].to_pylist()]
             table = table.set_column(table.column_names.index("tracker"), "tracker", [column])
         tables[name] = table
-    renamed = tb.Result(type(traffic_result.summary).model_validate_json(summary), type(traffic_result.tables)(tables))
+    renamed = Result(type(traffic_result.summary).model_validate_json(summary), type(traffic_result.tables)(tables))
     document = result_document(renamed)
     assert len(document.figures) == 5
     for figure in document.figures:

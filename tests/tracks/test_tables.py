@@ -12,17 +12,18 @@ import pytest
 import trackbench as tb
 from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
+from trackbench.results import Result
 from trackbench.results.table_check import HIDDEN_COLUMNS
 from trackbench.runner import traffic_events
 
 
-def test_every_table_is_as_stated(traffic_result: tb.Result) -> None:
+def test_every_table_is_as_stated(traffic_result: Result) -> None:
     assert set(traffic_result.tables) == set(HIDDEN_COLUMNS)
     for name, (texts, numbers) in HIDDEN_COLUMNS.items():
         assert {*texts, *numbers} <= set(traffic_result.tables[name].column_names), name
 
 
-def test_the_costs_of_the_events_are_all_that_is_missed_and_false(traffic_result: tb.Result) -> None:
+def test_the_costs_of_the_events_are_all_that_is_missed_and_false(traffic_result: Result) -> None:
     steps = len(np.unique(traffic_result.tables.due["time_s"].to_numpy()))
     for tracker in ("gnn", "pmb", "oracle", "naive"):
         metrics = traffic_result[tracker].metrics
@@ -31,7 +32,7 @@ def test_the_costs_of_the_events_are_all_that_is_missed_and_false(traffic_result
         assert sum(event.cost_m2 for event in events) == pytest.approx(3 * steps * squares)
 
 
-def test_the_strips_say_how_long_each_object_was_tracked(traffic_result: tb.Result) -> None:
+def test_the_strips_say_how_long_each_object_was_tracked(traffic_result: Result) -> None:
     recorded = traffic_result.to_pandas("objects")
     due = traffic_result.to_pandas("due")
     for tracker in ("gnn", "naive"):
@@ -44,7 +45,7 @@ def test_the_strips_say_how_long_each_object_was_tracked(traffic_result: tb.Resu
             assert (there["until_s"] - there["time_s"]).sum() == pytest.approx(0.1 * instants.sum())
 
 
-def test_associations_are_of_detections_that_are_there(traffic_result: tb.Result) -> None:
+def test_associations_are_of_detections_that_are_there(traffic_result: Result) -> None:
     taken, measurements = traffic_result.to_pandas("taken"), traffic_result.to_pandas("measurements")
     oracle = taken[taken["tracker"] == "oracle"].merge(measurements, on=["scan", "detection"])
     assert len(oracle) == (taken["tracker"] == "oracle").sum() > 50
@@ -56,7 +57,7 @@ def test_associations_are_of_detections_that_are_there(traffic_result: tb.Result
         assert traffic_result[tracker].metrics["association_right"].value == pytest.approx(share)
 
 
-def test_existence_adds_up(traffic_result: tb.Result) -> None:
+def test_existence_adds_up(traffic_result: Result) -> None:
     bins = traffic_result.to_pandas("existence")
     assert set(bins["tracker"]) == {"pmb"}
     known = bins[bins["count"] > 0]
@@ -65,7 +66,7 @@ def test_existence_adds_up(traffic_result: tb.Result) -> None:
 
 
 def test_the_events_that_are_kept_are_the_dearest(
-    traffic_text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, traffic_result: tb.Result
+    traffic_text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, traffic_result: Result
 ) -> None:
     monkeypatch.setattr(traffic_events, "MOST_EVENTS", 2)
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
@@ -85,4 +86,4 @@ def test_a_table_of_another_run_is_refused(traffic_folder: Path, tmp_path: Path)
     names = pa.array(["other" for _ in range(len(events))])
     pq.write_table(events.set_column(0, "tracker", names), tmp_path / "events.parquet")
     with pytest.raises(InputError, match="tracker 'other' is none of this run"):
-        _ = tb.Result.load(tmp_path).tables.events
+        _ = Result.load(tmp_path).tables.events
