@@ -108,7 +108,7 @@ def run_command(
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
-    only = None if trackers is None else [name.strip() for name in trackers.split(",")]
+    only = None if trackers is None else [name for item in trackers.split(",") if (name := item.strip())]
     plan = Plan(out, workers, cluster, not no_recording, isolation, precision)
     if junit is not None:
         results.require_file(junit, "--junit")

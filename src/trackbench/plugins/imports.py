@@ -30,6 +30,11 @@ def named(reference: str) -> Any:
 def attribute(reference: str, choices: Callable[[Any], list[str]]) -> Any:
     """Import a module and take an attribute of it; ``choices`` gives the names that a message may suggest."""
     module, _, path = reference.partition(":")
+    if module == "__main__":
+        raise InputError("a class of a script or notebook has no module that others can import: put it into a file")
+    if module.endswith(".py") or "/" in module:
+        dotted = module.removesuffix(".py").strip("./").replace("/", ".")
+        raise InputError(f"{module!r} is no module; did you mean {dotted + ':' + path!r}?")
     _require_unambiguous(module)
     found: Any = importlib.import_module(module)
     for name in path.split("."):

@@ -19,7 +19,7 @@ class MonteCarlo(Config):
     """How often the scene is repeated with other noise."""
 
     runs: int = Field(100, ge=1, le=1_000_000, description="Number of runs.")
-    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs.")
+    seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of the noise of all runs, with the scenario's name.")
 
 
 class ReferenceConfig(Config):
@@ -58,8 +58,7 @@ class Score(Config):
     )
     cutoff_m: Positive = Field(
         5,
-        description="With hidden identities: a track this far from an object or further is not on it, m (the cutoff of "
-        "GOSPA).",
+        description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object.",
     )
     min_coverage: float = Field(
         0.95,
@@ -130,7 +129,12 @@ class RecordingConfig(Config):
 class ScenarioConfig(Config):
     """One scene, the sensors that see it, the trackers that follow it, and what is expected of them."""
 
-    name: str = Field(pattern=r"^[a-z0-9_-]+$", max_length=64, description="Name of the result's folder.")
+    name: str = Field(
+        pattern=r"^[a-z0-9_-]+$",
+        max_length=64,
+        description="Name of the result's folder. The noise is drawn by the name and the seed: a copy under another "
+        "name has other noise.",
+    )
     description: str = Field("", description="What the scenario shows, in one line.")
     truth: Annotated[TruthSource, Plugin(TRUTH_SOURCES, "source")] = Field(
         description="Where the true motion comes from."

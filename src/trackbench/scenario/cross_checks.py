@@ -15,6 +15,7 @@ from trackbench.models.sensors.presets import presets
 from trackbench.scenario import identity_checks, recorded_checks
 from trackbench.trackers.config import FilterConfig
 from trackbench.traffic_metrics import METRICS
+from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
 from trackbench.truth import SteppedTruth
 from trackbench.truth.sources import RecordingTruth
 
@@ -136,7 +137,9 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, MetricPath]:
     if scenario.sensing.identities == "known":
         return by_path(scenario.sensors, scenario.score.metrics)
     found = {}
-    for path, metric in METRICS.items():
+    truth = scenario.truth
+    unknown = isinstance(truth, RecordingTruth) and truth.without_truth
+    for path, metric in (METRICS_WITHOUT_TRUTH if unknown else METRICS).items():
         better = None if metric.better == "none" else metric.better
         found[path] = MetricPath(path, metric.unit or "1", metric.meaning, better=better, compared=better is not None)
     reused = HEALTH + "reused_ids"

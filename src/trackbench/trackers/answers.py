@@ -87,5 +87,5 @@ def array_of(what: str, value: Any, shape: tuple[int, ...]) -> Array:
 
 
 def described(value: Any) -> str:
-    text = repr(value)
+    text = " ".join(repr(value).split())
     return f"{type(value).__name__} {text if len(text) <= 60 else text[:57] + '...'}"
