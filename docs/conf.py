@@ -17,7 +17,7 @@ exclude_patterns = ["site"]
 
 #: The menu: by heading, the pages in their order.
 MENU = {
-    "Start": ["Quick start <self>", "tour"],
+    "Start": ["Quick start <self>", "tour", "traffic"],
     "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "traffic-sensing", "sensor-presets"],
     "Trackers": ["motion-models", "filters", "traffic-trackers", "own-tracker", "adaptors"],
     "Results": ["metrics", "traffic-metrics", "reading-a-report", "reading-a-recording", "compare"],

@@ -27,7 +27,6 @@ def prepare(scenarios: Sequence[Scenario], plan: Plan, executor: Executor, liste
         results.require_writable(plan.out)
     _require_distinct(scenarios)
     scenarios = [_checked(scenario, plan) for scenario in scenarios]
-    _require_visible(scenarios, listener)
     if plan.out is not None:
         for scenario in scenarios:
             results.require_replaceable(plan.out / scenario.config.name)
@@ -87,14 +86,6 @@ def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, pl
 
 def _place(number: int, of: Sequence[object]) -> str:
     return f"{number} of {len(of)}: " if len(of) > 1 else ""
-
-
-def _require_visible(scenarios: Sequence[Scenario], listener: Listener) -> None:
-    """What is shown while it goes on is estimates of known objects."""
-    for scenario in scenarios if listener.observes else ():
-        if scenario.config.sensing.identities == "hidden":
-            problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
-            raise InputError(problem, file=scenario.path, key="sensing.identities")
 
 
 def _require_distinct(scenarios: Sequence[Scenario]) -> None:

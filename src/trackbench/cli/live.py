@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -14,6 +14,7 @@ from trackbench.errors import InputError, TrackbenchError
 if TYPE_CHECKING:
     from trackbench.recording.live import Live
     from trackbench.recording.viewer import Viewer
+    from trackbench.scenario import Scenario
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 
@@ -29,6 +30,18 @@ def live_options(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def require_known(scenarios: Sequence[Scenario]) -> None:
+    """Make sure that what is to be shown while it goes on are estimates of known objects.
+
+    Raises:
+        InputError: identities are hidden.
+    """
+    for scenario in scenarios:
+        if scenario.config.sensing.identities == "hidden":
+            problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
+            raise InputError(problem, file=scenario.path, key="sensing.identities")
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from trackbench.api.scenario import load
 from trackbench.api.session import comparable, prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
-from trackbench.cli.live import live_options, showing
+from trackbench.cli.live import live_options, require_known, showing
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.errors import InputError
@@ -114,6 +114,8 @@ def run_command(
         results.require_file(junit, "--junit")
     changed = partial(load, set=settings, runs=runs, seed=seed, scenes=scenes, trackers=only)
     loaded = [changed(file) for file in scenario_files(scenarios)]
+    if any(live.values()):
+        require_known(loaded)
     output = RunOutput(as_json, quiet)
     with executor(workers, cluster) as chosen:
         prepared = prepare(loaded, plan, chosen, output)

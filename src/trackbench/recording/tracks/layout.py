@@ -35,7 +35,13 @@ def blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: 
     above = rrb.Tabs(*(_view(contents, window, name, name) for name in trackers), active_tab=tab)
     taken = rrb.Tabs(
         *(
-            _view(contents, near, name, f"Associations of {name}", {path(*ASSOCIATIONS, name): 0.0})
+            _view(
+                contents,
+                near,
+                name,
+                f"Associations of {name}",
+                {path(*ASSOCIATIONS, name): 0.0, path(*ASSOCIATIONS, name, "detections"): 0.0},
+            )
             for name in trackers
         ),
         active_tab=tab,

@@ -120,7 +120,7 @@ def send_marks(stream: Stream, tracker: str, events: list[TrackEvent]) -> None:
 def send_associations(
     stream: Stream, tracker: str, taken: pa.Table, tracks: pa.Table, measurements: pa.Table, time: Array
 ) -> None:
-    """A line from each track to the detection that it took.
+    """A line from each track to the detection that it took, which has a ring.
 
     Args:
         stream: the recording.
@@ -146,8 +146,13 @@ def send_associations(
     count = _counts(np.array([when for when, *_ in found]), time)
     entity = path(*ASSOCIATIONS, tracker)
     stream.columns(entity, time, rr.LineStrips2D.columns(strips=strips).partition(count))
-    style = rr.LineStrips2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(0.75), draw_order=33.0)
+    style = rr.LineStrips2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(1.0), draw_order=33.0)
     stream.static(entity, style)
+    used = path(*ASSOCIATIONS, tracker, "detections")
+    stream.columns(used, time, rr.Points2D.columns(positions=strips[:, 1]).partition(count))
+    # Behind the dot of the detection, as a ring around it.
+    ring = rr.Points2D.from_fields(colors=rgba(ASSOCIATION_COLOUR), radii=pixels(3.0), draw_order=19.0)
+    stream.static(used, ring)
 
 
 def identity_colour(track: int) -> str:

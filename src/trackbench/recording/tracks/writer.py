@@ -64,11 +64,12 @@ def _events(stream: Stream, result: Result, tracker: str) -> None:
         stream.columns(
             path(EVENTS, tracker),
             time,
-            rr.TextLog.columns(text=[f"{event.kind}: {', '.join(_parts(event))}" for event in found], level=levels),
+            rr.TextLog.columns(text=[f"{tracker}: {', '.join(_parts(event))}" for event in found], level=levels),
         )
 
 
 def _parts(event: TrackEvent) -> Iterator[str]:
+    yield event.kind
     if event.object:
         yield f"vehicle {event.object}"
     if event.track is not None:

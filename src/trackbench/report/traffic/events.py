@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.document import Block, Cell, Code, Column, Paragraph, Section, Table
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.report.numbers import decimals, fixed, percent
+from trackbench.report.numbers import fixed, percent
 from trackbench.report.run.cells import TRACKER
 from trackbench.results import Result
 
@@ -60,14 +60,13 @@ def _command(tracker: str, event: TrackEvent) -> str:
 
 def _table(found: dict[str, list[TrackEvent]]) -> Table:
     rows = [(name, event) for name, events in found.items() for event in events]
-    places = decimals([event.cost_m2 for _, event in rows], 2)
     columns = [
         (TRACKER, [Cell(name, tracker=name) for name, _ in rows]),
         (Column("event", left=True), [Cell(event.kind) for _, event in rows]),
         (Column("time, s"), [Cell(fixed(event.time_s, 2)) for _, event in rows]),
         (Column("vehicle", left=True), [Cell(event.object or "none") for _, event in rows]),
         (Column("track"), [Cell("none" if event.track is None else str(event.track)) for _, event in rows]),
-        (Column("cost, m²"), [Cell(fixed(event.cost_m2, min(places, 1))) for _, event in rows]),
+        (Column("cost, m²"), [Cell(fixed(event.cost_m2, 1)) for _, event in rows]),
         (Column("why", left=True), [Cell(event.reason) for _, event in rows]),
     ]
     return Table.of_columns("costliest-events", columns)

@@ -63,7 +63,7 @@ def association_against_filtering(result: Result) -> Iterator[str]:
             "better": f"{best.name} is {fixed(-found.value, places)} m below it{bounds}: its tracks begin and end at "
             "better times, and association is not what limits it",
             "equivalent": f"{best.name} is equivalent to it{bounds}: association is not what limits it",
-        }.get(found.verdict, f"Whether association costs {best.name} anything is undecided{bounds}")
+        }.get(found.verdict, f"Whether {best.name} differs from it is undecided{bounds}")
         yield f"{known}. {what}."
 
 

@@ -1,0 +1,128 @@
+"""The report of a run of hidden identities."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trackbench as tb
+from trackbench.document.drawing import svg_file
+from trackbench.document.files import text
+from trackbench.document.html import to_html
+from trackbench.document.model import Document, Section, every
+from trackbench.metrics.track_events import events_of
+from trackbench.report.result import ranking_table, result_document
+from trackbench.report.traffic.sentences import association_against_filtering, verdict
+from trackbench.results import MetricValue, Result
+
+
+@pytest.fixture(scope="module")
+def document(traffic_result: Result) -> Document:
+    return result_document(traffic_result)
+
+
+def titles(document: Document) -> list[str]:
+    return [block.title for block in every(document.blocks) if isinstance(block, Section)]
+
+
+def test_every_figure_is_drawn(document: Document) -> None:
+    assert {figure.name for figure in document.figures} == {"cost", "gospa", "objects", "map", "existence"}
+    for figure in document.figures:
+        assert svg_file(figure).startswith("<svg"), figure.name
+        assert len(figure.caption) > 30
+        assert len(figure.alternative) > 30
+
+
+def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traffic_result: Result) -> None:
+    best = traffic_result.contenders[0].name
+    assert best != "oracle"
+    assert f"{best} has the smallest GOSPA" in text(document)
+
+
+def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
+    metrics = {
+        **traffic_result["gnn"].metrics,
+        "gospa": MetricValue(value=5.0, unit="m"),
+        "gospa_missed": MetricValue(value=4.0, unit="m"),
+        "gospa_false": MetricValue(value=0.0, unit="m"),
+        "gospa_localisation": MetricValue(value=3.0, unit="m"),
+    }
+    said = verdict(traffic_result["gnn"].model_copy(update={"metrics": metrics}))
+    start = "GOSPA 5.00 m, mostly missed objects (64\N{NO-BREAK SPACE}% of its square; "
+    assert said.startswith(start + "localisation 36\N{NO-BREAK SPACE}%")
+
+
+def test_the_oracle_is_held_against_the_best_of_its_filter(traffic_result: Result) -> None:
+    (said,) = association_against_filtering(traffic_result)
+    metric = traffic_result["oracle"].metrics["gospa"].value
+    assert said.startswith("oracle knows which detection is whose: its GOSPA of ")
+    assert metric is not None
+    assert traffic_result.contenders[0].name in said
+    alone = traffic_result.updated(
+        trackers=[tracker for tracker in traffic_result.summary.trackers if tracker.name == "oracle"],
+        ranking=["oracle"],
+    )
+    assert list(association_against_filtering(alone)) == []
+
+
+def test_the_costliest_events_are_listed_with_the_commands_that_show_them(
+    document: Document, traffic_result: Result
+) -> None:
+    (table,) = (table for table in document.tables if table.name == "costliest-events")
+    costs = [float(row[5].text) for row in table.rows if row[0].text == "naive"]
+    expected = [event.cost_m2 for event in events_of(traffic_result, "naive", 0)[:3]]
+    np.testing.assert_allclose(costs, expected, atol=0.06)
+    assert f"trackbench view . --worst --tracker {traffic_result.scored[0].name}" in text(document)
+
+
+def test_headings_are_the_terms_of_the_field(document: Document) -> None:
+    headings = {column.heading for table in document.tables for column in table.columns}
+    assert {"GOSPA, m", "HOTA", "IDF1", "T-GOSPA, m", "DetA", "AssA", "position RMSE, m", "NEES"} <= headings
+
+
+def test_a_failed_tracker_and_one_alone(failing_result: Result) -> None:
+    document = result_document(failing_result)
+    assert "Not ranked" in titles(document)
+    assert "Differences between trackers" not in titles(document)
+    assert "ValueError: out of order" in text(document)
+    assert "gnn has the smallest GOSPA" in text(document)
+    assert "failing" in to_html(document)
+    assert [row[0].text for row in ranking_table(failing_result).rows] == ["gnn"]
+
+
+def test_all_trackers_failed(failing_result: Result) -> None:
+    only = failing_result.updated(trackers=[failing_result["failing"]], ranking=["failing"], differences=[])
+    empty = {
+        name: table.slice(0, 0) if "tracker" in table.column_names else table for name, table in only.tables.items()
+    }
+    document = result_document(Result(only.summary, type(only.tables)(empty)))
+    assert "No tracker finished." in text(document)
+    assert document.figures == []
+
+
+def test_long_names_and_many_trackers_are_drawn(traffic_result: Result) -> None:
+    names = {name: f"a_tracker_with_a_rather_long_name_{name}" for name in traffic_result}
+    summary = traffic_result.summary.model_dump_json()
+    tables = {}
+    for name, longer in names.items():
+        summary = summary.replace(f'"{name}"', f'"{longer}"')
+    for name, table in traffic_result.tables.items():
+        if "tracker" in table.column_names:
+            column = [names[str(value)] for value in table["tracker"].to_pylist()]
+            table = table.set_column(table.column_names.index("tracker"), "tracker", [column])
+        tables[name] = table
+    renamed = Result(type(traffic_result.summary).model_validate_json(summary), type(traffic_result.tables)(tables))
+    document = result_document(renamed)
+    assert len(document.figures) == 5
+    for figure in document.figures:
+        assert "a_tracker" in svg_file(figure)
+
+
+def test_a_scene_in_which_nothing_is_due(traffic_text: str, tmp_path: Path) -> None:
+    file = tmp_path / "three_cars.yaml"
+    file.write_text(traffic_text.replace("max_range_m: 60", "max_range_m: 3"), encoding="utf-8")
+    document = result_document(tb.run(file, out=tmp_path / "out"))
+    assert "objects" not in {figure.name for figure in document.figures}
+    assert (tmp_path / "out" / "three_cars" / "recording.rrd").is_file()

@@ -1,0 +1,89 @@
+"""What a run of hidden identities leaves in its tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import trackbench as tb
+from trackbench.errors import InputError
+from trackbench.metrics.track_events import events_of
+from trackbench.results import Result
+from trackbench.results.table_check import HIDDEN_COLUMNS
+from trackbench.runner import traffic_events
+
+
+def test_every_table_is_as_stated(traffic_result: Result) -> None:
+    assert set(traffic_result.tables) == set(HIDDEN_COLUMNS)
+    for name, (texts, numbers) in HIDDEN_COLUMNS.items():
+        assert {*texts, *numbers} <= set(traffic_result.tables[name].column_names), name
+
+
+def test_the_costs_of_the_events_are_all_that_is_missed_and_false(traffic_result: Result) -> None:
+    steps = len(np.unique(traffic_result.tables.due["time_s"].to_numpy()))
+    for tracker in ("gnn", "pmb", "oracle", "naive"):
+        metrics = traffic_result[tracker].metrics
+        squares = sum((metrics[f"gospa_{part}"].value or 0.0) ** 2 for part in ("missed", "false"))
+        events = [event for event in events_of(traffic_result, tracker) if event.kind != "switched"]
+        assert sum(event.cost_m2 for event in events) == pytest.approx(3 * steps * squares)
+
+
+def test_the_strips_say_how_long_each_object_was_tracked(traffic_result: Result) -> None:
+    recorded = traffic_result.to_pandas("objects")
+    due = traffic_result.to_pandas("due")
+    for tracker in ("gnn", "naive"):
+        own = recorded[recorded["tracker"] == tracker]
+        for name in ("slow", "fast", "leaving"):
+            strip = own[own["object"] == name]
+            np.testing.assert_allclose(strip["time_s"].iloc[1:], strip["until_s"].iloc[:-1])
+            there = strip[strip["state"] != "not due"]
+            instants = (due["object"] == name) & (due["status"] == 2)
+            assert (there["until_s"] - there["time_s"]).sum() == pytest.approx(0.1 * instants.sum())
+
+
+def test_associations_are_of_detections_that_are_there(traffic_result: Result) -> None:
+    taken, measurements = traffic_result.to_pandas("taken"), traffic_result.to_pandas("measurements")
+    oracle = taken[taken["tracker"] == "oracle"].merge(measurements, on=["scan", "detection"])
+    assert len(oracle) == (taken["tracker"] == "oracle").sum() > 50
+    assert "false alarm" not in set(oracle["object"])
+    association = traffic_result.to_pandas("association").set_index("tracker")
+    assert association.loc["oracle", ["wrong_object", "clutter", "missed"]].sum() == 0
+    for tracker in ("gnn", "naive"):
+        share = association.loc[tracker, "right"] / association.loc[tracker].sum()
+        assert traffic_result[tracker].metrics["association_right"].value == pytest.approx(share)
+
+
+def test_existence_adds_up(traffic_result: Result) -> None:
+    bins = traffic_result.to_pandas("existence")
+    assert set(bins["tracker"]) == {"pmb"}
+    known = bins[bins["count"] > 0]
+    assert ((known["stated"] >= known["from"]) & (known["stated"] <= known["to"])).all()
+    assert known["real"].between(0, 1).all()
+
+
+def test_the_events_that_are_kept_are_the_dearest(
+    traffic_text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, traffic_result: Result
+) -> None:
+    monkeypatch.setattr(traffic_events, "MOST_EVENTS", 2)
+    (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
+    result = tb.run(tmp_path / "three_cars.yaml")
+    for tracker in ("gnn", "naive"):
+        assert events_of(result, tracker, 0) == events_of(traffic_result, tracker, 0)
+        others = [event.cost_m2 for event in events_of(result, tracker) if event.run > 0]
+        every = [event.cost_m2 for event in events_of(traffic_result, tracker) if event.run > 0]
+        assert others == every[:2]
+
+
+def test_a_table_of_another_run_is_refused(traffic_folder: Path, tmp_path: Path) -> None:
+    for file in traffic_folder.iterdir():
+        if file.suffix in (".parquet", ".json"):
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    events = pq.read_table(tmp_path / "events.parquet")
+    names = pa.array(["other" for _ in range(len(events))])
+    pq.write_table(events.set_column(0, "tracker", names), tmp_path / "events.parquet")
+    with pytest.raises(InputError, match="tracker 'other' is none of this run"):
+        _ = Result.load(tmp_path).tables.events
