@@ -21,12 +21,13 @@ from stonesoup.types.state import State
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory, score_run
-from trackbench.traffic_metrics.assignment import Counted, count
+from trackbench.traffic_metrics.assignment import Counted, count, similarity
 from trackbench.traffic_metrics.clear import clear_matches, switches, track_of_each
 from trackbench.traffic_metrics.gospa import gospa_of_sets
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
 from trackbench.traffic_metrics.ospa import ospa_of_parts
+from trackbench.traffic_metrics.run import LEAST_SIMILARITY
 from trackbench.types import DUE
 
 CUTOFF = 5.0
@@ -58,7 +59,7 @@ def sequence(steps: int, objects: int) -> tuple[TruthHistory, TrackHistory]:
         ids[start:, [one, other]] = ids[start:, [other, one]]
         ids[start:, rng.integers(objects)] = objects + start
     ids[rng.random(ids.shape) < 0.02] = -1
-    false = np.repeat(np.arange(steps // 20)[:, None], 20, axis=0) * (objects // 10) + np.arange(objects // 10)
+    false = (np.arange(steps) // 20)[:, None] * (objects // 10) + np.arange(objects // 10)
     places = rng.uniform([-140, -2], [140, 14], (int(false.max()) + 1, 2))[false]
     mean = state + rng.normal(0, 0.3, state.shape)
     wrong = np.concatenate([np.moveaxis(places, 2, 0), np.zeros((2, *false.shape))])
@@ -107,21 +108,15 @@ def _gospa_and_ospa() -> dict[str, Any]:
 
 def _identities() -> list[dict[str, Any]]:
     truth, tracks = sequence(STEPS, OBJECTS)
-    theirs = _for_trackeval(truth, tracks)
-    metrics = HOTA(), CLEAR({"PRINT_CONFIG": False}), Identity({"PRINT_CONFIG": False})
-
-    def peer() -> list[float]:
-        found = [metric.eval_sequence(theirs) for metric in metrics]
-        return [float(found[0]["HOTA"].mean()), float(found[1]["MOTA"]), float(found[2]["IDF1"])]
-
-    difference = float(np.max(np.abs(np.subtract(_ours(truth, tracks), peer()))))
+    theirs = for_trackeval(truth, tracks)
+    difference = float(np.max(np.abs(np.subtract(our_scores(truth, tracks), their_scores(theirs)))))
     _agreed("TrackEval", difference)
     return [
         {
             "what": f"HOTA, CLEAR and identity of {OBJECTS} objects over {STEPS} steps, from positions",
-            "seconds": _best(lambda: _ours(truth, tracks), REPETITIONS),
+            "seconds": _best(lambda: our_scores(truth, tracks), REPETITIONS),
             "peer": "TrackEval, from similarities",
-            "peer_seconds": _best(peer, REPETITIONS),
+            "peer_seconds": _best(lambda: their_scores(theirs), REPETITIONS),
             "largest_difference": difference,
             "required_seconds": REQUIRED_IDENTITIES,
         },
@@ -136,12 +131,13 @@ def _identities() -> list[dict[str, Any]]:
     ]
 
 
-def _ours(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
+def our_scores(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
+    """HOTA, MOTA and IDF1."""
     counted: Counted = count(truth, tracks, CUTOFF)
-    similarity = 1 - counted.pairs.distance / CUTOFF
-    found = hota(counted.pairs, similarity, counted.object_counts, counted.track_counts)
-    near = counted.pairs.where(similarity >= 0.5)
-    chosen = clear_matches(near, similarity[similarity >= 0.5], counted.due, counted.present)
+    alike = similarity(counted.pairs.distance, CUTOFF)
+    found = hota(counted.pairs, alike, counted.object_counts, counted.track_counts)
+    near = counted.pairs.where(alike >= LEAST_SIMILARITY)
+    chosen = clear_matches(near, alike[alike >= LEAST_SIMILARITY], counted.due, counted.present)
     changes = switches(track_of_each(near.where(chosen), counted.due.shape))
     due, matched = counted.due.sum(), chosen.sum()
     mota = (2 * matched - counted.present.sum() - len(changes.instant)) / due
@@ -149,7 +145,15 @@ def _ours(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
     return [float(found.hota.mean()), float(mota), 2 * true / (2 * true + missed + false)]
 
 
-def _for_trackeval(truth: TruthHistory, tracks: TrackHistory) -> dict[str, Any]:
+def their_scores(sequence: dict[str, Any]) -> list[float]:
+    """The same from TrackEval."""
+    metrics = HOTA(), CLEAR({"PRINT_CONFIG": False}), Identity({"PRINT_CONFIG": False})
+    found = [metric.eval_sequence(sequence) for metric in metrics]
+    return [float(found[0]["HOTA"].mean()), float(found[1]["MOTA"]), float(found[2]["IDF1"])]
+
+
+def for_trackeval(truth: TruthHistory, tracks: TrackHistory) -> dict[str, Any]:
+    """What TrackEval reads."""
     _, numbers = np.unique(tracks.ids, return_inverse=True)
     there = tracks.ids >= 0
     distance = np.hypot(*(truth.state[:2, :, :, None] - tracks.mean[:2, :, None]))

@@ -105,7 +105,8 @@ def beside_stonesoup(method: str) -> tuple[float, float, int]:
         state, tracks = of.step(state, scan)
         own.append(tracks)
     peers: list[Any] = []
-    peer = stonesoup_tracks(begun.mean, begun.covariance, first.time, later, method, gate)
+    name = {"jpda": "jpda by belief propagation"}.get(method, method)
+    peer = stonesoup_tracks(begun.mean, begun.covariance, first.time, later, name, gate)
     seconds = cpu_seconds(lambda: peers.extend(peer))
     same, apart = np.ones(VEHICLES, dtype=bool), 0.0
     for tracks, (mean, _, used) in zip(own, peers, strict=True):

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from trackbench.scenario.examples import OTHER_EXAMPLES
+
 SCENARIO = """\
 name: options
 truth: {source: highway-env, env: highway-v0, duration_s: 2, rate_hz: 10}
@@ -93,3 +95,8 @@ def test_a_limit_of_the_scene_needs_hidden_identities(check: Callable[[str], str
 def test_shares_of_sizes_add_up_to_at_most_one(check: Callable[[str], str]) -> None:
     text = SCENARIO.replace("duration_s: 2", "duration_s: 2, sizes: {van: 0.7, truck: 0.4}")
     assert check(text) == "2: truth.sizes: the shares add up to 1.1; at most 1 is possible\n"
+
+
+def test_the_example_of_the_reference_is_valid(check: Callable[[str], str]) -> None:
+    truth = "truth: {source: highway-env, env: highway-v0, duration_s: 2, rate_hz: 20}\n"
+    assert check(f"name: page\n{truth}{OTHER_EXAMPLES['Clutter']}trackers: {{raw: {{use: raw}}}}\n") == ""

@@ -331,3 +331,81 @@ def test_an_own_tracker_has_the_same_bits_in_either_process(
 def _use(tiny: Path, use: str) -> None:
     text = tiny.read_text(encoding="utf-8").replace("use: raw", f'use: "{use}"')
     tiny.write_text(text.replace('["radar"', '["radar"]') if "sensors: [" in use else text, encoding="utf-8")
+
+
+#: What a tracker's process may answer in the place of an answer.
+FORGED = {
+    "text_for_a_member": '{"fault": ["cause", "raised", None, "three"]}',
+    "far_member": '{"fault": ["cause", "raised", None, 10**6]}',
+    "negative_member": '{"fault": ["cause", "raised", None, -5]}',
+    "other_kind": '{"fault": ["cause", "odd", None, None]}',
+    "short": '{"fault": ["cause"]}',
+    "no_errors": '{"input": 3}',
+}
+
+
+def test_forged_answers(run_tiny: Callable[..., Result], tmp_path: Path, write_module: Any) -> None:
+    code = "import json\nfrom trackbench.stepping import host, wire\n"
+    for name, answer in FORGED.items():
+        code += (
+            f"class {name}:\n    def step(self, state, scan):\n"
+            f"        host.send_answer = lambda to, values, arrays: wire.send_answer(\n"
+            f"            to, {{**{answer}, 'exchange': values['exchange']}}, {{}})\n        return None, None\n"
+        )
+    module = write_module(tmp_path, code)
+    settings = [f"trackers.{name}.use={module}:{name}" for name in FORGED]
+    result = run_tiny(*settings, folder=tmp_path, isolation=Isolation(timeout=TIMEOUT))
+    for name in FORGED:
+        failed = result[name].failed
+        assert failed is not None
+        assert failed.cause == "its process sent what is no answer"
+    assert result["ekf"].failed is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        (["trackers.ekf.motion=plug:Motion"], "os._exit(0)"),
+        (["trackers.ekf.motion=plug:Motion"], None),
+        (["score.metrics=['plug:Own']"], "os._exit(0)"),
+    ],
+)
+def test_plug_ins_of_other_kinds_do_not_end_a_run_in_silence(
+    tiny: Path, trackbench: str, settings: list[str], told: str | None
+) -> None:
+    body = "os._exit(0)" if told else "raise ValueError('oops')"
+    code = (
+        "import os\nfrom trackbench.models.motion.cv import ConstantVelocity\n"
+        "from trackbench.metrics import OwnMetric\n"
+        f"class Motion(ConstantVelocity):\n    def transition(self, *arguments):\n        {body}\n"
+        "class Own(OwnMetric):\n    name, unit, meaning = 'own', 'm', 'none'\n"
+        f"    def init(self, scope):\n        {body}\n"
+        "    def update(self, sums, chunk): return sums\n    def merge(self, blocks): return 0\n"
+        "    def finish(self, sums): return 0.0\n"
+    )
+    (tiny.parent / "plug.py").write_text(code, encoding="utf-8")
+    command = [trackbench, "run", "tiny.yaml", "--quiet", "--no-recording"]
+    command += [word for setting in settings for word in ("--set", setting)]
+    done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)
+    # A metric that raises has no value, and ends nothing.
+    assert done.returncode in ((0,) if "metrics" in settings[0] else (2, 3))
+    assert "Traceback" not in done.stderr
+    assert (told or "ValueError: oops") in done.stdout + done.stderr
+
+
+def test_a_child_in_a_session_of_its_own_does_not_outlive_the_command(
+    tiny: Path, write_module: Any, trackbench: str
+) -> None:
+    code = (
+        "import subprocess, sys\nclass T:\n    def step(self, state, scan):\n"
+        "        command = [sys.executable, '-c', 'import time; time.sleep(1e6)']\n"
+        "        child = subprocess.Popen(command, start_new_session=True)\n"
+        "        open('left.txt', 'a').write(f'{child.pid} ')\n        raise ValueError\n"
+    )
+    _use(tiny, f"{write_module(tiny.parent, code)}:T")
+    command = [trackbench, "run", "tiny.yaml", "--quiet", "--no-recording"]
+    done = subprocess.run(command, cwd=tiny.parent, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 3, done.stderr
+    for number in (tiny.parent / "left.txt").read_text().split():
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(number), 0)

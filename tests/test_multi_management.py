@@ -174,7 +174,7 @@ def test_the_score_confirms_and_deletes() -> None:
 @pytest.mark.parametrize("method", ["jipda", "pmb"])
 def test_existence_rises_with_detections_and_falls_with_misses(method: str) -> None:
     seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
-    of, state = tracker(method), None
+    of, state = tracker(method, visible_s=None), None
     for scan in seen.scans:
         state, tracks = of.step(state, of_run(scan._replace(detection_probability=0.9), 0))
     assert tracks.existence is not None
@@ -189,6 +189,36 @@ def test_existence_rises_with_detections_and_falls_with_misses(method: str) -> N
     ahead = r * np.exp(-0.05 / 60)
     missed = ahead * (1 - 0.9 * 0.9999)
     np.testing.assert_allclose(tracks.existence[0], missed / (1 - ahead + missed), rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["jipda", "pmb"])
+def test_a_hidden_object_may_exist(method: str) -> None:
+    """Existence and visibility follow the three states of a Markov chain: visible, hidden, gone."""
+    seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
+    dt, detection, gate, lifetime, visible_s, hidden_s = 0.05, 0.9, 0.9999, 60.0, 5.0, 2.0
+    of, state = tracker(method, visible_s=visible_s, hidden_s=hidden_s, lifetime_s=lifetime), None
+    for scan in seen.scans:
+        state, tracks = of.step(state, of_run(scan._replace(detection_probability=detection), 0))
+    real = int(np.argmax(state.table.evidence[0]))
+    exists, visible = state.table.evidence[:, real]
+    chances = np.array([exists * visible, exists * (1 - visible), 1 - exists])
+    rates = np.array([[-1 / visible_s, 1 / hidden_s], [1 / visible_s, -1 / hidden_s]])
+    values, vectors = np.linalg.eig(rates)
+    move = (vectors * np.exp(values * dt)) @ np.linalg.inv(vectors)
+    last = of_run(seen.scans[-1], 0)
+    for k in range(1, 9):
+        empty = last._replace(
+            time=last.time + dt * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool),
+            detection_probability=detection,
+        )  # fmt: skip
+        state, tracks = of.step(state, empty)
+        there = np.exp(-dt / lifetime) * move @ chances[:2]
+        chances = np.array([there[0] * (1 - detection * gate), there[1], 1 - there.sum()])
+        chances /= chances.sum()
+        assert tracks.existence is not None
+        np.testing.assert_allclose(tracks.existence[0], chances[:2].sum(), rtol=1e-9)
+    # Eight misses of a visible object would leave 1e-5 or so.
+    assert 0.5 < tracks.existence[0] < 0.99
 
 
 def test_what_the_tracker_takes_in_place_of_what_the_sensor_states() -> None:

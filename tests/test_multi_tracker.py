@@ -13,6 +13,7 @@ from tests.traffic_scans import FALSE_ALARM, Traffic, of_run, traffic, vehicles
 
 from trackbench.errors import TrackbenchError
 from trackbench.multi import MultiObjectTracker, build_multi
+from trackbench.testing import check_tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.types import Array, Tracks
@@ -244,6 +245,13 @@ def test_the_covariance_has_the_spread_of_the_innovations() -> None:
     np.testing.assert_allclose(after.mean[:, 0], x + gain @ mean, rtol=0, atol=1e-12)
     expected = share[3] * p + (1 - share[3]) * corrected + gain @ spread @ gain.T
     np.testing.assert_allclose(after.covariance[..., 0], expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", [method for method in METHODS if method != "oracle"])
+def test_the_rules_for_trackers_of_several_objects_hold(method: str) -> None:
+    checks = check_tracker(lambda: tracker(method), identities="hidden")
+    assert len(checks) > 6
+    assert all(check.problem is None for check in checks)
 
 
 def test_a_scan_older_than_the_state_is_refused() -> None:

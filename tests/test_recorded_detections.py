@@ -11,7 +11,7 @@ import yaml
 from click.testing import CliRunner
 from tests.udacity import data_folder
 
-from trackbench.cli.main import cli
+from trackbench.cli.commands import cli
 from trackbench.errors import InputError
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.results import Result

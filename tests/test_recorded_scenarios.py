@@ -10,7 +10,7 @@ import yaml
 from click.testing import CliRunner
 from tests.udacity import synthetic_lines
 
-from trackbench.cli.main import cli
+from trackbench.cli.commands import cli
 from trackbench.errors import InputError
 from trackbench.report.console import _title
 from trackbench.results import Result

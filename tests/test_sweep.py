@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 import trackbench as tb
-from trackbench.cli.main import cli
+from trackbench.cli.commands import cli
 from trackbench.document.markdown import to_markdown
 from trackbench.errors import InputError
 from trackbench.recording import write

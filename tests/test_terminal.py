@@ -21,7 +21,7 @@ import click
 import pytest
 from rich.console import Console
 
-from trackbench.cli.main import cli as root
+from trackbench.cli.commands import cli as root
 from trackbench.report.console import print_summary
 from trackbench.results import Result
 

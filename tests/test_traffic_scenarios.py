@@ -11,10 +11,10 @@ import pytest
 from trackbench.runner.work import work_of
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of
-from trackbench.sensing.detections import FALSE_ALARM, HiddenMeasurements, sense_hidden
-from trackbench.sensing.due import ABSENT, DUE, OPTIONAL, Due, find_due
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor
-from trackbench.types import Array, Truth
+from trackbench.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL, Array, Truth
 
 RUNS = 20
 

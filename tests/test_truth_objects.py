@@ -135,8 +135,8 @@ def test_shares_of_sizes() -> None:
     np.testing.assert_array_equal(with_sizes(alike, VehicleSizes(truck=1), 1).length[1:], 10.0)
 
 
-def test_a_scenario_that_hides_identities_asks_for_every_vehicle_in_reach(tmp_path: Path) -> None:
-    known, hidden = (load_scenario("highway_dense", [f"sensing.identities={word}"]) for word in ("known", "hidden"))
+def test_a_scenario_that_hides_identities_asks_for_every_vehicle_in_reach() -> None:
+    known, hidden = load_scenario("highway_dense"), load_scenario("traffic/dense_highway")
     assert source_of(known) == known.config.truth
     source = source_of(hidden)
     assert isinstance(source, HighwayTruth)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
-from stonesoup.dataassociator.probability import JPDA
+from stonesoup.dataassociator.probability import JPDA, JPDAwithLBP
 from stonesoup.functions import gm_reduce_single
 from stonesoup.hypothesiser.probability import PDAHypothesiser
 from stonesoup.models.measurement.linear import LinearGaussian
@@ -28,6 +28,8 @@ from trackbench.models.sensors import Radar
 from trackbench.types import Array, Indices, Scan
 
 BEGIN = datetime(2000, 1, 1)
+#: By belief propagation: the enumeration of all vehicles' associations takes minutes for a scan.
+ASSOCIATORS = {"gnn": GNNWith2DAssignment, "jpda": JPDA, "jpda by belief propagation": JPDAwithLBP}
 #: Stone Soup's order of a radar's components is bearing, range, range rate.
 ORDER = {"radar": [1, 0, 2], "lidar": [0, 1]}
 
@@ -53,7 +55,7 @@ def stonesoup_tracks(
             prob_detect=Probability(scan.detection_probability),
             prob_gate=Probability(gate),
         )
-        associator = GNNWith2DAssignment(hypothesiser) if method == "gnn" else JPDA(hypothesiser)
+        associator = ASSOCIATORS[method](hypothesiser)
         detections = detected(scan)
         found = associator.associate(set(tracks), detections, at(scan.time))
         used = []

@@ -130,7 +130,7 @@ def cholesky(p: Array) -> Cholesky:
             pivot = pivot - entry * entry
         good = pivot > 0.0
         positive = good if positive is None else positive & good
-        diagonal = np.sqrt(pivot if np.all(good) else np.where(good, pivot, 1.0))
+        diagonal = np.sqrt(pivot if good.all() else np.where(good, pivot, 1.0))
         row.append(diagonal)
         rows.append(tuple(row))
         inverse_diagonal.append(1.0 / diagonal)
@@ -158,7 +158,7 @@ def ensure_definite(p: Array) -> Definite:
     (Higham 1988, Theorem 2.1). Matrices with entries that are not finite are left as they are, and not marked.
     """
     factor = cholesky(p)
-    if np.all(factor.positive):
+    if factor.positive.all():
         return Definite(p, factor, None)
     size = len(p)
     flat = symmetrise(p).reshape(size, size, -1)

@@ -60,7 +60,8 @@ class Scan(NamedTuple):
     """One sensor's measurements at one instant: what a real tracker would know, and nothing of the truth.
 
     With known identities the trailing axes of ``measurement`` and ``valid`` are the objects. With hidden ones there is
-    one trailing axis, of the D detections, whose order means nothing, and D may be 0.
+    one trailing axis, of the D detections, whose order means nothing, and D may be 0; in a batch of runs a second one,
+    where D is that of the run with most of them: in the others, columns of NaN that are not valid come last.
     """
 
     time: float

@@ -216,6 +216,22 @@ def test_a_detection_of_two_objects_is_right_for_both_and_silence_is_no_miss_whe
     assert found["association_missed"] == (1, 5)
 
 
+def test_from_half_of_the_cutoff_on_a_track_is_near_an_object_but_not_on_it() -> None:
+    truth = truth_of([[0.0]] * 4)
+    on, near, far = (ratios(score_run(truth, tracks_of([[x]] * 4))) for x in (2.5, 2.6, 5.1))
+    assert (on["matched_share"], near["matched_share"], near["idf1"], near["mota"]) == (1, 0, 0, -1)
+    assert (near["gospa"], near["gospa_missed"]) == (pytest.approx(2.6), 0)
+    assert near["hota"] > 0 == far["hota"]
+    assert far["gospa"] == pytest.approx(5.0)
+
+
+def test_two_cars_side_by_side_whose_tracks_change_places_are_switched_at_once() -> None:
+    truth = truth_of([[0.0, 3.5]] * 10)
+    found = ratios(score_run(truth, tracks_of([[0.0, 3.5]] * 5 + [[3.5, 0.0]] * 5)))
+    assert found["id_switches"] == pytest.approx(2 / (20 * STEP / 60))
+    assert (found["matched_share"], found["position_rmse"]) == (1, 0)
+
+
 def test_two_tracks_on_an_object_are_ambiguous() -> None:
     truth = truth_of([[0.0, 30.0]] * 4)
     found = ratios(score_run(truth, tracks_of([[0.0, 1.0, 60.0]] * 4)))
@@ -252,3 +268,10 @@ def test_a_mean_that_is_not_finite_is_on_no_object() -> None:
     found = ratios(score_run(truth, tracks))
     assert found["gospa_false"] == pytest.approx(12.5**0.5)
     assert found["position_rmse"] == 0
+
+
+def test_an_id_that_two_tracks_share_is_scored_like_any() -> None:
+    truth = truth_of([[0.0, 30.0]] * 6)
+    found = ratios(score_run(truth, tracks_of(truth.state[0], ids=[[4, 4]] * 6)))
+    assert (found["gospa"], found["mota"], found["matched_share"]) == (0, 1, 1)
+    assert found["track_purity"] == 0.5

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks import traffic_scores
 from tests.traffic_metrics.sequences import Similarities, random_sequence
 from trackeval.metrics import CLEAR, HOTA, Identity
 
+from trackbench.traffic_metrics import score_run
 from trackbench.traffic_metrics.clear import clear_matches, resumptions, switches, track_of_each
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
@@ -103,3 +105,12 @@ def test_trackevals_own_cases(data: Similarities, mota: float, idf1: float, hota
     assert found["MOTA"] == pytest.approx(mota, abs=1e-12)
     assert found["IDF1"] == pytest.approx(idf1, abs=1e-12)
     assert found["HOTA"] == pytest.approx(hota_value, abs=1e-6)
+
+
+def test_positions_score_as_their_similarities_do_in_trackeval() -> None:
+    truth, tracks = traffic_scores.sequence(250, 12)
+    theirs = traffic_scores.their_scores(traffic_scores.for_trackeval(truth, tracks))
+    assert traffic_scores.our_scores(truth, tracks) == pytest.approx(theirs, abs=1e-12)
+    values = score_run(truth, tracks).values
+    assert [values[path][0] / values[path][1] for path in ("hota", "mota", "idf1")] == pytest.approx(theirs, abs=1e-12)
+    assert values["id_switches"][0] > 0

@@ -56,7 +56,7 @@ def save(
     from trackbench import recording as rerun
 
     artifacts: dict[str, Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
-    if recording and result.summary.identities == "known":
+    if recording:
         artifacts["recording.rrd"] = partial(rerun.write, result, colours=colours)
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,9 +13,11 @@ from trackbench.api.listener import Listener
 from trackbench.api.plan import Plan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.scenario import Scenario
 from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.wire import INSIDE
 from trackbench.types import Progress, no_progress
 
 Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
@@ -74,6 +77,10 @@ def run(
         InputError: something is wrong in a scenario, nothing can be written to ``out``, or no cluster can be reached.
         TrackbenchError: the folder cannot be written, or workers died.
     """
+    if INSIDE in os.environ:
+        # A script that names a class of its own is imported by the tracker's process.
+        problem = "a script that runs scenarios is imported as the module of a tracker; write the call under"
+        raise InputError(f'{problem} if __name__ == "__main__":')
     given = scenario if isinstance(scenario, list | tuple) else [scenario]
     plan = Plan(None if out is None else Path(out), workers, cluster, recording, Isolation(in_process, tracker_timeout))
     listener = _Counter(progress)

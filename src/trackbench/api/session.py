@@ -27,6 +27,7 @@ def prepare(scenarios: Sequence[Scenario], plan: Plan, executor: Executor, liste
         results.require_writable(plan.out)
     _require_distinct(scenarios)
     scenarios = [_checked(scenario, plan) for scenario in scenarios]
+    _require_visible(scenarios, listener)
     if plan.out is not None:
         for scenario in scenarios:
             results.require_replaceable(plan.out / scenario.config.name)
@@ -48,9 +49,14 @@ def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: 
 
     batch = Batch(prepared, plan, executor, listener)
     found = batch.run()
-    if plan.out is not None and len(found) > 1:
+    if plan.out is not None and comparable(found):
         save_comparison(found, plan.out, batch.colours)
     return found
+
+
+def comparable(found: Sequence[Result]) -> bool:
+    """Whether there are several results, whose trackers are ranked by the same metric."""
+    return len(found) > 1 and len({item.summary.headline for item in found}) == 1 and found[0].summary.truth.known
 
 
 def _checked(scenario: Scenario, plan: Plan) -> Scenario:
@@ -81,6 +87,14 @@ def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, pl
 
 def _place(number: int, of: Sequence[object]) -> str:
     return f"{number} of {len(of)}: " if len(of) > 1 else ""
+
+
+def _require_visible(scenarios: Sequence[Scenario], listener: Listener) -> None:
+    """What is shown while it goes on is estimates of known objects."""
+    for scenario in scenarios if listener.observes else ():
+        if scenario.config.sensing.identities == "hidden":
+            problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
+            raise InputError(problem, file=scenario.path, key="sensing.identities")
 
 
 def _require_distinct(scenarios: Sequence[Scenario]) -> None:

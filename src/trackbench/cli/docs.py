@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import click
 
-from trackbench.cli.main import cli
+from trackbench.cli.commands import cli
 
 INTRODUCTION = """\
 # The command line

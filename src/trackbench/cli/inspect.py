@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
@@ -11,11 +12,14 @@ from trackbench.cli.moments import TRACKER, MomentCommand, require_worst, worst_
 from trackbench.cli.view import open_viewer
 from trackbench.results import to_json
 
+if TYPE_CHECKING:
+    from trackbench.recording.reader import Recorded
+
 
 @click.command("inspect", cls=MomentCommand)
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
 @click.option("--at", type=float, metavar="T", help="The scene at this time, in seconds.")
-@worst_option("The worst moment of each tracker, or the N worst.")
+@worst_option("The worst moment of each tracker, or the N worst; with hidden identities the N costliest events.")
 @click.option("--vehicle", metavar="NAME", help="With --worst: of this vehicle alone. With --open: show it.")
 @TRACKER
 @click.option("--open", "opened", is_flag=True, help="Open the viewer at that time or at the worst moment.")
@@ -44,16 +48,39 @@ def inspect_command(
     if vehicle is not None and worst is None and not opened:
         raise click.UsageError("--vehicle names whose worst moments are meant: give --worst with it")
     require_worst(worst, tracker)
-    from trackbench.cli.inspection import print_inspection
     from trackbench.recording.focus import Opening
+    from trackbench.recording.reader import read
+
+    recorded = read(run)
+    show = _tracks if recorded.result.summary.identities == "hidden" else _estimates
+    if recorded.note:
+        click.echo(f"{recorded.note}: read from its tables", err=True)
+    show(recorded, at, worst, tracker, vehicle, as_json)
+    if opened:
+        open_viewer((run,), Opening(at, None if at is not None else 1, vehicle, tracker))
+
+
+def _estimates(
+    recorded: Recorded, at: float | None, worst: int | None, tracker: str | None, vehicle: str | None, as_json: bool
+) -> None:
+    from trackbench.cli.inspection import print_inspection
     from trackbench.recording.inspection import inspect
 
-    found = inspect(run, at, worst, tracker, vehicle)
-    if found.recorded.note:
-        click.echo(f"{found.recorded.note}: read from its tables", err=True)
+    found = inspect(recorded, at, worst, tracker, vehicle)
     if as_json:
         click.echo(to_json(found.json()), nl=False)
     else:
         print_inspection(found, Console())
-    if opened:
-        open_viewer((run,), Opening(at, None if at is not None else 1, vehicle, tracker))
+
+
+def _tracks(
+    recorded: Recorded, at: float | None, worst: int | None, tracker: str | None, vehicle: str | None, as_json: bool
+) -> None:
+    from trackbench.cli.track_inspection import print_tracks
+    from trackbench.recording.tracks.inspection import inspect_tracks
+
+    found = inspect_tracks(recorded, at, worst, tracker, vehicle)
+    if as_json:
+        click.echo(to_json(found.json()), nl=False)
+    else:
+        print_tracks(found, Console())

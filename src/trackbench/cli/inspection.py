@@ -16,7 +16,8 @@ from trackbench.words import counted
 
 if TYPE_CHECKING:
     from trackbench.metrics.moments import EstimateMoment, SceneMoment
-    from trackbench.recording.inspection import Inspection
+    from trackbench.recording.inspection import Inspection, SensorContents
+    from trackbench.recording.reader import Recorded
 
 #: Scores that differ by less than this share are the same but for rounding.
 ROUNDING = 1e-9
@@ -24,7 +25,7 @@ ROUNDING = 1e-9
 
 def print_inspection(found: Inspection, console: Console) -> None:
     """The contents and scores, or the moments that were asked for."""
-    _head(found.summary, console)
+    print_head(found.summary, console)
     if found.at is not None:
         _scene(found.at, console)
     if found.worst is not None:
@@ -33,18 +34,21 @@ def print_inspection(found: Inspection, console: Console) -> None:
             command = f"trackbench view {found.recorded.file} --worst --tracker {tracker}"
             console.print(Text(f"\n{command}", style="dim"), highlight=False, soft_wrap=True)
     if found.at is None and found.worst is None:
-        _contents(found, console)
+        print_contents(found.summary, found.recorded, found.sensors, console)
         _scores(found, console)
 
 
-def _head(summary: Summary, console: Console) -> None:
+def print_head(summary: Summary, console: Console) -> None:
+    """Which run it is."""
     what = f"run {summary.recorded_run} of {summary.runs}, {counted(len(summary.truth.objects), 'vehicle')}, "
     line = f": {what}{fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
     console.print(Text.assemble((summary.scenario.name, "bold"), line), highlight=False)
 
 
-def _contents(found: Inspection, console: Console) -> None:
-    summary, recorded = found.summary, found.recorded
+def print_contents(
+    summary: Summary, recorded: Recorded, sensors: Mapping[str, SensorContents], console: Console
+) -> None:
+    """Where it comes from, and how much was measured."""
     if summary.scenario.description:
         console.print(Text(summary.scenario.description), highlight=False)
     written = f"written by Rerun {recorded.rerun}" if recorded.rerun else "tables and summary of the run"
@@ -54,7 +58,7 @@ def _contents(found: Inspection, console: Console) -> None:
         f"measurements: {summary.fingerprint}",
         *(
             f"{name}: {sensor.kind}, {counted(sensor.measurements, 'measurement')} at {sensor.instants} instants"
-            for name, sensor in found.sensors.items()
+            for name, sensor in sensors.items()
         ),
         f"made by: {summary.command}",
     ]
@@ -74,7 +78,7 @@ def _scores(found: Inspection, console: Console) -> None:
         by_sensor = [fixed(nis[sensor].value if sensor in nis else None, 2) for sensor in found.sensors]
         rows.append([tracker.name, *errors, fixed(tracker.nees.value, 2), *by_sensor])
     heads = ["tracker", "position m", "vel. m/s", "course deg", "NEES", *(f"NIS {name}" for name in found.sensors)]
-    console.print(_table(heads, rows))
+    console.print(table(heads, rows))
     for tracker in found.summary.trackers:
         if tracker.failed is not None:
             console.print(Text(f"{tracker.name} failed: {tracker.failed}"), highlight=False)
@@ -97,13 +101,13 @@ def _scene(scene: SceneMoment, console: Console) -> None:
         ]
         for vehicle in scene.vehicles
     ]
-    console.print(_table(["vehicle", "x m", "y m", "speed m/s", "course deg", "detected by"], vehicles, texts=(0, 5)))
+    console.print(table(["vehicle", "x m", "y m", "speed m/s", "course deg", "detected by"], vehicles, texts=(0, 5)))
     console.print()
     estimates = [
         [item.object, item.tracker, fixed(item.px_m, 2), fixed(item.py_m, 2), *_errors(item)]
         for item in sorted(scene.estimates, key=lambda item: item.object)
     ]
-    console.print(_table(["vehicle", "tracker", "x m", "y m", "error m", "error m/s", "NEES"], estimates, texts=(0, 1)))
+    console.print(table(["vehicle", "tracker", "x m", "y m", "error m", "error m/s", "NEES"], estimates, texts=(0, 1)))
 
 
 def _worst(worst: Mapping[str, list[EstimateMoment]], console: Console) -> None:
@@ -113,17 +117,18 @@ def _worst(worst: Mapping[str, list[EstimateMoment]], console: Console) -> None:
         for tracker, items in worst.items()
         for i, item in enumerate(items)
     ]
-    console.print(_table(["tracker", "time s", "vehicle", "error m", "error m/s", "NEES"], rows, texts=(0, 2)))
+    console.print(table(["tracker", "time s", "vehicle", "error m", "error m/s", "NEES"], rows, texts=(0, 2)))
 
 
 def _errors(item: EstimateMoment) -> list[str]:
     return [fixed(value, 2) for value in (item.position_error_m, item.velocity_error_mps, item.nees)]
 
 
-def _table(heads: Iterable[str], rows: Iterable[list[str]], texts: tuple[int, ...] = (0,)) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim")
+def table(heads: Iterable[str], rows: Iterable[list[str]], texts: tuple[int, ...] = (0,)) -> Table:
+    """A table of texts; the columns ``texts`` are flush left."""
+    found = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="dim")
     for i, head in enumerate(heads):
-        table.add_column(head, justify="left" if i in texts else "right", overflow="fold")
+        found.add_column(head, justify="left" if i in texts else "right", overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    return table
+        found.add_row(*(Text(cell) for cell in row))
+    return found

@@ -14,13 +14,13 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @click.option(
         "--tracker-timeout",
-        type=click.FloatRange(min=0, min_open=True),
+        type=click.FloatRange(0, 86_400, min_open=True),
         default=300,
         show_default=True,
         metavar="S",
         help="Most that your own tracker may take for a scan, s.",
     )
-    @click.option("--in-process", is_flag=True, help="Run your own tracker in this process, for a debugger.")
+    @click.option("--in-process", is_flag=True, help="Run it in this process, without a timeout, for a debugger.")
     @functools.wraps(command)
     def wrapped(*arguments: Any, tracker_timeout: float, in_process: bool, **options: Any) -> Any:
         from trackbench.stepping import Isolation

@@ -18,7 +18,7 @@ class MomentCommand(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         filled: list[str] = []
-        for arg, following in zip(args, [*args[1:], ""], strict=True):
+        for arg, following in zip(args, [*args, ""][1:], strict=True):
             filled += [arg, "1"] if arg == "--worst" and not following.isdigit() else [arg]
         return super().parse_args(ctx, filled)
 

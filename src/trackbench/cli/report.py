@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from trackbench.words import counted
 if TYPE_CHECKING:
     from trackbench.document import Document
     from trackbench.document.files import Format
+    from trackbench.report.traffic.export import ExportFormat
 
 #: Of the main file of a format; the other formats have none.
 _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": ".md", "latex": ".tex"}
@@ -27,13 +29,14 @@ _ENDINGS: dict[Format, str] = {"terminal": ".txt", "html": ".html", "markdown": 
 @click.option(
     "--format",
     "format",
-    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf"]),
+    type=NearestChoice(["terminal", "html", "markdown", "latex", "csv", "svg", "pdf", "mot", "events"]),
     default="terminal",
     show_default=True,
-    help="svg and pdf: every figure; csv: every table.",
+    help="svg and pdf: every figure; csv: every table. Of runs with hidden identities also mot: MOTChallenge text of "
+    "the recorded run, and events: what happened, as CSV.",
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of the files.  [default: RUN]")
-def report_command(run: Path, format: Format, out: Path | None) -> None:
+def report_command(run: Path, format: Format | ExportFormat, out: Path | None) -> None:
     """Write the report of a saved result in any format.
 
     RUN is the folder of a run, of several runs, which are compared, or of an examination, or a comparison.json. Nothing
@@ -44,7 +47,11 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
       trackbench report results/highway
       trackbench report results/highway --format latex --out paper
       trackbench report results --format html --out page.html
+      trackbench report results/traffic --format mot --out exported
     """
+    if format == "mot" or format == "events":
+        _write(dict(_exported(run, format)), run if out is None else out)
+        return
     from trackbench.document.files import files
     from trackbench.document.terminal import print_document
 
@@ -56,6 +63,16 @@ def report_command(run: Path, format: Format, out: Path | None) -> None:
     content_of = dict(files(document, format, name))
     if not content_of:
         raise InputError(f"{run} holds nothing to write as {format}", key="--format")
+    _write(content_of, folder)
+
+
+def _exported(run: Path, format: ExportFormat) -> Iterator[tuple[str, Callable[[], bytes]]]:
+    from trackbench.report.traffic.export import exported
+
+    return exported(results.Result.load(run), format)
+
+
+def _write(content_of: Mapping[str, Callable[[], bytes]], folder: Path) -> None:
     results.require_writable(folder)
     for path, content in content_of.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -95,5 +112,10 @@ def _target(run: Path, format: Format, out: Path | None, name: str) -> tuple[Pat
 
 def _summary(written: list[str]) -> str:
     folders = [path.partition("/")[0] for path in written if "/" in path]
-    counts = [f"{counted(folders.count(name), name.removesuffix('s'))} in {name}/" for name in dict.fromkeys(folders)]
+    counts = [f"{counted(folders.count(name), _kind(name))} in {name}/" for name in dict.fromkeys(folders)]
     return ", ".join([*(path for path in written if "/" not in path), *counts])
+
+
+def _kind(folder: str) -> str:
+    """What is in a folder of a report."""
+    return folder.removesuffix("s") if folder.endswith("s") else "file"

@@ -14,7 +14,7 @@ import click
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load
-from trackbench.api.session import prepare, run
+from trackbench.api.session import comparable, prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, showing
@@ -108,7 +108,7 @@ def run_command(
     if max_runs is not None and runs_until is None:
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
-    only = None if trackers is None else [name.strip() for name in trackers.split(",")]
+    only = None if trackers is None else [name for item in trackers.split(",") if (name := item.strip())]
     plan = Plan(out, workers, cluster, not no_recording, isolation, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
@@ -119,7 +119,7 @@ def run_command(
         prepared = prepare(loaded, plan, chosen, output)
         with showing(**live) as output.viewer:
             found = run(prepared, plan, chosen, output)
-            if len(found) > 1:
+            if comparable(found):
                 output.compared(len(found), out)
             if junit is not None:
                 _write_junit(found, junit)

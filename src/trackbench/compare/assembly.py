@@ -111,9 +111,13 @@ def _ranked_by(sets: Sequence[ResultSet]) -> str:
     """The metric that trackers are ranked by.
 
     Raises:
-        InputError: identities are hidden in some results and known in others.
+        InputError: identities are hidden in some results and known in others, or there is no truth.
     """
-    first, *others = (entry for item in sets for entry in item.entries)
+    every = [entry for item in sets for entry in item.entries]
+    for entry in every:
+        if not entry.result.summary.truth.known:
+            raise InputError("a recording without a truth: there are no errors to compare", file=entry.label)
+    first, *others = every
     ours = first.result.summary
     for entry in others:
         theirs = entry.result.summary

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from trackbench.stepping import fault_of
-from trackbench.trackers.answers import shaped, unpack
+from trackbench.trackers.answers import TOO_LARGE, TrackerFault, shaped, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.types import Estimate, Scan
+
+#: An estimate or a standard deviation beyond this is one of no target, m and m/s.
+LARGEST = 1e9
 
 
 class StepFailed(Exception):
@@ -66,6 +69,8 @@ class TrackerSession:
             raise
         except BaseException as error:
             raise StepFailed(error, scan) from error
+        if estimate is not None and _too_large(estimate):
+            raise StepFailed(TrackerFault(TOO_LARGE), scan)
         if estimate is None or not self._batched:
             return estimate, state
         # A batched tracker returns NaN for a track that has not started.
@@ -73,6 +78,14 @@ class TrackerSession:
             return None, state
         own = None if estimate.state is None else estimate.state[..., 0]
         return Estimate(estimate.mean[..., 0], estimate.covariance[..., 0], own), state
+
+
+def _too_large(estimate: Estimate) -> bool:
+    """Whether it is finite, and no target of a probe can be so far or so little known."""
+    largest = max(
+        float(np.abs(part).max(initial=0.0)) for part in (estimate.mean, np.sqrt(np.abs(estimate.covariance)))
+    )
+    return LARGEST < largest < np.inf
 
 
 def finite(estimate: Estimate) -> bool:

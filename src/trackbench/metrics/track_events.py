@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow.compute as pc
 
-from trackbench.results import Result
+from trackbench.results import Result, Tables
+from trackbench.types import Array
 
 #: A time in a reason, which tells events of one cause apart.
 _TIME = re.compile(r"^[\d.]+ s ")
@@ -77,6 +78,12 @@ def events_of(
     if vehicle is not None:
         found = [event for event in found if vehicle in (event.object, event.other_object)]
     return sorted(found, key=lambda event: (-event.cost_m2, event.time_s))
+
+
+def instants(tables: Tables) -> Array:
+    """``(instants,)`` s at which a sensor looks in the recorded run; without objects those with something to draw."""
+    known = [tables.due] if tables.due.num_rows else [tables.tracks, tables.measurements]
+    return np.unique(np.concatenate([table["time_s"].to_numpy() for table in known if table.num_rows] or [np.empty(0)]))
 
 
 def _whole(number: float | None) -> int | None:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.multi.gate import Pairs
+from trackbench.multi.gate import GatedPairs
 from trackbench.types import Array, Indices
 
 
-def best_assignment(pairs: Pairs, weight: Array, run: Indices) -> Indices:
+def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
     """Those pairs, each track and each detection in at most one, whose weights have the largest sum.
 
     Args:
@@ -34,7 +34,7 @@ def best_assignment(pairs: Pairs, weight: Array, run: Indices) -> Indices:
     return np.sort(np.concatenate(taken))
 
 
-def in_order_of_list(pairs: Pairs) -> Indices:
+def in_order_of_list(pairs: GatedPairs) -> Indices:
     """Each detection, in the order of the list, with the nearest track that has none yet."""
     taken_tracks, taken_detections, taken = set(), set(), []
     for pair in np.lexsort((pairs.distance, pairs.detection)):

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.types import Indices, Scan
 
 
-class Detections(NamedTuple):
+class RunDetections(NamedTuple):
     """The N detections of a scan of many runs, those of a run together."""
 
     scan: Scan
@@ -24,7 +24,7 @@ class Detections(NamedTuple):
     """``(N,)`` the how-manieth of its run each is."""
 
 
-def side_by_side(scan: Scan, as_listed: bool) -> Detections:
+def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
     """The detections of a scan ``(m, D, runs)`` without its padding.
 
     Within a run they stand as listed, or sorted by their values, so that the order of the list changes nothing.
@@ -41,4 +41,4 @@ def side_by_side(scan: Scan, as_listed: bool) -> Detections:
     run = np.repeat(np.arange(runs), counts)
     first = np.cumsum(counts) - counts
     flat = scan._replace(measurement=measurement[:, column, run], valid=np.ones(len(run), dtype=bool))
-    return Detections(flat, run, column, first, np.arange(len(run)) - first[run])
+    return RunDetections(flat, run, column, first, np.arange(len(run)) - first[run])

@@ -8,12 +8,12 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.filters import Measured, PredictedMeasurement
-from trackbench.multi.detections import Detections
+from trackbench.multi.detections import RunDetections
 from trackbench.types import Array, FieldOfView, Indices, Mask, Scan
 from trackbench.units import difference, wrap_angle
 
 
-class Pairs(NamedTuple):
+class GatedPairs(NamedTuple):
     """Tracks and detections of the same run that are in each other's gate, sorted by track and detection."""
 
     track: Indices
@@ -25,10 +25,14 @@ class Pairs(NamedTuple):
     log_likelihood: Array
     """``(P,)`` of the detection, if the track's object caused it."""
 
+    def select(self, which: Mask) -> GatedPairs:
+        """Some of the pairs."""
+        return GatedPairs(self.track[which], self.detection[which], self.distance[which], self.log_likelihood[which])
+
 
 def gated(
-    predicted: PredictedMeasurement, measured: Measured, detections: Detections, run: Indices, threshold: float
-) -> Pairs:
+    predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
+) -> GatedPairs:
     """The pairs whose squared Mahalanobis distance is at most ``threshold``.
 
     Args:
@@ -47,11 +51,11 @@ def gated(
     inside = distance <= threshold
     normalised = np.prod(factor.inverse_diagonal, axis=0) * (2 * np.pi) ** (-len(innovation) / 2)
     log_likelihood = np.log(normalised) - 0.5 * distance
-    return Pairs(track[inside], detection[inside], distance[inside], log_likelihood[inside])
+    return GatedPairs(track, detection, distance, log_likelihood).select(inside)
 
 
 def _close(
-    predicted: PredictedMeasurement, measured: Measured, detections: Detections, run: Indices, threshold: float
+    predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
 ) -> tuple[Indices, Indices]:
     """Pairs that are close in one component: a gate lies within the box about it, and that is quickly asked."""
     free = [i for i in range(len(measured.value)) if i not in measured.angular]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.filters import Belief, Filter, PredictedMeasurement
-from trackbench.multi.detections import Detections
+from trackbench.multi.detections import RunDetections
 from trackbench.multi.intensity import Intensity
 from trackbench.multi.table import NONE
 from trackbench.types import Array, Indices
@@ -21,11 +21,11 @@ class Situation(NamedTuple):
     """``(n, L)`` predicted to the scan."""
     predicted: PredictedMeasurement
     """``(m, L)``"""
-    detections: Detections
+    detections: RunDetections
     run: Indices
     """``(L,)``"""
     detection_probability: Array
-    """``(L,)`` of an object where the track says; 0 outside the field of view."""
+    """``(L,)`` of an object where the track says; 0 outside the field of view, less where it may be hidden."""
     gate: float
     """Probability that a detection falls into the gate."""
     intensity: Intensity
@@ -50,7 +50,7 @@ class Association(NamedTuple):
     log_ratio: Array
     """``(L,)`` logarithm of the likelihood of the detections with an object, over that without."""
     existence: Array | None = None
-    """``(L,)`` where the method has it."""
+    """``(2, L)`` probability that the object exists, and that it is not hidden if so, where the method has them."""
 
 
 def decided(at: Situation, track: Indices, detection: Indices, log_ratio: Array) -> Association:

@@ -21,7 +21,7 @@ class Judged(NamedTuple):
     log_ratio: Array
     """``(L,)`` logarithm of the likelihood that there is an object, over that of false alarms alone."""
     existence: Array | None
-    """``(L,)`` probability that the object exists; None where the method has none."""
+    """``(2, L)`` probability that the object exists, and that it is not hidden if so; None where it is not asked."""
 
 
 class TrackLogic(Protocol):
@@ -34,8 +34,8 @@ class TrackLogic(Protocol):
         """``(k, count)`` of tracks that begin with a detection; ``existence`` ``(count,)`` where it is known."""
         ...
 
-    def after_time(self, evidence: Array, survival: float) -> Array:
-        """``(k, L)`` after a time in which an object stays with the probability ``survival``."""
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        """``(k, L)`` after so many seconds."""
         ...
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
@@ -67,7 +67,7 @@ class CountLogic:
     def begun(self, count: int, existence: Array | None) -> Array:
         return np.repeat([[1.0], [1.0], [0.0]], count, axis=1)
 
-    def after_time(self, evidence: Array, survival: float) -> Array:
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
         return evidence
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
@@ -100,7 +100,7 @@ class ScoreLogic:
     def begun(self, count: int, existence: Array | None) -> Array:
         return np.zeros((2, count))
 
-    def after_time(self, evidence: Array, survival: float) -> Array:
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
         return evidence
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
@@ -116,23 +116,37 @@ class ScoreLogic:
 
 @dataclass(frozen=True)
 class ExistenceLogic:
-    """The probability that the object exists. Evidence: that probability."""
+    """The probability that the object exists.
+
+    An object that exists is at times hidden from the sensors. Source: Musicki, Evans and Stankovic (1994), "Integrated
+    probabilistic data association", Markov chain two. Evidence: the probability that it exists; that it is not hidden
+    if it does.
+    """
 
     confirm: float
     delete: float
+    lifetime: float
+    """Mean, s."""
+    hides: float
+    """Rate at which visible objects hide, 1/s."""
+    returns: float
+    """Rate at which hidden ones come back, 1/s."""
 
-    size: ClassVar[int] = 1
+    size: ClassVar[int] = 2
 
     def begun(self, count: int, existence: Array | None) -> Array:
         assert existence is not None
-        return existence[None]
+        return np.array([existence, np.ones(count)])
 
-    def after_time(self, evidence: Array, survival: float) -> Array:
-        return evidence * survival
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        rate = self.hides + self.returns
+        at_last = self.returns / rate
+        visible = at_last + (evidence[1] - at_last) * np.exp(-rate * elapsed)
+        return np.array([evidence[0] * np.exp(-elapsed / self.lifetime), visible])
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         assert judged.existence is not None
-        return judged.existence[None]
+        return judged.existence
 
     def confirms(self, evidence: Array) -> Mask:
         return np.asarray(evidence[0] >= self.confirm)
@@ -144,7 +158,9 @@ class ExistenceLogic:
 def track_logic(config: AssociateConfig) -> TrackLogic:
     """The rule that the options describe."""
     if config.method in ("jipda", "pmb"):
-        return ExistenceLogic(config.confirm_existence, config.delete_existence)
+        hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
+        limits = config.confirm_existence, config.delete_existence
+        return ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
     if config.confirm == "score":
         return ScoreLogic(config.confirm_score, config.score_drop)
     needed, scans = config.confirm

@@ -6,7 +6,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.filters.base import wrap_components
-from trackbench.multi.gate import Pairs
+from trackbench.multi.gate import GatedPairs
 from trackbench.multi.hard import Association, Situation, updates
 from trackbench.multi.marginals import marginals
 from trackbench.multi.table import NONE
@@ -14,7 +14,7 @@ from trackbench.types import Array, Indices
 from trackbench.units import difference
 
 
-def weighed(at: Situation, pairs: Pairs, existence: Array | None, density: float, max_cluster: int) -> Association:
+def weighed(at: Situation, pairs: GatedPairs, existence: Array | None, density: float, max_cluster: int) -> Association:
     """Joint probabilistic data association, with or without existence probabilities.
 
     Source: Fortmann, Bar-Shalom and Scheffe (1983), "Sonar tracking of multiple targets using joint probabilistic
@@ -25,13 +25,14 @@ def weighed(at: Situation, pairs: Pairs, existence: Array | None, density: float
     Args:
         at: the situation.
         pairs: in the gates.
-        existence: ``(L,)`` predicted probability that the object exists; None: it does.
+        existence: ``(2, L)`` predicted probability that the object exists, and that it is not hidden if so; None: both
+            are certain.
         density: of detections that stem from none of the tracks.
         max_cluster: size of cluster up to which the association probabilities are exact.
     """
     track, detection = pairs.track, pairs.detection
     count, detections = len(at.run), len(at.detections.run)
-    exists = np.ones(count) if existence is None else existence
+    exists, visible = np.ones((2, count)) if existence is None else existence
     hit = exists[track] * at.detection_probability[track] * np.exp(pairs.log_likelihood) / density
     missed_existing, unseen = exists * at.miss, 1.0 - exists + exists * at.miss
     share = marginals(track, detection, hit / unseen[track], (count, detections), max_cluster)
@@ -40,9 +41,14 @@ def weighed(at: Situation, pairs: Pairs, existence: Array | None, density: float
     after = np.minimum(kept + np.bincount(track, share, count), 1.0)
     mean, covariance = _mixture(at, track, detection, share / after[track], kept / after)
     unclaimed = np.maximum(1.0 - np.bincount(detection, share, detections), 0.0)
+    # Of an object that exists and was missed.
+    still_visible = 1.0 - (1.0 - visible) / at.miss
+    visible = (after - kept + kept * still_visible) / after
     ratio = np.log(unseen + np.bincount(track, hit, count))
     used = _largest(track, detection, share, none)
-    return Association(mean, covariance, used, unclaimed, ratio, None if existence is None else after)
+    return Association(
+        mean, covariance, used, unclaimed, ratio, None if existence is None else np.array([after, visible])
+    )
 
 
 def _mixture(at: Situation, track: Indices, detection: Indices, share: Array, kept: Array) -> tuple[Array, Array]:

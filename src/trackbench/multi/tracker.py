@@ -12,19 +12,19 @@ import numpy as np
 from trackbench.distributions import chi_square_quantile
 from trackbench.filters import Belief, Filter
 from trackbench.multi import assign
-from trackbench.multi.detections import Detections, side_by_side
+from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
-from trackbench.multi.gate import gated, in_view
+from trackbench.multi.gate import GatedPairs, gated, in_view
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
-from trackbench.trackers.associate import COUNTING, SHARING, AssociateConfig
+from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
 from trackbench.trackers.initial import from_first
-from trackbench.types import Array, Indices, Scan, Tracks
+from trackbench.types import Array, Indices, Mask, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
 CLAIMED = 0.5
@@ -105,11 +105,11 @@ class MultiObjectTracker:
         """The state at a later time, and the belief with what the filter can reuse for its update."""
         elapsed, table, config = time - state.time, state.table, self.associate
         survival = float(np.exp(-elapsed / config.lifetime_s))
-        undetected = state.undetected * survival + config.new_objects_per_s * elapsed
+        undetected = state.undetected * survival + config.birth_rate_hz * elapsed
         belief = Belief(table.mean, table.covariance)
         if len(table.run):
             belief = self.filter.predict(belief, elapsed)
-        evidence = self._logic.after_time(table.evidence, survival)
+        evidence = self._logic.after_time(table.evidence, elapsed)
         table = table._replace(mean=belief.mean, covariance=belief.covariance, evidence=evidence)
         return MultiObjectState(time, table, state.next_id, undetected), belief
 
@@ -129,7 +129,7 @@ class MultiObjectTracker:
         undetected = ahead.undetected * (1.0 - self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
-    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: Detections) -> Situation:
+    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: RunDetections) -> Situation:
         scan, run = detections.scan, ahead.table.run
         position = self.filter.motion.to_cartesian(belief.mean)[:2]
         predicted = self.filter.predict_measurement(belief, scan)
@@ -148,17 +148,42 @@ class MultiObjectTracker:
         pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
         # What is in a gate was in view, whatever the sensor states.
         at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
+        if config.method in EXISTENCE:
+            at.detection_probability[:] *= table.evidence[1]
         if config.method == "naive":
             chosen = assign.in_order_of_list(pairs)
             return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
-        false_alarms, new_objects = at.intensity.false_alarms, at.intensity.new_objects * probability
         if config.method == "gnn":
-            with np.errstate(divide="ignore"):
-                ratio = np.log(at.detection_probability[pairs.track] / false_alarms) + pairs.log_likelihood
-            chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
-            return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
-        density = false_alarms + (new_objects if config.method == "pmb" else 0.0)
-        return weighed(at, pairs, self._existence(table), density, config.max_cluster)
+            return self._nearest(at, pairs)
+        density = at.intensity.false_alarms
+        if config.method == "jpda":
+            return self._established(at, pairs, table.id != NONE, density)
+        if config.method == "pmb":
+            density += at.intensity.new_objects * probability
+        return weighed(at, pairs, table.evidence, density, config.max_cluster)
+
+    def _nearest(self, at: Situation, pairs: GatedPairs) -> Association:
+        ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
+        chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
+        return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
+
+    def _established(self, at: Situation, pairs: GatedPairs, confirmed: Mask, density: float) -> Association:
+        """JPDA takes each object to exist, which is known of confirmed tracks; the others take the nearest of the rest.
+
+        A tentative track that shares would keep much of its first covariance, and find a false alarm in its wide gate
+        again and again.
+        """
+        shared = confirmed[pairs.track]
+        first = weighed(at, pairs.select(shared), None, density, self.associate.max_cluster)
+        rest = pairs.select(~shared & (first.unclaimed[pairs.detection] > CLAIMED))
+        second = self._nearest(at, rest)
+        return Association(
+            np.where(confirmed, first.mean, second.mean),
+            np.where(confirmed, first.covariance, second.covariance),
+            np.where(confirmed, first.detection, second.detection),
+            np.minimum(first.unclaimed, second.unclaimed),
+            np.where(confirmed, first.log_ratio, second.log_ratio),
+        )
 
     def _judged(self, before: TrackTable, found: Association, at: Situation) -> TrackTable:
         """The tracks after the scan, without those that end."""

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from trackbench.palette import tracker_colours
-from trackbench.recording import text
+from trackbench.recording import text, track_text
 from trackbench.results import MOST_DRAWN, Result, Tables
 from trackbench.results.summary import SensorSummary
 
@@ -35,6 +35,8 @@ class Contents:
     """Markdown."""
     about: str
     """Markdown."""
+    best: str | None = None
+    """The best tracker."""
 
     @property
     def hold(self) -> float:
@@ -52,6 +54,7 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
     summary = result.summary
     drawn = {tracker.name for tracker in [*result.drawn, *result.unscored][:MOST_DRAWN]}
     names = [name for name in result if name in drawn]
+    said = text if summary.identities == "known" else track_text
     return Contents(
         name=result.name,
         runs=str(summary.runs),
@@ -60,9 +63,10 @@ def contents_of(result: Result, colours: Mapping[str, str] | None = None) -> Con
         colours=colours_of(names, colours),
         sensors=summary.sensors,
         tables=_of_trackers(result.tables, names) if len(names) < len(summary.trackers) else result.tables,
-        reference=summary.held_against.label,
-        ranking=text.ranking(result),
-        about=text.about(result),
+        reference="" if summary.reference is None else summary.reference.label,
+        ranking=said.ranking(result),
+        about=said.about(result),
+        best=result.contenders[0].name if result.scored else None,
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 import rerun as rr
 
 from trackbench.recording.chunks import EntityRows
@@ -32,6 +33,16 @@ KEYS: dict[str, tuple[str, ...]] = {
     "steps": ("tracker",),
     "nis": ("tracker", "sensor"),
 }
+#: The same where identities are hidden, and the tables that are kept as one text each.
+HIDDEN_KEYS = {
+    "truth": KEYS["truth"],
+    "measurements": KEYS["measurements"],
+    "tracks": ("tracker",),
+    "taken": ("tracker",),
+    "due": ("object",),
+    "steps": ("tracker",),
+}
+HIDDEN_TEXTS = ("events", "objects", "association", "existence")
 #: Static components: which table and which of its groups of rows an entity holds; the keys are named like columns.
 TABLE, GROUP = "table", "group"
 
@@ -39,7 +50,13 @@ TABLE, GROUP = "table", "group"
 def send_data(stream: Stream, result: Result) -> None:
     """The summary and the tables."""
     stream.static(path(*SUMMARY), rr.TextDocument(json.dumps(result.json(), allow_nan=False, ensure_ascii=False)))
-    for table, keys in KEYS.items():
+    hidden = result.summary.identities == "hidden"
+    for table in HIDDEN_TEXTS if hidden else ():
+        rows = result.tables[table]
+        if table == "events" and rows.num_rows:
+            rows = rows.filter(pc.equal(rows["run"], float(result.summary.recorded_run)))
+        stream.static(path(DATA, table), rr.TextDocument(json.dumps(rows.to_pydict(), ensure_ascii=False)))
+    for table, keys in (HIDDEN_KEYS if hidden else KEYS).items():
         for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
             entity = path(DATA, table, *values)
             about: dict[str, Any] = {TABLE: table, GROUP: group, **dict(zip(keys, values, strict=True))}
@@ -59,6 +76,8 @@ def read_data(chunks: Iterable[EntityRows]) -> tuple[dict[str, Any] | None, dict
     Rows come sorted by key and time; a table that had no rows has no columns either.
     """
     summary, roads = None, _roads([])
+    kept: dict[str, pa.Table] = {}
+    text_tables = {path(DATA, table): table for table in HIDDEN_TEXTS}
     static: dict[str, dict[str, Any]] = {}
     parts: dict[str, list[pa.RecordBatch]] = {}
     for chunk in chunks:
@@ -68,6 +87,9 @@ def read_data(chunks: Iterable[EntityRows]) -> tuple[dict[str, Any] | None, dict
             summary = json.loads(texts[0])
         elif entity == path(*ROADS):
             roads = _roads(chunk.rows.column("LineStrips2D:strips").to_pylist()[0])
+        elif entity in text_tables:
+            (content,) = chunk.rows.column("TextDocument:text").to_pylist()
+            kept[text_tables[entity]] = _text_table(json.loads(content[0]))
         elif not entity.startswith(path(DATA) + "/"):
             continue
         elif chunk.static:
@@ -81,7 +103,18 @@ def read_data(chunks: Iterable[EntityRows]) -> tuple[dict[str, Any] | None, dict
         keys = static[entity]
         table, group = str(keys.pop(TABLE)), int(keys.pop(GROUP))
         groups.setdefault(table, {})[group] = _rows(keys, batches)
-    return summary, {"roads": roads, **{table: _table(groups.get(table, {})) for table in KEYS}}
+    tables = HIDDEN_KEYS if kept else KEYS
+    return summary, {"roads": roads, **kept, **{table: _table(groups.get(table, {})) for table in tables}}
+
+
+def _text_table(columns: dict[str, list[Any]]) -> pa.Table:
+    """A table kept as text: columns of texts, and of numbers that may be null."""
+    if not any(columns.values()):
+        return pa.table({})
+    texts = {name for name, values in columns.items() if any(isinstance(value, str) for value in values)}
+    return pa.table(
+        {name: pa.array(values, pa.string() if name in texts else pa.float64()) for name, values in columns.items()}
+    )
 
 
 def _roads(strips: list[list[list[float]]]) -> pa.Table:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from trackbench.errors import InputError
 from trackbench.metrics.moments import EstimateMoment, distinct, require_name, require_time, worst
 from trackbench.metrics.recorded_run import RecordedRun, recorded_run
+from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
 from trackbench.results.columns import split
 
@@ -32,6 +35,8 @@ class Focus:
     time_s: float | None = None
     error_m: float = 0.0
     """A position error that the plot of the vehicle has to show."""
+    tracker: str | None = None
+    """Where identities are hidden, the one whose tracks are shown."""
 
 
 def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
@@ -43,6 +48,9 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
     summary = results[0].summary
     if opening.vehicle is not None:
         require_name(opening.vehicle, summary.truth.objects, "vehicle")
+    if opening.worst is not None and summary.identities == "hidden":
+        event = nth_event(results[0], opening.worst, opening.tracker, opening.vehicle)
+        return Focus(event.object or _nearest(results[0], event), event.time_s, tracker=event.tracker)
     if opening.worst is not None:
         moment = _worst([recorded_run(result) for result in results], opening.worst, opening)
         return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
@@ -52,6 +60,31 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
         if opening.vehicle is not None:
             _require_presence(results[0], opening.vehicle, opening.at_s)
     return Focus(opening.vehicle, opening.at_s)
+
+
+def nth_event(result: Result, number: int, tracker: str | None, vehicle: str | None) -> TrackEvent:
+    """The event of the recorded run that is the Nth in the order of cost.
+
+    Raises:
+        InputError: there is no such tracker, or there are fewer events that cost something.
+    """
+    if tracker is not None:
+        require_name(tracker, list(result), "tracker")
+    every = events_of(result, tracker, result.summary.recorded_run, vehicle)
+    found = [event for event in every if event.cost_m2 > 0]
+    if len(found) < number:
+        raise InputError(f"only {len(found)} such events: no other costs anything", key="--worst")
+    return found[number - 1]
+
+
+def _nearest(result: Result, event: TrackEvent) -> str:
+    """The vehicle that is nearest to an event."""
+    away = {}
+    for (_, name), rows in split(result.tables.truth, "role", "object").items():
+        step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))
+        if rows["alive"][step]:
+            away[name] = float(np.hypot(rows["px_m"][step] - event.x_m, rows["py_m"][step] - event.y_m))
+    return min(away, key=away.__getitem__)
 
 
 def _worst(runs: Sequence[RecordedRun], number: int, opening: Opening) -> EstimateMoment:

@@ -88,16 +88,16 @@ class Inspection:
 
 
 def inspect(
-    path: Path,
+    path: Path | Recorded,
     at: float | None = None,
     count: int | None = None,
     tracker: str | None = None,
     vehicle: str | None = None,
 ) -> Inspection:
-    """Read a recording or the folder of a run.
+    """Read a recording or the folder of a run whose identities are known.
 
     Args:
-        path: the recording or folder.
+        path: the recording or folder, or what was read of it.
         at: also the scene at this time, s.
         count: also so many worst moments of each tracker.
         tracker: of this one alone.
@@ -106,7 +106,7 @@ def inspect(
     Raises:
         InputError: it cannot be read, or has no such time, tracker or vehicle.
     """
-    found = read(path)
+    found = path if isinstance(path, Recorded) else read(path)
     run, tables = recorded_run(found.result), found.result.tables
     scored = rescored(found.result, run)
     trackers = list(run.tracks) if tracker is None else [require_name(tracker, run.tracks, "tracker")]
@@ -115,7 +115,7 @@ def inspect(
     return Inspection(
         recorded=found,
         rows={name: table.num_rows for name, table in sorted(tables.items())},
-        sensors={name: _sensor(rows) for (name,), rows in split(tables.measurements, "sensor").items()},
+        sensors={name: sensor_contents(rows) for (name,), rows in split(tables.measurements, "sensor").items()},
         scored=scored,
         checked=_checked(found, scored),
         at=None if at is None else scene_at(found.result, run, at),
@@ -130,7 +130,8 @@ def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:
     return tracker.model_dump(mode="json", include=included)
 
 
-def _sensor(rows: Columns) -> SensorContents:
+def sensor_contents(rows: Columns) -> SensorContents:
+    """Of the rows of a sensor."""
     return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
 
 

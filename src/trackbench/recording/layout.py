@@ -31,7 +31,11 @@ def blueprint(contents: Contents, charts: AllCharts, wide: Window, focus: Focus 
     )
     scene = scene_views(wide, vehicles, contents.sensors, contents.colours, focus)
     main = rrb.Vertical(scene, plots(contents, charts, vehicles, focus), row_shares=[4, 5])
-    container = beside(main, legend.entries(contents.colours, list(contents.sensors)), text)
+    return opened(beside(main, legend.entries(contents.colours, list(contents.sensors)), text), focus)
+
+
+def opened(container: rrb.Container, focus: Focus) -> rrb.Blueprint:
+    """A layout that stops at the time in focus, or plays."""
     return played(container) if focus.time_s is None else _blueprint(container, play_state="paused")
 
 

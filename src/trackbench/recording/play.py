@@ -52,10 +52,11 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
     same = len(runs) == 1 or overlay.same_traffic(results)
     if not same and opening != Opening(at_s=opening.at_s):
         raise InputError("these runs do not show the same traffic: give --at alone, or one run", file=paths[1])
+    known = all(result.summary.identities == "known" for result in results)
     focus = focus_of(results, opening)
     with tempfile.TemporaryDirectory(prefix="trackbench-") as folder:
         names = overlay.labels(paths)
-        if len(runs) > 1 and same:
+        if len(runs) > 1 and same and known:
             file = Path(folder) / f"{' over '.join(names)}.rrd"
             write_overlay(overlay.laid_over(dict(zip(names, results, strict=True))), file, focus)
             files = [file]
@@ -63,6 +64,8 @@ def playable(paths: Sequence[Path], opening: Opening) -> Iterator[Playable]:
             files = [_file(run, Path(folder) / f"{number}.rrd", opening) for number, run in enumerate(runs)]
         if not same:
             notes.append("they do not show the same traffic: the viewer has them one beside the other, not laid over")
+        elif len(runs) > 1 and not known:
+            notes.append("their identities are hidden: the viewer has them one beside the other, not laid over")
         yield Playable(files, notes, focus.time_s)
 
 
@@ -71,7 +74,7 @@ def _file(run: Recorded, made: Path, opening: Opening) -> Path:
     focus = focus_of([run.result], opening)
     if run.rerun is None:
         write(run.result, made, focus=focus)
-    elif focus.vehicle is not None:
+    elif focus.vehicle is not None or focus.tracker is not None:
         reopened(run.file, run.result, made, focus)
     else:
         return run.file

@@ -33,7 +33,7 @@ def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Foc
 def live_plots() -> rrb.Container:
     """The errors and the NEES of the recorded run as they come."""
     empty = recorded_run(NOTHING, NOTHING, NOTHING, {})
-    return rrb.Horizontal(*(_plot(chart.title, chart.origin) for chart in (*empty.errors, empty.nees)))
+    return rrb.Horizontal(*(plot(chart.title, chart.origin) for chart in (*empty.errors, empty.nees)))
 
 
 def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
@@ -50,12 +50,12 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
 def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
     """Charts as tabs, and after them the logarithms of those whose range is large."""
     every = list(charts)
-    plain = [_plot(chart.title, chart.origin, chart.span(shown)) for chart in every]
-    logarithms = [_plot(chart.log_title, chart.log_origin) for chart in every if chart.large]
+    plain = [plot(chart.title, chart.origin, chart.span(shown)) for chart in every]
+    logarithms = [plot(chart.log_title, chart.log_origin) for chart in every if chart.large]
     return rrb.Tabs(*plain, *logarithms, active_tab=0)
 
 
-def _plot(name: str, origin: str, span: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
+def plot(name: str, origin: str, span: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
     """Without a legend of its own, for it would cover the curves; its time axis is that of all other plots."""
     return rrb.TimeSeriesView(
         origin=origin,

@@ -25,11 +25,14 @@ def ranking(result: Result) -> str:
     """The trackers by position RMSE, and whether the scenario's expectations were met."""
     summary = result.summary
     lines = list(ranked(result.name, str(summary.runs), [*result.scored, *result.unscored]))
-    lines += _mixed(result.scored)
+    return "\n".join([*lines, *_mixed(result.scored), *expectations(summary)])
+
+
+def expectations(summary: Summary) -> Iterator[str]:
+    """Whether those of the scenario were met."""
     if summary.expectations:
         verdict = "all met" if summary.passed else "**not all met**"
-        lines += ["", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations)]
-    return "\n".join(lines)
+        yield from ("", f"### Expectations: {verdict}", "", *map(_expectation, summary.expectations))
 
 
 def ranked(name: str, runs: str, trackers: Iterable[TrackerResult]) -> Iterator[str]:
@@ -88,7 +91,7 @@ def legend(trackers: Iterable[TrackerResult], sensors: Mapping[str, SensorSummar
     """What the picture shows."""
     yield from ("", "### In the scene", "", IN_THE_SCENE, "", "### In the plots", "", IN_THE_PLOTS)
     yield from ("", "### Trackers", "", *(f"- **{tracker.name}**: {tracker.describe}" for tracker in trackers))
-    yield from ("", "### Sensors", "", *(_sensor(name, sensor) for name, sensor in sensors.items()))
+    yield from ("", "### Sensors", "", *(sensor_line(name, sensor) for name, sensor in sensors.items()))
 
 
 def _row(tracker: TrackerResult) -> str:
@@ -98,7 +101,7 @@ def _row(tracker: TrackerResult) -> str:
     over = tracker.metrics.get("position_over_reference")
     cells = (
         tracker.name,
-        _with_interval(tracker.position_rmse),
+        with_interval(tracker.position_rmse),
         _number(None if over is None else over.value),
         _number(nees.value),
         nees.verdict or NOT_AVAILABLE,
@@ -106,7 +109,7 @@ def _row(tracker: TrackerResult) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _with_interval(metric: MetricValue) -> str:
+def with_interval(metric: MetricValue) -> str:
     """The value with half the width of its 95 % interval, to the same decimals."""
     value = _number(metric.value)
     if metric.ci95 is None:
@@ -121,7 +124,8 @@ def _expectation(item: ExpectationResult) -> str:
     return f"- {verdict}: {item.text} (is {value})"
 
 
-def _sensor(name: str, sensor: SensorSummary) -> str:
+def sensor_line(name: str, sensor: SensorSummary) -> str:
+    """A sensor in a line."""
     preset = f", {sensor.preset}" if sensor.preset else ""
     share = sensor.detection_rate
     found = "no target in view" if share is None else f"{100 * share:.0f} % of targets detected"

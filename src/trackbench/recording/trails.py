@@ -34,13 +34,18 @@ def send_trails(stream: Stream, truth: pa.Table, estimates: pa.Table, colours: M
         colours: by tracker.
         hold: the longest time between two estimates that are joined, s.
     """
-    vehicles = [_alive(rows) for rows in split(truth, "object").values()]
-    _send(stream, path(*TRUE), vehicles, TRUTH_COLOUR, 1.0, 1.0, hold)
+    send_true_trails(stream, truth, hold)
     by_tracker: dict[str, list[Columns]] = {}
     for (tracker, _), rows in split(estimates, "tracker", "object").items():
         by_tracker.setdefault(tracker, []).append(rows)
     for number, (tracker, tracks) in enumerate(by_tracker.items()):
         _send(stream, path(*ESTIMATED, tracker), tracks, colours[tracker], 0.5, 10.0 + 0.1 * number, hold)
+
+
+def send_true_trails(stream: Stream, truth: pa.Table, hold: float) -> None:
+    """Those of the vehicles."""
+    vehicles = [_alive(rows) for rows in split(truth, "object").values()]
+    _send(stream, path(*TRUE), vehicles, TRUTH_COLOUR, 1.0, 1.0, hold)
 
 
 def _alive(rows: Columns) -> Columns:

@@ -22,6 +22,8 @@ RECENT_S = 0.3
 REACH, MARGIN = 55.0, 7.0
 #: Half the size of a close-up, m.
 CLOSE = 3.0
+#: Half the size of a view of a vehicle and its neighbours, m.
+NEAR = 9.0
 #: About the size of the wide view on a screen, pixels.
 WIDE_PIXELS = (750.0, 360.0)
 BACKGROUND = (16, 18, 22)
@@ -49,13 +51,22 @@ class Window(NamedTuple):
         half = [(high - low) / 2 for low, high in (self.across, self.down)]
         return Window(vehicle, "around", (-half[0], half[0]), (-half[1], half[1]), self.scale)
 
+    def closer(self) -> Window:
+        """Its middle, up to ``NEAR``."""
+        (left, right), (top, bottom) = self.across, self.down
+        x, y = (left + right) / 2, (top + bottom) / 2
+        return self._replace(across=(x - NEAR, x + NEAR), down=(y - NEAR, y + NEAR))
+
 
 def wide_window(truth: pa.Table) -> Window:
-    """The observer's, which has the vehicles near it most of the time."""
+    """The observer's, which has the vehicles near it most of the time, or its surroundings where there is none."""
     vehicles = split(truth, "role", "object")
     observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
     targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
     alive = np.array([rows["alive"] for rows in targets], dtype=bool)
+    if not alive.any():
+        side = REACH + MARGIN
+        return Window(observer, "wide", (-side, side), (-side / 2, side / 2), 10.0)
     x = np.array([rows["px_m"] - at["px_m"] for rows in targets])
     y_down = np.array([at["py_m"] - rows["py_m"] for rows in targets])
     nearest = np.where(alive, np.hypot(x, y_down), np.inf).min(axis=0)
@@ -104,12 +115,12 @@ def scene_views(
     name = "Seen from above"
     if focus.vehicle is not None:
         wide, name = wide.around(focus.vehicle), f"{name}, around {focus.vehicle}"
-    tabs = [_view(close_up(each), each, shown, f"- {path(*LABELS)}") for each in vehicles]
+    tabs = [scene_view(close_up(each), each, shown, f"- {path(*LABELS)}") for each in vehicles]
     tab = 0 if focus.vehicle is None else vehicles.index(focus.vehicle)
-    return rrb.Horizontal(_view(wide, name, shown), rrb.Tabs(*tabs, active_tab=tab), column_shares=[2, 1])
+    return rrb.Horizontal(scene_view(wide, name, shown), rrb.Tabs(*tabs, active_tab=tab), column_shares=[2, 1])
 
 
-def _view(window: Window, name: str, shown: Mapping[str, float], *without: str) -> rrb.Spatial2DView:
+def scene_view(window: Window, name: str, shown: Mapping[str, float], *without: str) -> rrb.Spatial2DView:
     frame = path(*FRAMES, window.frame)
     scale = path(*FRAMES, window.frame, window.kind)
     contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}", f"+ {scale}", *without]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from trackbench.errors import InputError
@@ -17,6 +18,9 @@ from trackbench.recording.data import send_data
 from trackbench.recording.focus import Focus
 from trackbench.recording.series import charts_of
 from trackbench.recording.stream import Stream
+from trackbench.recording.tracks.charts import charts_of_tracks
+from trackbench.recording.tracks.layout import blueprint as track_blueprint
+from trackbench.recording.tracks.writer import draw_tracks
 from trackbench.recording.trails import send_trails
 from trackbench.results import Result, Summary, write_bytes
 
@@ -53,9 +57,7 @@ def reopened(file: Path, result: Result, path: Path, focus: Focus) -> None:
     """
 
     def send_all(recording: rr.RecordingStream) -> None:
-        contents = contents_of(result)
-        wide = views.wide_window(contents.tables.truth)
-        recording.send_blueprint(layout.blueprint(contents, charts_of(contents), wide, focus))
+        recording.send_blueprint(_blueprint(contents_of(result), result, focus))
         recording.send_chunks(RrdReader(file).stream())
 
     write_recording(path, application(result.name), send_all)
@@ -105,7 +107,11 @@ def send(
     focus: Focus = layout.WHOLE,
 ) -> None:
     """Everything that is shown and kept of a run, and its layout."""
-    draw(recording, contents_of(result, colours), focus)
+    contents = contents_of(result, colours)
+    if result.summary.identities == "known":
+        draw(recording, contents, focus)
+    else:
+        draw_tracks(recording, contents, result, focus)
     recording.send_property("trackbench", _properties(result.summary))
     send_data(Stream(recording), result)
 
@@ -128,6 +134,13 @@ def draw(recording: rr.RecordingStream, contents: Contents, focus: Focus = layou
     for each in (charts.all_runs, charts.recorded, *charts.vehicles.values()):
         for chart in each.all:
             send_chart(stream, chart)
+
+
+def _blueprint(contents: Contents, result: Result, focus: Focus) -> rrb.Blueprint:
+    wide = views.wide_window(contents.tables.truth)
+    if result.summary.identities == "known":
+        return layout.blueprint(contents, charts_of(contents), wide, focus)
+    return track_blueprint(contents, charts_of_tracks(contents), wide, focus)
 
 
 def _properties(summary: Summary) -> rr.AnyValues:

@@ -9,10 +9,12 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
-from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, Layout
+from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.truth_audit import TruthAudit
 
 SCHEMA_VERSION = 3
+#: How a tracker associates that knows the true origin of each detection.
+ORACLE = "oracle"
 
 Metrics = Annotated[
     dict[str, MetricValue],
@@ -353,7 +355,7 @@ class Summary(Part):
     precision: PrecisionReached | None = None
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> TableLayout:
         """What the tables hold."""
         hidden, objects = self.identities == "hidden", [*self.truth.objects, OBSERVER]
         if hidden:
@@ -365,7 +367,7 @@ class Summary(Part):
             "other_object": objects,
             "role": ["target", OBSERVER],
         }
-        return Layout(names, self.truth.objects, hidden)
+        return TableLayout(names, self.truth.objects, hidden)
 
     @property
     def held_against(self) -> ReferenceSummary:

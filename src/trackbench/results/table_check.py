@@ -14,15 +14,51 @@ from trackbench.errors import InputError, nearest
 from trackbench.results.columns import split
 
 STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
+ERRORS = (
+    "position_rmse_m", "velocity_rmse_mps", "course_rmse_deg", "px_rmse_m", "py_rmse_m", "vx_rmse_mps", "vy_rmse_mps",
+)  # fmt: skip
+MOTION = ("heading_rad", "course_rad", "speed_mps", "acceleration_mps2", "yaw_rate_radps")
+REFERENCE = ("position_reference_m", "velocity_reference_mps")
 COVARIANCE = tuple(f"p_{a}{b}" for a in range(4) for b in range(a, 4))
 #: Of each table the columns with names, which tell its series apart, and those with numbers.
 COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "steps": (("tracker",), ("time_s", "count", "position_rmse_m", "velocity_rmse_mps", "nees_mean", "nees_low")),
+    "steps": (
+        ("tracker",),
+        (
+            "time_s",
+            "count",
+            *ERRORS,
+            "position_p10_m",
+            "position_p90_m",
+            "nees_mean",
+            "nees_low",
+            "nees_high",
+            *REFERENCE,
+        ),
+    ),
     "nis": (("tracker", "sensor"), ("time_s", "count", "nis_mean", "nis_low", "nis_high", "dof", "inside95")),
-    "runs": (("tracker",), ("run", "scene", "count", "due", "position_rmse_m", "velocity_rmse_mps", "nees_mean")),
-    "breakdown": (("tracker", "manoeuvre"), ("range_from_m", "range_to_m", "count", "position_rmse_m")),
+    "runs": (
+        ("tracker",),
+        (
+            "run",
+            "scene",
+            "count",
+            "course_count",
+            "due",
+            *ERRORS,
+            "nees_mean",
+            "nis_mean",
+            *REFERENCE,
+            "diverged",
+            "repaired",
+        ),
+    ),
+    "breakdown": (
+        ("tracker", "manoeuvre"),
+        ("range_from_m", "range_to_m", "count", "position_rmse_m", "velocity_rmse_mps", "nees_mean"),
+    ),
     "autocorrelation": (("tracker", "sensor"), ("lag", "pairs", "correlation", "low", "high")),
-    "truth": (("role", "object"), ("time_s", "alive", *STATE, "heading_rad", "course_rad", "speed_mps", "length_m")),
+    "truth": (("role", "object"), ("time_s", "alive", *STATE, *MOTION, "length_m", "width_m")),
     "measurements": (
         ("sensor", "kind", "object"),
         ("time_s", "valid", "z0", "z1", "x_m", "y_m", "sensor_x_m", "sensor_y_m", "sensor_yaw_rad"),
@@ -62,7 +98,7 @@ OBSERVER = "observer"
 Names = Mapping[str, Collection[str]]
 
 
-class Layout(NamedTuple):
+class TableLayout(NamedTuple):
     """What the tables of a run hold."""
 
     names: Names
@@ -73,7 +109,7 @@ class Layout(NamedTuple):
     """Whether identities are hidden."""
 
 
-def require_table(name: str, table: pa.Table, layout: Layout, file: Path) -> None:
+def require_table(name: str, table: pa.Table, layout: TableLayout, file: Path) -> None:
     """Make sure that a table is one of a run.
 
     Args:
@@ -105,8 +141,18 @@ def require_table(name: str, table: pa.Table, layout: Layout, file: Path) -> Non
                 raise InputError(f"{column} {value!r} is none of this run; {hint}", file=file)
     if "time_s" in numbers and (not layout.hidden or name in HIDDEN_SERIES):
         _require_times(name, table, texts, file)
+    if name == "runs":
+        _require_runs(table, file)
     if name == "truth":
         _require_objects(table, layout.objects, file)
+
+
+def _require_runs(table: pa.Table, file: Path) -> None:
+    """Each tracker has each run once."""
+    for tracker in pc.unique(table["tracker"]).to_pylist():
+        runs = table.filter(pc.equal(table["tracker"], tracker))["run"].to_numpy()
+        if not np.array_equal(np.sort(runs), np.arange(len(runs))):
+            raise InputError(f"{tracker} has not each run once: not the table runs of a run", file=file)
 
 
 def _require_objects(table: pa.Table, objects: Sequence[str], file: Path) -> None:

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from trackbench.errors import InputError
 from trackbench.input_files import require_regular
-from trackbench.results.table_check import Layout, require_table
+from trackbench.results.table_check import TableLayout, require_table
 
 
 class _Table:
@@ -47,11 +47,13 @@ class Tables(Mapping[str, pa.Table]):
     association = _Table("where identities are hidden: how often tracks took a detection of their own object")
     existence = _Table("where identities are hidden: tracks by stated existence probability, and how many are real")
 
-    def __init__(self, known: Mapping[str, pa.Table], folder: Path | None = None, layout: Layout | None = None) -> None:
+    def __init__(
+        self, known: Mapping[str, pa.Table], folder: Path | None = None, layout: TableLayout | None = None
+    ) -> None:
         """``known``: those in memory. ``folder``: where the others are read from. ``layout``: of these."""
         self._known = dict(known)
         self._folder = folder
-        self._layout = layout or Layout({})
+        self._layout = layout or TableLayout({})
 
     def __iter__(self) -> Iterator[str]:
         there = [] if self._folder is None else [file.stem for file in sorted(self._folder.glob("*.parquet"))]

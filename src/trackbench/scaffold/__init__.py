@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import keyword
+import sys
 from collections.abc import Mapping
+from importlib.metadata import packages_distributions
 from importlib.resources import files
 from pathlib import Path
 
@@ -45,6 +47,8 @@ def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path
     """
     if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
         raise InputError(f"{name!r} is no name for a module: write it in small letters, digits and _")
+    if name in sys.stdlib_module_names or name in packages_distributions():
+        raise InputError(f"{name!r} would hide an installed module of this name: use another one")
     if around is not None and kind != "tracker":
         raise InputError(f"--around goes with a tracker, not with a {kind}")
     if kind == "metric" and (unfit := unfit_name(name)):

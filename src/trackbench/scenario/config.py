@@ -58,8 +58,7 @@ class Score(Config):
     )
     cutoff_m: Positive = Field(
         5,
-        description="With hidden identities: a track this far from an object or further is not on it, m (the cutoff of "
-        "GOSPA).",
+        description="With hidden identities: the cutoff of GOSPA, m; up to half of it a track is on an object.",
     )
     min_coverage: float = Field(
         0.95,

@@ -80,6 +80,27 @@ recording: {run: 0}
 
 #: An example of each other form that a section can have, by the class that describes it.
 OTHER_EXAMPLES = {
+    "Clutter": """\
+sensing: {identities: hidden}
+sensors:
+  front_radar:
+    type: radar
+    rate_hz: 20
+    range_sigma_m: 0.3
+    azimuth_sigma_deg: 0.5
+    range_rate_sigma_mps: 0.1
+    fov_deg: 120
+    max_range_m: 150
+    detection_probability: 0.95
+    detection: {half_range_m: 140, by_aspect: [[0, 1], [90, 0.6], [180, 1]]}
+    occlusion: true
+    resolution: {range_m: 2, azimuth_deg: 4, range_rate_mps: 1.5}
+    clutter:
+      per_scan: 10
+      range_rate_mps: [-60, 40]
+      places: [{frame: observer, line: [[5, 6], [130, 6]], per_scan: 3, spread_m: 0.3}]   # a guard rail
+    states: {detection_probability: 0.9, clutter_per_scan: 5}
+""",
     "ScriptedTruth": """\
 truth:
   source: scripted

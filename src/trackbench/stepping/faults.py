@@ -8,13 +8,14 @@ import sysconfig
 import traceback
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from trackbench.errors import TrackbenchError
 from trackbench.trackers.answers import TrackerFault
 
 #: What it gave is no estimate; a calculation failed; it raised anything else; its process died or was ended.
 Kind = Literal["answer", "arithmetic", "raised", "died"]
+KINDS = get_args(Kind)
 
 #: Characters of a cause.
 LONGEST = 1000
@@ -75,10 +76,15 @@ class _Frame(NamedTuple):
     function: str
 
 
-def place_of(error: BaseException) -> str | None:
-    """The last frame of an error's traceback that is the user's code; None where none is."""
+def place_of(error: BaseException, *, installed: bool = True) -> str | None:
+    """The last frame of an error's traceback that is the user's code; None where none is.
+
+    Args:
+        error: what was raised.
+        installed: whether the code of an installed package may be the user's.
+    """
     frames = traceback.extract_tb(error.__traceback__)
-    return _last_of_user([_Frame(frame.filename, frame.lineno or 0, frame.name) for frame in frames])
+    return _last_of_user([_Frame(frame.filename, frame.lineno or 0, frame.name) for frame in frames], installed)
 
 
 #: A line of what faulthandler writes, the most recent call first.
@@ -91,14 +97,14 @@ def place_in_dump(text: str) -> str | None:
     return _last_of_user(frames[::-1])
 
 
-def _last_of_user(frames: list[_Frame]) -> str | None:
+def _last_of_user(frames: list[_Frame], installed: bool = True) -> str | None:
     paths = sysconfig.get_paths()
     bench = Path(__file__).resolve().parents[1]
     standard: list[str | Path] = [paths["stdlib"], paths["platstdlib"], bench]
     packages: list[str | Path] = [paths["purelib"], paths["platlib"]]
     # A tracker may itself be an installed package.
     arrays: list[str | Path] = [Path(place, name) for place in packages for name in ("numpy", "scipy")]
-    for others in ([*standard, *packages], [*standard, *arrays]):
+    for others in ([*standard, *packages], [*standard, *arrays])[: 1 + installed]:
         for frame in reversed(frames):
             if not frame.file.startswith("<") and not _below(frame.file, others):
                 return f"{_shown(frame.file)}:{frame.line}, in {frame.function}"

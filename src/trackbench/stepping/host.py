@@ -31,6 +31,8 @@ from trackbench.types import Estimate, Scan, Tracks
 
 #: How often a process looks whether the bench is still there, s.
 ORPHANED = 2.0
+#: The keys of a request that are not those of what it asks for.
+ABOUT_THE_PROCESS = ("do", "exchange", "drop", "path", "cwd")
 
 
 class Stepped(Protocol):
@@ -59,6 +61,18 @@ class Host:
         self._stepped: dict[int, Stepped] = {}
         self._numbers = 0
 
+    def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], Arrays]:
+        """The answer to a request."""
+        given = {key: value for key, value in request.items() if key not in ABOUT_THE_PROCESS}
+        if "path" in request:
+            sys.path[:] = request["path"]
+            with suppress(OSError):
+                os.chdir(request["cwd"] or ".")
+        for number in request["drop"]:
+            self._stepped.pop(number, None)
+        found: tuple[dict[str, Any], Arrays] = getattr(self, request["do"])(**given)
+        return found
+
     def check(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """Import the tracker and hold its options against what it declares."""
         check_options(use, options, folder)
@@ -77,9 +91,13 @@ class Host:
         tracker = create(use, options, folder)()
         if isinstance(tracker, FilterTracker):
             _refuse_truth(tracker)
+        return {"number": self._keep(Alone(tracker))}, {}
+
+    def about(self, number: int) -> tuple[dict[str, Any], Arrays]:
+        """What a fresh tracker can do."""
+        tracker = self._alone(number)
         methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        batched = bool(getattr(tracker, "batched", False))
-        return {"number": self._keep(Alone(tracker)), "batched": batched, "methods": methods}, {}
+        return {"batched": bool(getattr(tracker, "batched", False)), "methods": methods}, {}
 
     def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
         """The estimate after a scan."""
@@ -96,14 +114,12 @@ class Host:
 
     def call(self, number: int, method: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], Arrays]:
         """What a method of a tracker returns, an array."""
+        return {}, {"returned": np.array(getattr(self._alone(number), method)(*arguments), dtype=float)}
+
+    def _alone(self, number: int) -> Tracker:
         stepped = self._stepped[number]
         assert isinstance(stepped, Alone)
-        return {}, {"returned": np.array(getattr(stepped.tracker, method)(*arguments), dtype=float)}
-
-    def drop(self, numbers: list[int]) -> None:
-        """Forget trackers."""
-        for number in numbers:
-            self._stepped.pop(number, None)
+        return stepped.tracker
 
     def _keep(self, stepped: Stepped) -> int:
         self._numbers += 1
@@ -126,18 +142,15 @@ def serve(connection: socket.socket, dump: int, bench: int) -> None:
             request = receive_request(connection)
         except (EOFError, OSError):
             os._exit(0)
-        if "path" in request:
-            sys.path[:] = request.pop("path")
-            with suppress(OSError):
-                os.chdir(request.pop("cwd") or ".")
-        host.drop(request.pop("drop"))
-        exchange = request.pop("exchange")
+        except BaseException:
+            # What it takes to understand a request is broken, by the tracker.
+            os._exit(1)
         try:
-            values, arrays = getattr(host, request.pop("do"))(**request)
+            values, arrays = host.answer(request)
         except BaseException as error:
             values, arrays = _told(error), {}
         try:
-            send_answer(connection, {**values, "exchange": exchange}, arrays)
+            send_answer(connection, {**values, "exchange": request.get("exchange")}, arrays)
         except OSError:
             os._exit(0)
 

@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy.typing as npt
 
 from trackbench.errors import InputError, InputErrors, TrackbenchError
-from trackbench.stepping.faults import TrackFault, place_in_dump
+from trackbench.stepping.faults import KINDS, TrackFault, place_in_dump
 from trackbench.stepping.wire import TOLD, Malformed, receive_answer, send_request
 
 TEMPLATE = "trackbench.stepping.template"
@@ -26,6 +26,8 @@ TEMPLATE = "trackbench.stepping.template"
 GLANCE = 0.5
 #: How long a process that has been told to end may take to write down where it was, s.
 DUMPING = 1.0
+#: How long it may take to start one, s.
+STARTING = 60.0
 NO_ANSWER = "its process sent what is no answer"
 
 Answer = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
@@ -64,6 +66,7 @@ class Template:
             TrackbenchError: no process can be started.
         """
         with self._lock:
+            self._control.settimeout(STARTING)
             try:
                 socket.send_fds(self._control, [b"+"], [connection.fileno(), dump.fileno()])
                 while True:
@@ -72,7 +75,10 @@ class Template:
                         return process
                     self._statuses[process] = status
             except (OSError, EOFError) as error:
+                self._process.kill()
                 raise TrackbenchError("no process can be started for a tracker") from error
+            finally:
+                self._control.settimeout(None)
 
     def status(self, process: int, seconds: float) -> int | None:
         """How a process ended, as of ``os.waitpid``; None where it has not within some time."""
@@ -89,10 +95,13 @@ class Template:
             return self._statuses[process]
 
     def close(self) -> None:
-        """End it."""
+        """End it, with all that its copies have left behind."""
         self._control.close()
-        self._process.kill()
-        self._process.wait()
+        try:
+            self._process.wait(DUMPING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def _told(self) -> tuple[bool, int, int]:
         message = self._control.recv(TOLD.size)
@@ -107,10 +116,12 @@ class TrackerProcess:
 
     Args:
         timeout: the longest that it may take to answer, s.
+        members: of the batch that it follows.
     """
 
-    def __init__(self, timeout: float) -> None:
+    def __init__(self, timeout: float, members: int = 0) -> None:
         self.timeout = timeout
+        self._members = members
         self._exchange = 0
         self.fault: TrackFault | None = None
         """Why it has ended."""
@@ -144,12 +155,7 @@ class TrackerProcess:
             values, arrays = receive_answer(self)
             if values.get("exchange") != self._exchange:
                 raise Malformed
-            problems, fault = values.get("input"), values.get("fault")
-            if problems:
-                errors = [InputError(str(message), key=key) for message, key in problems]
-                raise errors[0] if len(errors) == 1 else InputErrors(errors)
-            if fault:
-                raise TrackFault(*fault)
+            _raise_told(values, self._members)
         except TimeoutError:
             text = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
             raise self._ended(text, signal.SIGABRT) from None
@@ -158,6 +164,18 @@ class TrackerProcess:
         except (Malformed, TypeError, ValueError):
             raise self._ended(NO_ANSWER, signal.SIGKILL) from None
         return values, arrays
+
+    def start(self, do: str, **request: Any) -> int:
+        """The number of what a request starts.
+
+        Raises:
+            InputError: the tracker cannot be found or does not take its options.
+            TrackFault: it failed.
+        """
+        try:
+            return int(self.ask(do, **request)[0]["number"])
+        except (KeyError, TypeError, ValueError):
+            raise self._ended(NO_ANSWER, signal.SIGKILL) from None
 
     def close(self) -> None:
         """End the process."""
@@ -185,7 +203,8 @@ class TrackerProcess:
         code = os.waitstatus_to_exitcode(status)
         if code >= 0:
             return f"its process ended itself, with status {code}"
-        return f"its process was killed by signal {-code} ({signal.Signals(-code).name})"
+        names = {number.value: f" ({number.name})" for number in signal.Signals}
+        return f"its process was killed by signal {-code}{names.get(-code, '')}"
 
     def _ended(self, cause: str, by: signal.Signals | None = None) -> TrackFault:
         if by is not None:
@@ -196,6 +215,24 @@ class TrackerProcess:
         self._end()
         self.fault = TrackFault(cause, "died", place)
         return self.fault
+
+
+def _raise_told(values: dict[str, Any], members: int) -> None:
+    """Raise what an answer tells of.
+
+    Raises:
+        InputError, TrackFault: what it tells.
+        TypeError, ValueError: it tells nothing that could be.
+    """
+    problems, fault = values.get("input"), values.get("fault")
+    if problems:
+        errors = [InputError(str(message), key=None if key is None else str(key)) for message, key in problems]
+        raise errors[0] if len(errors) == 1 else InputErrors(errors)
+    if fault:
+        cause, kind, place, member = fault
+        if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
+            raise ValueError(fault)
+        raise TrackFault(str(cause), kind, None if place is None else str(place), member)
 
 
 def _end(process: int, connection: socket.socket, dump: IO[bytes]) -> None:

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trackbench.errors import InputError
 from trackbench.stepping.faults import TrackFault
 from trackbench.stepping.processes import NO_ANSWER, TrackerProcess
@@ -22,6 +24,8 @@ from trackbench.types import Array, Estimate, Indices, Scan, Tracks
 
 #: Stands for the state of a tracker that has it in its process.
 KEPT_THERE = "kept in the tracker's process"
+#: A day, s.
+LONGEST = 86_400.0
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,9 @@ class Isolation:
     """The longest that one may take for a step, s."""
 
     def __post_init__(self) -> None:
-        if not self.timeout > 0.0:
-            raise InputError(f"{self.timeout!r} is no time; give a number of seconds above 0", key="tracker_timeout")
+        if not 0.0 < self.timeout <= LONGEST:
+            problem = f"{self.timeout!r} is no time; give a number of seconds above 0, at most {LONGEST:g}"
+            raise InputError(problem, key="tracker_timeout")
 
     def of(self, config: FilterConfig | PluginConfig) -> bool:
         """Whether a tracker gets a process of its own."""
@@ -119,14 +124,13 @@ def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Iso
 class _Remote:
     """A tracker in a process of its own, started by a request."""
 
-    def __init__(self, timeout: float, do: str, **request: Any) -> None:
-        self._process = TrackerProcess(timeout)
+    def __init__(self, timeout: float, members: int, do: str, **request: Any) -> None:
+        self._process = TrackerProcess(timeout, members)
         try:
-            answer, _ = self._process.ask(do, **request)
+            self._number = self._process.start(do, **request)
         except BaseException:
             self.close()
             raise
-        self._number = answer["number"]
 
     def close(self) -> None:
         """End the process."""
@@ -137,7 +141,7 @@ class RemoteStepper(_Remote):
     """A tracker that follows a batch in a process of its own."""
 
     def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, batch: int, timeout: float) -> None:
-        super().__init__(timeout, "start", config=config, folder=folder, batch=batch)
+        super().__init__(timeout, batch, "start", config=config, folder=folder, batch=batch)
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimates of all members.
@@ -152,7 +156,7 @@ class RemoteTracks(_Remote):
     """A tracker of several objects in a process of its own."""
 
     def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, runs: int, timeout: float) -> None:
-        super().__init__(timeout, "start_tracks", config=config, folder=folder, runs=runs)
+        super().__init__(timeout, runs, "start_tracks", config=config, folder=folder, runs=runs)
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs; their origins are not told.
@@ -179,16 +183,17 @@ class RemoteTracker:
     @classmethod
     def fresh(cls, process: TrackerProcess, named: dict[str, Any]) -> RemoteTracker:
         """A fresh one."""
-        answer, _ = process.ask("fresh", **named)
-        return cls(process, answer["number"], bool(answer["batched"]), frozenset(answer["methods"]))
+        number = process.start("fresh", **named)
+        about, _ = process.ask("about", number=number)
+        return cls(process, number, bool(about.get("batched")), frozenset(map(str, about.get("methods", ()))))
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
         """What stands for its state, and the estimate."""
         return KEPT_THERE, _step(self._process, self._number, scan)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
-        answer, _ = self._process.ask("copy", number=self._number)
-        return RemoteTracker(self._process, answer["number"], self.batched, self._methods)
+        number = self._process.start("copy", number=self._number)
+        return RemoteTracker(self._process, number, self.batched, self._methods)
 
     def __getattr__(self, name: str) -> Callable[..., Array]:
         if name.startswith("_") or name not in self._methods:
@@ -196,7 +201,7 @@ class RemoteTracker:
 
         def call(*arguments: Any) -> Array:
             _, arrays = self._process.ask("call", number=self._number, method=name, arguments=arguments)
-            return arrays["returned"]
+            return arrays.get("returned", np.full(0, np.nan))
 
         return call
 

@@ -12,12 +12,15 @@ import sys
 from contextlib import suppress
 
 from trackbench.stepping import host
-from trackbench.stepping.wire import TOLD
+from trackbench.stepping.descendants import adopt_orphans, end_descendants
+from trackbench.stepping.wire import INSIDE, TOLD
 
 
 def main(descriptor: int) -> None:
     """Copy this process for each pair of descriptors that comes, until the bench ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ[INSIDE] = "1"
+    adopt_orphans()
     bench = os.getppid()
     with socket.socket(fileno=descriptor) as control:
 
@@ -56,3 +59,5 @@ if __name__ == "__main__":
     # The bench may end, or be killed, before it is told what has become of a copy.
     with suppress(BrokenPipeError):
         main(int(sys.argv[1]))
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    end_descendants()

@@ -17,6 +17,8 @@ import numpy.typing as npt
 
 #: What the template tells: whether it is of a start, the process, and how that ended (as of ``os.waitpid``).
 TOLD = struct.Struct("<?ii")
+#: Set in the environment of every tracker's process.
+INSIDE = "TRACKBENCH_TRACKER_PROCESS"
 _LENGTH = struct.Struct("<Q")
 #: Of the JSON part of an answer, bytes.
 LARGEST_HEADER = 1 << 20

@@ -27,7 +27,9 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "confirm_existence": EXISTENCE,
     "delete_existence": EXISTENCE,
     "lifetime_s": EXISTENCE,
-    "new_objects_per_s": EXISTENCE,
+    "visible_s": EXISTENCE,
+    "hidden_s": EXISTENCE,
+    "birth_rate_hz": EXISTENCE,
     "undetected": EXISTENCE,
     "max_cluster": SHARING,
 }
@@ -72,12 +74,18 @@ class AssociateConfig(Config):
     lifetime_s: Positive = Field(
         60, description="jipda and pmb. Mean time that an object stays, s; existence fades at this rate."
     )
-    new_objects_per_s: Positive = Field(
+    visible_s: Positive | None = Field(
+        10,
+        description="jipda and pmb. Mean time until an object that stays is hidden, s; null: none ever is, and each "
+        "scan without a detection speaks against its existence.",
+    )
+    hidden_s: Positive = Field(1, description="jipda and pmb. Mean time that a hidden object stays so, s.")
+    birth_rate_hz: Positive = Field(
         1,
         description="jipda and pmb. Expected number of objects per second that come into the field of view.",
     )
     undetected: NonNegative = Field(
-        10, description="pmb only. Expected number of objects in the field of view before the first scan."
+        10, description="jipda and pmb. Expected number of objects in the field of view before the first scan."
     )
     max_cluster: int = Field(
         6,

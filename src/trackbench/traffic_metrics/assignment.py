@@ -33,6 +33,11 @@ class NearPairs(NamedTuple):
         )
 
 
+def similarity(distance: Array, cutoff: float) -> Array:
+    """From 1 at no distance to 0 at the cutoff, as HOTA, CLEAR and identity take it."""
+    return 1 - distance / cutoff
+
+
 class Counted(NamedTuple):
     """What counts in a run: the due objects, and the tracks that are on no optional one."""
 

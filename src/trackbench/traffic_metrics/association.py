@@ -9,6 +9,7 @@ import numpy as np
 from trackbench.traffic_metrics.assignment import Counted, NearPairs
 from trackbench.traffic_metrics.clear import object_of_each
 from trackbench.traffic_metrics.histories import NO_DETECTION, Associations
+from trackbench.traffic_metrics.instants import last_instant_before
 from trackbench.types import FALSE_ALARM, Indices
 
 
@@ -51,9 +52,7 @@ def association_counts(counted: Counted, matched: NearPairs, taken: Associations
 
 def _own_objects(counted: Counted, matched: NearPairs) -> Indices:
     """``(T, tracks)``, -1 where a track has none yet."""
-    steps = len(counted.due)
-    object_of = object_of_each(matched, steps, len(counted.ids))
-    last = np.maximum.accumulate(np.where(object_of >= 0, np.arange(steps)[:, None], -1), axis=0)
-    before = np.vstack([np.full((1, last.shape[1]), -1), last[:-1]])
+    object_of = object_of_each(matched, len(counted.due), len(counted.ids))
+    before = last_instant_before(object_of >= 0)
     earlier = np.take_along_axis(object_of, np.maximum(before, 0), axis=0)
     return np.where(before >= 0, earlier, object_of)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.traffic_metrics.assignment import NearPairs
-from trackbench.traffic_metrics.matching import matched_in_group, parts_of
+from trackbench.traffic_metrics.instants import last_instant_before
+from trackbench.traffic_metrics.matching import among, matched_in_group, parts_of
 from trackbench.types import Array, Indices, Mask
 
 NO_TRACK = NOBODY = -1
@@ -42,13 +43,13 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
     matched: Mask = alone.copy()
     track_of = np.full(objects.shape, NO_TRACK)
     track_of[pairs.instant[alone], pairs.object[alone]] = pairs.track[alone]
-    before = _instants_before(np.asarray(objects.any(axis=1) & tracks.any(axis=1)))
+    before = last_instant_before(np.asarray(objects.any(axis=1) & tracks.any(axis=1)))
     contested = np.flatnonzero(~alone)
     for part in parts_of(pairs.instant[contested]):
         own = contested[part]
         instant, item, track = pairs.instant[own[0]], pairs.object[own], pairs.track[own]
         kept = track_of[before[instant], item] == track if before[instant] >= 0 else np.zeros(len(own), dtype=bool)
-        left = own[~(_among(item, item[kept], rows) | _among(pairs.column[own], pairs.column[own[kept]], columns))]
+        left = own[~(among(item, item[kept]) | among(pairs.column[own], pairs.column[own[kept]]))]
         now = own[kept]
         if len(left):
             won = left[matched_in_group(pairs.object[left], pairs.column[left], gain[left])]
@@ -56,18 +57,6 @@ def clear_matches(pairs: NearPairs, gain: Array, objects: Mask, tracks: Mask) ->
         matched[now] = True
         track_of[instant, pairs.object[now]] = pairs.track[now]
     return np.asarray(matched)
-
-
-def _instants_before(counts: Mask) -> Indices:
-    """``(T,)`` the last earlier instant that counts, -1 where there is none."""
-    last: Indices = np.maximum.accumulate(np.where(counts, np.arange(len(counts)), -1))
-    return np.concatenate([[-1], last[:-1]])
-
-
-def _among(values: Indices, some: Indices, size: int) -> Mask:
-    mark = np.zeros(size, dtype=bool)
-    mark[some] = True
-    return np.asarray(mark[values])
 
 
 def object_of_each(matched: NearPairs, steps: int, tracks: int) -> Indices:
@@ -99,10 +88,6 @@ def resumptions(track_of: Indices, counts: Mask) -> Mask:
     multi-target tracker for crowded scene").
     """
     tracked = track_of != NO_TRACK
-    steps = np.arange(len(counts))[:, None]
-    last = np.maximum.accumulate(np.where(counts, steps, -1), axis=0)
-    previous = np.vstack([np.full((1, counts.shape[1]), -1), last[:-1]])
-    lost_before = (previous >= 0) & ~np.take_along_axis(tracked, np.maximum(previous, 0), axis=0)
-    ever = np.logical_or.accumulate(tracked, axis=0)
-    ever_before = np.vstack([np.zeros((1, counts.shape[1]), dtype=bool), ever[:-1]])
+    before, ever_before = last_instant_before(counts), last_instant_before(tracked) >= 0
+    lost_before = (before >= 0) & ~np.take_along_axis(tracked, np.maximum(before, 0), axis=0)
     return np.asarray(counts & tracked & lost_before & ever_before)

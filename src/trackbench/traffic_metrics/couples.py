@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.traffic_metrics.instants import last_instant
 from trackbench.types import Array, Indices, Mask
 
 
@@ -52,8 +53,7 @@ def settled(couples: Couples, half: float) -> Settled:
 def _since(advantage: Array) -> Array:
     """Sum since the last disadvantage; infinite where there was none before."""
     total = np.cumsum(advantage, axis=0)
-    steps = np.arange(len(advantage))[:, None]
-    last = np.maximum.accumulate(np.where(advantage < 0, steps, -1), axis=0)
+    last = last_instant(advantage < 0)
     return np.where(last < 0, np.inf, total - np.take_along_axis(total, np.maximum(last, 0), axis=0))
 
 

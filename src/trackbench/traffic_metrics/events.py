@@ -39,8 +39,8 @@ class TrafficEvent(NamedTuple):
     """m, of the object, or of the track where there is none."""
     y: float
     cost: float
-    """m^2. confirmed, lost, merged, false: squared GOSPA of the missed objects and false tracks until it ends or, for
-    confirmed, until here; switched: that of T-GOSPA. The sum of the former is all that is missed and false."""
+    """m^2, as in squared GOSPA. confirmed: of the instants before without a track; lost, merged: of those until it has
+    one; false: of those until the track is on an object. switched: as in T-GOSPA."""
     why: str
 
 
@@ -48,7 +48,7 @@ class _Timeline(NamedTuple):
     truth: TruthHistory
     tracks: TrackHistory
     counted: Counted
-    matched: NearPairs
+    near: NearPairs
     track_of: Indices
     """``(T, N)``."""
     object_of: Indices
@@ -81,6 +81,7 @@ def events(
     truth: TruthHistory,
     tracks: TrackHistory,
     counted: Counted,
+    near: NearPairs,
     matched: NearPairs,
     track_of: Indices,
     changes: Switches,
@@ -92,7 +93,8 @@ def events(
         truth: objects.
         tracks: tracks.
         counted: what counts of both.
-        matched: by :func:`clear_matches`.
+        near: pairs that may be matched.
+        matched: those that are, by :func:`clear_matches`.
         track_of: of the same.
         changes: of the same.
         switch: m that a switch costs.
@@ -102,7 +104,7 @@ def events(
     instant, column = np.nonzero(counted.track >= 0)
     column_of[instant, counted.track[instant, column]] = column
     object_of = object_of_each(matched, steps, numbers)
-    line = _Timeline(truth, tracks, counted, matched, track_of, object_of, column_of)
+    line = _Timeline(truth, tracks, counted, near, track_of, object_of, column_of)
     found = [*_births(line), *_of_objects(line), *_of_tracks(line), *_switched(line, changes, switch**2)]
     return tuple(sorted(found, key=lambda event: event.instant))
 
@@ -145,7 +147,7 @@ def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) ->
         return line.event("lost", instant, former, item, "its track went to another object", cost, other_object=now_on)
     if line.counted.excused[instant, column]:
         return line.event("lost", instant, former, item, "its track went to an optional object", cost)
-    pairs = line.counted.pairs
+    pairs = line.near
     start, end = np.searchsorted(pairs.instant, [instant, instant + 1])
     near = start + np.flatnonzero(pairs.track[start:end] == former)
     if not len(near):

@@ -31,7 +31,7 @@ def best_matching(group: Indices, row: Indices, column: Indices, gain: Array, ro
         cells, gains = (in_row[left], in_column[left]), gain[left]
         settled = gains > _best_other(cells[0], gains) + _best_other(cells[1], gains)
         chosen[left[settled]] = True
-        left = left[~(_among(cells[0], cells[0][settled]) | _among(cells[1], cells[1][settled]))]
+        left = left[~(among(cells[0], cells[0][settled]) | among(cells[1], cells[1][settled]))]
     for part in parts_of(group[left]):
         own = left[part]
         chosen[own[matched_in_group(row[own], column[own], gain[own])]] = True
@@ -78,7 +78,8 @@ def _best_other(cell: Indices, gain: Array) -> Array:
     return np.where(is_best & alone[cell], second[cell], best[cell])
 
 
-def _among(cell: Indices, some: Indices) -> Mask:
-    mark = np.zeros(cell.max() + 1, dtype=bool)
+def among(values: Indices, some: Indices) -> Mask:
+    """Which of the values, 0 or more, are among some of them."""
+    mark = np.zeros(values.max() + 1, dtype=bool)
     mark[some] = True
-    return mark[cell]
+    return mark[values]

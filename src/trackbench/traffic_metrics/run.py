@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs, count
+from trackbench.traffic_metrics.assignment import Counted, NearPairs, count, similarity
 from trackbench.traffic_metrics.association import association_counts
 from trackbench.traffic_metrics.clear import Switches, clear_matches, resumptions, switches, track_of_each
 from trackbench.traffic_metrics.events import TrafficEvent, events
@@ -24,6 +24,8 @@ from trackbench.traffic_metrics.strips import strips
 from trackbench.traffic_metrics.tgospa import tgospa
 from trackbench.types import Array
 
+#: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
+LEAST_SIMILARITY = 0.5
 Sums = dict[str, tuple[float, float]]
 
 
@@ -31,7 +33,7 @@ class TrafficScoreOptions(NamedTuple):
     """What is asked of a track."""
 
     cutoff: float = 5.0
-    """m from which a track is not on an object."""
+    """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
     switch: float = 2.0
     """m that a switch of tracks costs in T-GOSPA."""
     window: float = 5.0
@@ -66,8 +68,9 @@ def score_run(
     """Every metric of ``METRICS`` that the run can tell."""
     options = options or TrafficScoreOptions()
     counted = count(truth, tracks, options.cutoff)
-    pairs = counted.pairs
-    matched = pairs.where(clear_matches(pairs, 1 - pairs.distance / (2 * options.cutoff), counted.due, counted.present))
+    alike = similarity(counted.pairs.distance, options.cutoff)
+    near = counted.pairs.where(alike >= LEAST_SIMILARITY)
+    matched = near.where(clear_matches(near, alike[alike >= LEAST_SIMILARITY], counted.due, counted.present))
     track_of = track_of_each(matched, counted.due.shape)
     changes = switches(track_of)
     duration = durations(truth.time)
@@ -85,7 +88,7 @@ def score_run(
         "tgospa": (trajectory.total, steps),
         "ospa": (float(ospa(counted, parts).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
-        **_detection_and_association(counted),
+        **_detection_and_association(counted, near, alike),
         **_counts(counted, matched, changes, duration, int(resumptions(track_of, counted.due).sum())),
         **_latency(waited),
         "lost_time_share": lost(track_of, counted.due),
@@ -102,17 +105,17 @@ def score_run(
         gospa=parts,
         latencies=waited,
         existence=bins,
-        events=events(truth, tracks, counted, matched, track_of, changes, options.switch),
+        events=events(truth, tracks, counted, near, matched, track_of, changes, options.switch),
         strips=strips(track_of, counted.due, changes),
         tgospa_exact=trajectory.exact,
     )
 
 
-def _detection_and_association(counted: Counted) -> Sums:
+def _detection_and_association(counted: Counted, near: NearPairs, alike: Array) -> Sums:
     objects, tracks = counted.object_counts, counted.track_counts
     some = float(objects.sum() + tracks.sum() > 0)
-    found = hota(counted.pairs, 1 - counted.pairs.distance / counted.cutoff, objects, tracks)
-    true, missed, false = identity(counted.pairs, objects, tracks)
+    found = hota(counted.pairs, alike, objects, tracks)
+    true, missed, false = identity(near, objects, tracks)
     return {
         "hota": (float(found.hota.mean()), some),
         "deta": (float(found.detection.mean()), some),

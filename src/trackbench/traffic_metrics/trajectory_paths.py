@@ -63,48 +63,32 @@ def solve_together(couples: Couples, half: float) -> Weights:
 
 
 def _kept_throughout(couples: Couples, half: float) -> Mask:
-    """``(E,)`` the couple that is best to keep for the whole run, if it is plain that one is: the rest would not gain
-    enough for one change."""
+    """``(E,)`` the couple that is best to keep for the whole run, if the others would plainly not gain one switch."""
     total = couples.gain.sum(axis=0)
     best = int(np.argmax(total))
     found = np.zeros(len(total), dtype=bool)
-    found[best] = couples.gain.max(axis=1).sum() - total[best] <= half
+    found[best] = couples.gain.max(axis=1).sum() - total[best] <= 2 * half
     return found
 
 
-def _costs(saved: Array, half: float) -> Array:
-    """``(T, E + 1)`` least cost up to each instant that ends with each couple or, last, with none."""
-    costs = np.empty_like(saved)
-    cost = np.zeros_like(saved[0])
-    for k, now in enumerate(saved):
-        free = min(cost[-1], cost[:-1].min() + half)
-        np.minimum(cost, free + half, out=cost)
-        cost[-1] = free
-        cost -= now
-        costs[k] = cost
-    return costs
-
-
 def _path_of_one(gain: Array, half: float) -> Array:
-    """``(T, E)`` the couple to take at each instant.
+    """``(T, E)`` the couple to take at each instant; none gains less than any.
 
     While the order of the gains stays the same, so does the best choice: a change gains most where the order changes.
     """
-    saved = np.hstack([gain, np.zeros((len(gain), 1))])
-    order = np.argsort(saved, axis=1, kind="stable")
+    order = np.argsort(gain, axis=1, kind="stable")
     starts = np.concatenate([[0], np.flatnonzero(np.any(order[1:] != order[:-1], axis=1)) + 1])
-    costs = _costs(np.add.reduceat(saved, starts, axis=0), half)
-    none = gain.shape[1]
-    change = np.full(none + 1, 2 * half)
-    change[none] = half
+    # Least cost up to each stretch that ends with each couple.
+    costs = -np.add.reduceat(gain, starts, axis=0)
+    for k in range(1, len(costs)):
+        costs[k] += np.minimum(costs[k - 1], costs[k - 1].min() + 2 * half)
     taken = np.empty(len(starts), dtype=np.intp)
     taken[-1] = now = int(np.argmin(costs[-1]))
     for k in range(len(starts) - 2, -1, -1):
-        before = costs[k] + (change if now != none else half)
-        before[now] = costs[k, now]
-        taken[k] = now = int(np.argmin(before))
+        best = int(np.argmin(costs[k]))
+        taken[k] = now = now if costs[k, now] <= costs[k, best] + 2 * half else best
     path = np.repeat(taken, np.diff(starts, append=len(gain)))
-    return np.asarray(path[:, None] == np.arange(none), dtype=float)
+    return np.asarray(path[:, None] == np.arange(gain.shape[1]), dtype=float)
 
 
 def _joint_assignments(couples: Couples) -> Array | None:

@@ -18,13 +18,14 @@ import numpy as np
 from trackbench.errors import InputError, nearest
 from trackbench.results.truth_audit import EndedEarly
 from trackbench.truth.audit import Reported, audit
-from trackbench.truth.config import FixedObserver, HighwayOptions, IdTargets, NearestTargets
+from trackbench.truth.bodies import target_bodies, truth_bodies
+from trackbench.truth.config import FixedObserver, HighwayOptions
 from trackbench.truth.frames import Frames, held
 from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
 from trackbench.truth.sizes import with_sizes
-from trackbench.types import Array, Observer, Progress, Truth, no_progress
+from trackbench.types import Observer, Progress, Truth, no_progress
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")
@@ -123,8 +124,8 @@ def simulate(config: HighwayOptions, progress: Progress = no_progress) -> Truth:
 
 def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early: EndedEarly | None) -> Truth:
     observer = frames.carrier(0) if config.observer == "ego" else _fixed(config.observer, len(frames.px))
-    targets = _targets(config, frames, observer)
-    bodies = _bodies(config, frames, observer, targets)
+    targets = target_bodies(config, frames, observer)
+    bodies = truth_bodies(config, frames, observer, targets)
     truth = frames.truth(bodies, observer)
     everywhere = [np.append(a, b) for a, b in ((truth.px, observer.px), (truth.py, observer.py))]
     truth = replace(
@@ -147,44 +148,6 @@ def _fixed(at: FixedObserver, steps: int) -> Observer:
 def _source(config: HighwayOptions) -> dict[str, Any]:
     unused = {name for name in ("sizes", "others_within_m") if getattr(config, name) is None}
     return config.model_dump(mode="json", exclude={"seeds", *unused})
-
-
-def _targets(config: HighwayOptions, frames: Frames, observer: Observer) -> list[int]:
-    bodies = [i for i in range(len(frames.ids)) if i > 0 or config.observer != "ego"]
-    if isinstance(config.targets, IdTargets):
-        known = {frames.ids[i]: i for i in bodies}
-        for name in config.targets.ids:
-            if name not in known:
-                raise InputError(
-                    f"there is no vehicle {name!r} in this scene; {nearest(name, known)}", key="truth.targets.ids"
-                )
-        bodies = sorted({known[name] for name in config.targets.ids})
-    elif isinstance(config.targets, NearestTargets):
-        nearest_m = _least_distance(frames, observer)
-        bodies.sort(key=lambda i: float(nearest_m[i]))
-        bodies = sorted(bodies[: config.targets.nearest])
-    if not bodies:
-        raise InputError(f"there is no vehicle to track in {config.env} with this configuration", key="truth.targets")
-    return bodies
-
-
-def _bodies(config: HighwayOptions, frames: Frames, observer: Observer, targets: list[int]) -> list[int]:
-    """The bodies of the truth: the targets, or with hidden identities all that a sensor might reach."""
-    limit = config.others_within_m
-    if limit is None:
-        return targets
-    near = _least_distance(frames, observer) <= limit
-    named = [] if config.targets == "all" else targets
-    bodies = [i for i in range(len(frames.ids)) if i in named or (near[i] and (i > 0 or config.observer != "ego"))]
-    if not bodies:
-        raise InputError(f"no vehicle comes within {limit:g} m of the observer", key="truth.targets")
-    return bodies
-
-
-def _least_distance(frames: Frames, observer: Observer) -> Array:
-    """``(bodies,)`` m, over the time that each is there."""
-    distance = np.hypot(frames.px - observer.px[:, None], frames.py - observer.py[:, None])
-    return np.asarray(np.nanmin(distance, axis=0))
 
 
 def _prepare(config: HighwayOptions) -> AbstractEnv:

@@ -14,9 +14,6 @@ from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, Health, PrecisionReached, Result, TrackerResult
 from trackbench.words import counted
 
-#: How a tracker associates that knows the true origin of each detection.
-ORACLE = "oracle"
-
 
 def facts(result: Result) -> tuple[str, ...]:
     """The run in a few words."""
@@ -95,7 +92,7 @@ def headline(result: Result) -> str:
 
     One that knows the true origin of each detection is not held against the others.
     """
-    order = [tracker for tracker in result.scored if tracker.association != ORACLE] or result.scored
+    order = result.contenders
     if not order:
         return "No tracker finished."
     summary, names = result.summary, [tracker.name for tracker in order]

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from trackbench.report.numbers import decimals, fixed, interval, percent
 from trackbench.report.run.pairs import Pairs
-from trackbench.report.run.sentences import ORACLE
 from trackbench.results import Result, TrackerResult
+from trackbench.results.summary import ORACLE
 from trackbench.words import counted
 
 #: The parts of GOSPA, in words.

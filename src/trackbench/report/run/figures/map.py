@@ -14,6 +14,7 @@ from matplotlib.figure import Figure as Canvas
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import panel_title
 from trackbench.document.drawing import INK, MUTED, WIDTH
+from trackbench.errors import InputError
 from trackbench.metrics.moments import EstimateMoment
 from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import fixed
@@ -166,6 +167,8 @@ def _tracks(truth: pa.Table, rows: pa.Table, objects: Sequence[str]) -> list[_Tr
     for name in objects:
         own, path = where(rows, object=name), where(truth, object=name)
         place = np.searchsorted(column(path, "time_s"), column(own, "time_s") - 1e-9)
+        if len(place) and place.max() >= len(path):
+            raise InputError(f"the estimates of {name} go on after its truth: not the tables of one run")
         found.append(_Track(column(path, "px_m")[place], column(path, "py_m")[place], column(own, "position_error_m")))
     return found
 

@@ -7,8 +7,9 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NoReturn
 
 import click
 
@@ -29,6 +30,7 @@ from trackbench.cli.validate import check_command, schema_command
 from trackbench.cli.view import view_command
 from trackbench.errors import InputError, OutputError, TrackbenchError
 from trackbench.input_files import is_utf8
+from trackbench.stepping.faults import fault_of, place_of
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4
@@ -83,7 +85,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     standard_streams.open_missing()
     try:
-        status = _run()
+        with _kept_running():
+            status = _run()
         standard_streams.flush()
     except OSError as error:
         status = UNREAD if isinstance(error, BrokenPipeError) else _said(_os_error(error), CANNOT_WRITE)
@@ -122,14 +125,33 @@ def _run() -> int:
     except click.Abort:
         return _interrupted()
     except SystemExit as end:
+        if place_of(end, installed=False) is not None:
+            return _said(f"trackbench: a plug-in failed: {fault_of(end)}", BAD_INPUT)
         # Click and Rich turn a broken pipe into an exit with status 1; what a shell's completion asks ends with 0.
         status = UNREAD if end.code else 0
     except (OSError, KeyboardInterrupt):
         raise
-    except Exception:
+    except Exception as error:
+        if place_of(error, installed=False) is not None:
+            return _said(f"trackbench: a plug-in failed: {fault_of(error)}", BAD_INPUT)
         # Not 1, which says that an expectation failed.
         return _said(f"{traceback.format_exc()}trackbench: this is a fault of trackbench itself", FAULT)
     return status if isinstance(status, int) else 0
+
+
+@contextmanager
+def _kept_running() -> Iterator[None]:
+    """A plug-in that is no tracker runs in this process: one that leaves it would leave it with the status it likes."""
+    leave = os._exit
+
+    def refused(status: int) -> NoReturn:
+        raise TrackbenchError(f"a plug-in called os._exit({status})")
+
+    os._exit = refused
+    try:
+        yield
+    finally:
+        os._exit = leave
 
 
 def _said(text: str, status: int) -> int:

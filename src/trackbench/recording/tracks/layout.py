@@ -1,0 +1,60 @@
+"""How a recording of tracks opens: the scene above, the charts and the log of events below it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rerun.blueprint as rrb
+
+from trackbench.recording import legend
+from trackbench.recording.charts import Chart
+from trackbench.recording.contents import Contents
+from trackbench.recording.focus import Focus
+from trackbench.recording.layout import beside, opened
+from trackbench.recording.plots import plot
+from trackbench.recording.scene import MEASUREMENTS
+from trackbench.recording.stream import path
+from trackbench.recording.tracks.scene import ASSOCIATIONS, entities, others
+from trackbench.recording.trails import TRAIL_S, TRUE
+from trackbench.recording.views import RECENT_S, Window, scene_view
+
+EVENTS = "events"
+
+
+def blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: Focus) -> rrb.Blueprint:
+    """The layout of a recording of tracks: a tab for each tracker, the one in focus or else the best in front."""
+    text = rrb.Tabs(
+        rrb.TextDocumentView(origin="ranking", name="Ranking"),
+        rrb.TextDocumentView(origin="about", name="About this run"),
+    )
+    window = wide if focus.vehicle is None else wide.around(focus.vehicle)
+    trackers = list(contents.colours)
+    front = focus.tracker if focus.tracker in trackers else contents.best
+    tab = trackers.index(front) if front in trackers else 0
+    near = window.closer()
+    above = rrb.Tabs(*(_view(contents, window, name, name) for name in trackers), active_tab=tab)
+    taken = rrb.Tabs(
+        *(
+            _view(contents, near, name, f"Associations of {name}", {path(*ASSOCIATIONS, name): 0.0})
+            for name in trackers
+        ),
+        active_tab=tab,
+    )
+    parts = [plot(chart.title, chart.origin, chart.span()) for chart in charts]
+    log = rrb.TextLogView(origin=EVENTS, name="Events")
+    below = rrb.Horizontal(
+        rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]
+    )
+    scene = rrb.Horizontal(above, taken, column_shares=[2, 1]) if trackers else rrb.Horizontal(above)
+    main = rrb.Vertical(scene, below, row_shares=[3, 2])
+    return opened(beside(main, legend.entries(contents.colours, list(contents.sensors)), text), focus)
+
+
+def _view(
+    contents: Contents, window: Window, tracker: str, name: str, more: dict[str, float] | None = None
+) -> rrb.Spatial2DView:
+    """The scene with one tracker's tracks."""
+    shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in contents.sensors}
+    own = {**entities(tracker), **(more or {})}
+    shown |= {path(*TRUE): TRAIL_S, **own}
+    return scene_view(window, name, shown, *others(), *(f"+ {entity}" for entity in own))

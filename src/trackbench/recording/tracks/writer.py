@@ -1,0 +1,78 @@
+"""Draws a run whose identities are hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pyarrow.compute as pc
+import rerun as rr
+
+from trackbench.metrics.track_events import TrackEvent, events_of, instants
+from trackbench.palette import sensor_colours
+from trackbench.recording import legend, scene, views
+from trackbench.recording.charts import send_chart
+from trackbench.recording.contents import Contents
+from trackbench.recording.focus import Focus
+from trackbench.recording.stream import Stream, path
+from trackbench.recording.tracks.charts import charts_of_tracks
+from trackbench.recording.tracks.layout import EVENTS, blueprint
+from trackbench.recording.tracks.scene import MARKED, send_associations, send_marks, send_misses, send_tracks
+from trackbench.recording.trails import send_true_trails
+from trackbench.results import Result
+
+
+def draw_tracks(recording: rr.RecordingStream, contents: Contents, result: Result, focus: Focus) -> None:
+    """Everything that is shown, and its layout."""
+    stream, tables = Stream(recording), contents.tables
+    wide, charts = views.wide_window(tables.truth), charts_of_tracks(contents)
+    recording.send_blueprint(blueprint(contents, charts, wide, focus))
+    recording.send_recording_name(contents.name)
+    stream.markdown("ranking", contents.ranking)
+    stream.markdown("about", contents.about)
+    scene.send_roads(stream, tables.roads)
+    views.send_scales(stream, wide, contents.vehicles)
+    legend.send_legend(stream, legend.entries(contents.colours, list(contents.sensors)))
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel)
+    scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
+    send_true_trails(stream, tables.truth, contents.hold)
+    time = instants(tables)
+    for tracker in contents.colours:
+        own = {
+            name: table.filter(pc.equal(table["tracker"], tracker))
+            for name in ("tracks", "taken", "objects")
+            if (table := tables[name]).num_rows
+        }
+        if "tracks" in own:
+            send_tracks(stream, tracker, own["tracks"], time)
+        if "objects" in own:
+            send_misses(stream, tracker, own["objects"], tables.truth, time)
+        if "taken" in own and "tracks" in own:
+            send_associations(stream, tracker, own["taken"], own["tracks"], tables.measurements, time)
+        _events(stream, result, tracker)
+    for chart in charts:
+        send_chart(stream, chart)
+
+
+def _events(stream: Stream, result: Result, tracker: str) -> None:
+    """On the map, and as a log."""
+    found = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
+    send_marks(stream, tracker, found)
+    if found:
+        levels = ["WARN" if event.kind in MARKED else "INFO" for event in found]
+        time = np.array([event.time_s for event in found])
+        stream.columns(
+            path(EVENTS, tracker),
+            time,
+            rr.TextLog.columns(text=[f"{event.kind}: {', '.join(_parts(event))}" for event in found], level=levels),
+        )
+
+
+def _parts(event: TrackEvent) -> Iterator[str]:
+    if event.object:
+        yield f"vehicle {event.object}"
+    if event.track is not None:
+        yield f"track {event.track}"
+    yield event.reason
+    if event.cost_m2:
+        yield f"{event.cost_m2:.3g} m²"

@@ -1,0 +1,113 @@
+"""Tracks for other tools: MOTChallenge text, and the events as CSV."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Literal, get_args
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from pyarrow import csv
+
+from trackbench.errors import InputError
+from trackbench.metrics.track_events import instants
+from trackbench.results import Result
+from trackbench.results.columns import split
+from trackbench.types import DUE, OPTIONAL, Array
+
+ExportFormat = Literal["mot", "events"]
+FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
+#: Of MOTChallenge: what is to be tracked, and what a track on is neither right nor wrong.
+PEDESTRIAN, DISTRACTOR = 1, 8
+#: Side of the square around each position over the cutoff. Centres that are one cutoff apart along an axis then have an
+#: intersection over union of a half, the threshold of CLEAR and of the identity metrics.
+SIDE = 3.0
+
+
+def exported(result: Result, format: ExportFormat) -> Iterator[tuple[str, Callable[[], bytes]]]:
+    """The files of a format: relative paths, each with a function that makes the content.
+
+    Raises:
+        InputError: identities are known in this result, or there is no truth.
+    """
+    if result.summary.identities == "known":
+        raise InputError(f"{format} is written of runs with hidden identities alone", key="--format")
+    if not result.summary.truth.known:
+        raise InputError(f"{format} needs a truth, which this recording has not", key="--format")
+    if format == "events":
+        yield "events.csv", lambda: _csv(result.tables.events)
+        return
+    name, time = result.name, instants(result.tables)
+    yield f"mot/gt/{name}/gt/gt.txt", lambda: _lines(_objects(result, time))
+    yield f"mot/gt/{name}/seqinfo.ini", lambda: _sequence(name, time)
+    for tracker in result.summary.trackers:
+        if tracker.failed is None:
+            yield f"mot/trackers/{tracker.name}/data/{name}.txt", partial(_track_lines, result, tracker.name, time)
+
+
+def _objects(result: Result, time: Array) -> Array:
+    """Rows of frame, id, box, whether it counts, class and visibility."""
+    truth = {name: rows for (name,), rows in split(result.tables.truth, "object").items()}
+    rows = []
+    for number, ((name,), due) in enumerate(split(result.tables.due, "object").items(), 1):
+        there = due["status"] >= OPTIONAL
+        step = np.searchsorted(truth[name]["time_s"], due["time_s"][there] - 1e-9)
+        counts = due["status"][there] == DUE
+        boxes = _boxes(result, truth[name]["px_m"][step], truth[name]["py_m"][step])
+        kind = np.where(counts, PEDESTRIAN, DISTRACTOR)
+        frame = np.searchsorted(time, due["time_s"][there] - 1e-9) + 1
+        rows.append(np.column_stack([frame, np.full(len(frame), number), boxes, counts, kind, np.ones(len(frame))]))
+    return _by_frame(rows, 9)
+
+
+def _track_lines(result: Result, tracker: str, time: Array) -> bytes:
+    return _lines(_tracks(result, tracker, time))
+
+
+def _tracks(result: Result, tracker: str, time: Array) -> Array:
+    """Rows of frame, id, box, existence probability and three columns without a meaning in the plane."""
+    table = result.tables.tracks
+    if not table.num_rows:
+        return np.empty((0, 10))
+    own = table.filter(pc.equal(table["tracker"], tracker))
+    x, y, track, existence, when = (own[name].to_numpy() for name in ("px_m", "py_m", "track", "existence", "time_s"))
+    frame = np.searchsorted(time, when - 1e-9) + 1
+    confidence = np.nan_to_num(existence, nan=1.0)
+    rest = np.full((len(frame), 3), -1.0)
+    # Identities begin at 1 there.
+    return _by_frame([np.column_stack([frame, track + 1, _boxes(result, x, y), confidence, rest])], 10)
+
+
+def _boxes(result: Result, x: Array, y: Array) -> Array:
+    """``(rows, 4)`` left, top, width and height of squares around positions, m."""
+    side = SIDE * (result.summary.score.cutoff_m or 0.0)
+    return np.column_stack([x - side / 2, y - side / 2, np.full((len(x), 2), side)])
+
+
+def _by_frame(rows: list[Array], columns: int) -> Array:
+    every = np.concatenate(rows) if rows else np.empty((0, columns))
+    return every[np.argsort(every[:, 0], kind="stable")]
+
+
+def _lines(rows: Array) -> bytes:
+    return "".join(",".join(f"{value:.10g}" for value in row) + "\n" for row in rows).encode()
+
+
+def _sequence(name: str, time: Array) -> bytes:
+    rate = 1 / np.median(np.diff(time)) if len(time) > 1 else 1.0
+    return f"[Sequence]\nname={name}\nframeRate={rate:.10g}\nseqLength={len(time)}\n".encode()
+
+
+def _csv(table: pa.Table) -> bytes:
+    plain = pa.table(
+        {
+            field.name: table[field.name].cast(pa.string()) if pa.types.is_dictionary(field.type) else table[field.name]
+            for field in table.schema
+        }
+    )
+    output = io.BytesIO()
+    csv.write_csv(plain, output)
+    return output.getvalue()
