@@ -59,7 +59,9 @@ class TrafficEvaluation:
         for path, metric in _metrics(self.known).items():
             unit = metric.unit or "1"
             if path in self.intervals:
-                found[path] = self.intervals[path].as_value(unit)
+                value = self.intervals[path].as_value(unit)
+                ends = None if value.ci95 is None else (value.ci95[0], min(value.ci95[1], metric.largest))
+                found[path] = value.model_copy(update={"ci95": ends})
             else:
                 found[path] = MetricValue(unit=unit, reason=_why_missing(path))
         if not self.known:
