@@ -105,7 +105,7 @@ def _measurements(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices
                 "scan": np.full(rows, float(number)),
                 "detection": np.arange(rows, dtype=float),
                 "time_s": np.full(rows, scan.time),
-                "valid": np.ones(rows),
+                "valid": np.ones(rows, dtype=bool),
                 "z0": scan.measurement[0],
                 "z1": scan.measurement[1],
                 "z2": third,
