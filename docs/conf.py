@@ -27,6 +27,7 @@ MENU = {
         "projects/udacity-fusion",
         "projects/udacity-ukf",
         "projects/udacity-simulator",
+        "projects/comma2k19",
     ],
     "Python": ["python", "plug-ins", "api"],
 }

@@ -333,3 +333,10 @@ def test_the_shipped_recording_of_a_real_radar_runs(monkeypatch: pytest.MonkeyPa
     found = run(loaded, truths)
     assert all(tracker.failed is None for tracker in found.summary.trackers)
     assert all((tracker.metrics["used_share"].value or 0) > 0.9 for tracker in found.summary.trackers)
+
+
+def test_every_metric_without_truth_is_on_the_page() -> None:
+    page = (Path(__file__).resolve().parents[1] / "docs" / "traffic-metrics.md").read_text(encoding="utf-8")
+    section = page[page.index("## Without a truth") :]
+    for path, metric in METRICS_WITHOUT_TRUTH.items():
+        assert f"| `{path}` | {metric.unit or '1'} | {metric.meaning} |" in section

@@ -40,7 +40,7 @@ def print_inspection(found: Inspection, console: Console) -> None:
 
 def print_head(summary: Summary, console: Console) -> None:
     """Which run it is."""
-    what = f"run {summary.recorded_run} of {summary.runs}, {counted(len(summary.truth.objects), 'vehicle')}, "
+    what = f"run {summary.recorded_run} of {summary.runs}, {summary.truth.vehicles}, "
     line = f": {what}{fixed(summary.truth.duration_s, 1)} s, seed {summary.seed}"
     console.print(Text.assemble((summary.scenario.name, "bold"), line), highlight=False)
 

@@ -21,7 +21,9 @@ def print_tracks(found: TrackInspection, console: Console) -> None:
     print_head(found.summary, console)
     if found.at is not None:
         _moment(found.at, console)
-    if found.worst is not None:
+    if found.worst is not None and not found.summary.truth.known:
+        console.print(Text("\nThere is no truth, so no event has a cost."), highlight=False)
+    elif found.worst is not None:
         _worst(found.worst, console)
         if found.worst:
             command = f"trackbench view {found.recorded.file} --worst --tracker {found.worst[0].tracker}"

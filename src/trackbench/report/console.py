@@ -63,8 +63,7 @@ def _print_missed(result: Result, console: Console) -> None:
 
 def _title(result: Result) -> Text:
     summary, truth = result.summary, result.summary.truth
-    vehicles = counted(len(truth.objects), "vehicle") if truth.known else "no truth"
-    what = f"{runs_in_words(result)}, {vehicles}, {duration(result)}"
+    what = f"{runs_in_words(result)}, {truth.vehicles}, {duration(result)}"
     return Text.assemble((result.name, "bold"), f": {what}, seed {summary.seed}")
 
 

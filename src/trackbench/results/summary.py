@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
 from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.truth_audit import TruthAudit
+from trackbench.words import counted
 
 SCHEMA_VERSION = 3
 #: How a tracker associates that knows the true origin of each detection.
@@ -69,6 +70,11 @@ class TruthSummary(Part):
     cached: bool
     scenes: list[SceneSummary] = Field(default_factory=list)
     """All of them, where there are several."""
+
+    @property
+    def vehicles(self) -> str:
+        """How many there are, or that nobody knows."""
+        return counted(len(self.objects), "vehicle") if self.known else "no truth"
 
 
 class ComponentNoise(Part):

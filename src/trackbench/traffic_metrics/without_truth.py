@@ -17,7 +17,7 @@ NONE = -1
 NO_TRUTH = "there is no truth"
 
 METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
-    "track_count": TrafficMetric("1", "mean number of tracks after a scan", "none"),
+    "track_count": TrafficMetric("", "mean number of tracks after a scan", "none"),
     "track_length": TrafficMetric("s", "time from a track's first scan to its last, the median", "none", "mean"),
     "new_tracks": TrafficMetric("1/min", "tracks that begin, per minute", "none"),
     "used_share": TrafficMetric("", "share of the detections that a track used", "none"),

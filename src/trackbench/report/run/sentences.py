@@ -23,7 +23,7 @@ def facts(result: Result) -> tuple[str, ...]:
     return (
         f"{source}, other motion in each run" if options.get("random") else source,
         runs_in_words(result),
-        counted(len(truth.objects), "vehicle") if truth.known else "no truth",
+        truth.vehicles,
         duration(result),
         counted(len(summary.sensors), "sensor"),
         counted(len(summary.trackers), "tracker"),

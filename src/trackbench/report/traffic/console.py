@@ -53,7 +53,7 @@ def notes(result: Result) -> list[str]:
         return notes_without_truth()
     cutoff = result.summary.score.cutoff_m
     return [
-        f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches a minute of an object",
+        f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
         "pos. m, NEES (4 expected): of matched tracks alone",
         f"intervals are in the report, {basis_of_intervals(result)}",
     ]
