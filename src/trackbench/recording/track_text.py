@@ -12,7 +12,8 @@ IN_THE_SCENE = (
     "them. Larger dots are tracks with their numbers and 95 % ellipses, each identity in a colour of its own; a track "
     "that states a smaller existence probability is fainter. Lines are the paths of the last 2 s, true and tracked. "
     "A red ring is a due vehicle without a track. Switches, losses and false tracks are marked for 1 s. The tabs on "
-    "the right also have a line from each track to the detection that it took, where the tracker says so."
+    "the right also have the gates of the built-in trackers' tracks, and a line from each track to the detection that "
+    "it took, where the tracker says so."
 )
 METRICS = {"gospa": "GOSPA m", "gospa_missed": "missed", "gospa_false": "false", "hota": "HOTA"}
 

@@ -78,6 +78,7 @@ HIDDEN_COLUMNS = {
     "measurements": (COLUMNS["measurements"][0], ("scan", "detection", *COLUMNS["measurements"][1])),
     "tracks": (("tracker",), ("time_s", "track", *STATE, *COVARIANCE, "existence")),
     "taken": (("tracker",), ("time_s", "scan", "track", "detection")),
+    "gates": (("tracker",), ("time_s", "scan", "track", "x_m", "y_m")),
     "due": (("object",), ("time_s", "status")),
     "events": (
         ("tracker", "kind", "object", "other_object", "why"),

@@ -41,6 +41,7 @@ class Tables(Mapping[str, pa.Table]):
     roads = _Table("lane edges to draw")
     tracks = _Table("where identities are hidden: every confirmed track of the recorded run")
     taken = _Table("where identities are hidden: the detection that each track of the recorded run took in each scan")
+    gates = _Table("where identities are hidden: outlines of the gates of built-in trackers in the recorded run")
     due = _Table("where identities are hidden: 0 absent, 1 optional, 2 due, of each object in the recorded run")
     events = _Table("where identities are hidden: what happened to objects and tracks")
     objects = _Table("where identities are hidden: what each object's time was spent on in the recorded run")

@@ -14,6 +14,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results import Failure
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.recorded_gates import gates_table
 from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic import TrafficBlock
 from trackbench.runner.traffic_events import association_table, events_table, existence_table, objects_table
@@ -45,6 +46,7 @@ def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, Traff
         "measurements": _measurements(scene.truth, block.scans, block.origins),
         "tracks": _tracks(recorded, time),
         "taken": _taken(taken, block.scans),
+        "gates": gates_table({name: work.trackers[name] for name in recorded}, block.scans, block.origins),
         "events": events_table(work, found),
         "objects": objects_table(work, found, time),
         "association": association_table(found),

@@ -39,8 +39,8 @@ def blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: 
                 contents,
                 near,
                 name,
-                f"Associations of {name}",
-                {path(*ASSOCIATIONS, name): 0.0, path(*ASSOCIATIONS, name, "detections"): 0.0},
+                f"Gates and associations of {name}",
+                {path(*ASSOCIATIONS, name, *part): 0.0 for part in ((), ("detections",), ("gates",))},
             )
             for name in trackers
         ),

@@ -155,6 +155,25 @@ def send_associations(
     stream.static(used, ring)
 
 
+def send_gates(stream: Stream, tracker: str, gates: pa.Table, time: Array) -> None:
+    """The outline of the gate of each track before the scans of an instant, in the track's colour.
+
+    Args:
+        stream: the recording.
+        tracker: its name.
+        gates: its rows.
+        time: ``(instants,)`` s, of the run.
+    """
+    rows = _sorted(gates)
+    corner = np.flatnonzero((np.diff(rows["scan"], prepend=-1) != 0) | (np.diff(rows["track"], prepend=-1) != 0))
+    strips = np.split(np.stack([rows["x_m"], rows["y_m"]], axis=1).astype(np.float32), corner[1:])
+    colours = [rgba(identity_colour(int(track))) for track in rows["track"][corner]]
+    lines = rr.LineStrips2D.columns(strips=strips, colors=colours)
+    entity = path(*ASSOCIATIONS, tracker, "gates")
+    stream.columns(entity, time, lines.partition(_counts(rows["time_s"][corner], time)))
+    stream.static(entity, rr.LineStrips2D.from_fields(radii=pixels(0.5), draw_order=24.0))
+
+
 def identity_colour(track: int) -> str:
     """The colour of an identity."""
     return TRACKER_COLOURS[track % len(TRACKER_COLOURS)]

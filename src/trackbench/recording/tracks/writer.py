@@ -17,7 +17,14 @@ from trackbench.recording.focus import Focus
 from trackbench.recording.stream import Stream, path
 from trackbench.recording.tracks.charts import charts_of_tracks
 from trackbench.recording.tracks.layout import EVENTS, blueprint
-from trackbench.recording.tracks.scene import MARKED, send_associations, send_marks, send_misses, send_tracks
+from trackbench.recording.tracks.scene import (
+    MARKED,
+    send_associations,
+    send_gates,
+    send_marks,
+    send_misses,
+    send_tracks,
+)
 from trackbench.recording.trails import send_true_trails
 from trackbench.results import Result
 
@@ -40,8 +47,8 @@ def draw_tracks(recording: rr.RecordingStream, contents: Contents, result: Resul
     for tracker in contents.colours:
         own = {
             name: table.filter(pc.equal(table["tracker"], tracker))
-            for name in ("tracks", "taken", "objects")
-            if (table := tables[name]).num_rows
+            for name in ("tracks", "taken", "gates", "objects")
+            if name in tables and (table := tables[name]).num_rows
         }
         if "tracks" in own:
             send_tracks(stream, tracker, own["tracks"], time)
@@ -49,6 +56,8 @@ def draw_tracks(recording: rr.RecordingStream, contents: Contents, result: Resul
             send_misses(stream, tracker, own["objects"], tables.truth, time)
         if "taken" in own and "tracks" in own:
             send_associations(stream, tracker, own["taken"], own["tracks"], tables.measurements, time)
+        if "gates" in own:
+            send_gates(stream, tracker, own["gates"], time)
         _events(stream, result, tracker)
     for chart in charts:
         send_chart(stream, chart)
