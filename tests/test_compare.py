@@ -323,7 +323,7 @@ def test_a_regression_fails_when_it_is_real_and_more_than_allowed(keep: Keep) ->
 
 
 def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monkeypatch: pytest.MonkeyPatch) -> None:
-    def larger(path: str, key: str, own: object = ()) -> ComparedMetric:
+    def larger(path: str, key: str, own: object = (), **_: bool) -> ComparedMetric:
         return replace(compared_metric(path, key), better="larger")
 
     monkeypatch.setattr(assembly, "compared_metric", larger)

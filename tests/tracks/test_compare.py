@@ -77,7 +77,7 @@ def test_a_batch_of_both_is_run_and_not_compared(
     cli: Callable[..., Any], tiny: Path, traffic_text: str, tmp_path: Path
 ) -> None:
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
-    done = cli("run", tiny, "three_cars.yaml", "--runs", "2", "--no-recording")
+    done = cli("run", tiny, "three_cars.yaml", "--runs", "2")
     assert done.status == 0
     assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["three_cars", "tiny"]
     assert "Comparison of" not in done.out

@@ -14,7 +14,7 @@ from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
 from trackbench.results import Result
 from trackbench.results.table_check import HIDDEN_COLUMNS
-from trackbench.runner import traffic_events
+from trackbench.runner import traffic_sums
 
 
 def test_every_table_is_as_stated(traffic_result: Result) -> None:
@@ -68,7 +68,7 @@ def test_existence_adds_up(traffic_result: Result) -> None:
 def test_the_events_that_are_kept_are_the_dearest(
     traffic_text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, traffic_result: Result
 ) -> None:
-    monkeypatch.setattr(traffic_events, "MOST_EVENTS", 2)
+    monkeypatch.setattr(traffic_sums, "MOST_EVENTS", 2)
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
     result = tb.run(tmp_path / "three_cars.yaml")
     for tracker in ("gnn", "naive"):

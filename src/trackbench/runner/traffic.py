@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
@@ -21,7 +22,6 @@ from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, t
 from trackbench.trackers.config import FilterConfig
 from trackbench.traffic_metrics import (
     Associations,
-    RunScores,
     TrackHistory,
     TrafficScoreOptions,
     TruthHistory,
@@ -36,7 +36,7 @@ from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tra
 class TrafficScores:
     """What a block leaves of one tracker."""
 
-    runs: list[RunScores]
+    sums: TrafficSums
     reused_ids: Array
     """``(runs,)`` number of ids that were used again after their track had ended."""
     seconds: float
@@ -155,16 +155,18 @@ class _Passage:
         tracks = _stacked(self._instants)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
         state, status = of_runs(state, runs), of_runs(self._due.status, runs)
-        found = TrafficScores([], np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
+        found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
         taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):
             truth = TruthHistory(self._time, _one(state, run), _one(status, run))
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
-                found.runs.append(score_run(truth, history, self._options, own))
+                scores = score_run(truth, history, self._options, own)
             else:
-                found.runs.append(without_truth(score_without_truth(self._judged_scans(run))))
+                scores = without_truth(score_without_truth(self._judged_scans(run)))
+            number = self._work.number(self._piece.scene, runs.start + run)
+            found.sums.add(number, scores, recorded=run == self._kept)
             found.reused_ids[run] = reused(history.ids)
             if run == self._kept:
                 found.recorded, found.taken = history, self._detections_taken(run)

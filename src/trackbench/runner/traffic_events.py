@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from trackbench.results.table_check import NO_OBJECT
 from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.traffic_sums import dearest, summed
 from trackbench.runner.work import Work
 from trackbench.traffic_metrics.existence import BINS
 from trackbench.traffic_metrics.strips import STATES
@@ -18,8 +19,6 @@ from trackbench.types import Array
 if TYPE_CHECKING:
     from trackbench.runner.traffic_results import TrafficEvaluation
 
-#: Events that are kept of each tracker beside those of the recorded run.
-MOST_EVENTS = 10_000
 ASSOCIATIONS = ("right", "wrong_object", "clutter", "missed")
 
 
@@ -30,9 +29,7 @@ def events_table(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table
 
 def _events(work: Work, name: str, evaluation: TrafficEvaluation) -> Columns:
     recorded = work.number(work.recorded_scene, work.recorded_run)
-    rows = [(run, event) for run, scores in enumerate(evaluation.runs) for event in scores.events]
-    others = sorted((row for row in rows if row[0] != recorded), key=lambda row: -row[1].cost)[:MOST_EVENTS]
-    rows = sorted([*(row for row in rows if row[0] == recorded), *others], key=lambda row: (row[0], row[1].instant))
+    rows = dearest([event for block in evaluation.blocks for event in block.events], recorded)
     ids = [work.scenes[scene].truth.ids for scene in work.scene_of_run]
 
     def number(field: str) -> Array:
@@ -60,12 +57,12 @@ def _events(work: Work, name: str, evaluation: TrafficEvaluation) -> Columns:
 
 def objects_table(work: Work, found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
     """What each object's time was spent on in the recorded run, stretch by stretch."""
-    recorded = work.number(work.recorded_scene, work.recorded_run)
     ids = work.scenes[work.recorded_scene].truth.ids
     until = np.append(time[1:], 2 * time[-1] - time[-2] if len(time) > 1 else time[-1])
     parts: list[Columns] = []
     for name, evaluation in found.items():
-        for item, strip in enumerate(evaluation.runs[recorded].strips.T):
+        strips = next(block.strips for block in evaluation.blocks if block.strips is not None)
+        for item, strip in enumerate(strips.T):
             starts = np.flatnonzero(np.diff(strip, prepend=-1))
             ends = np.append(starts[1:], len(strip)) - 1
             parts.append(
@@ -84,10 +81,7 @@ def association_table(found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     """How often each tracker's tracks took a detection of their own object, another's, a false alarm or none."""
     parts: list[Columns] = []
     for name, evaluation in found.items():
-        totals = {
-            outcome: sum(run.values.get(f"association_{outcome}", (0.0, 0.0))[0] for run in evaluation.runs)
-            for outcome in ASSOCIATIONS
-        }
+        totals = {outcome: float(evaluation.sums(f"association_{outcome}")[0].sum()) for outcome in ASSOCIATIONS}
         if any(totals.values()):
             parts.append({"tracker": [name], **{outcome: np.array([total]) for outcome, total in totals.items()}})
     return stacked(parts)
@@ -97,10 +91,10 @@ def existence_table(found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     """Tracks by the existence probability that they state, and how many of them are on an object."""
     parts: list[Columns] = []
     for name, evaluation in found.items():
-        bins = [run.existence for run in evaluation.runs if run.existence is not None]
-        if not bins:
+        bins = summed([block.existence for block in evaluation.blocks])
+        if bins is None:
             continue
-        stated, real, number = (np.sum([each[column] for each in bins], axis=0, dtype=float) for column in range(3))
+        stated, real, number = (np.asarray(each, dtype=float) for each in bins)
         parts.append(
             {
                 "tracker": [name] * BINS,

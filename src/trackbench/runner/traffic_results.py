@@ -18,9 +18,10 @@ from trackbench.runner.assemble import PACKAGES, sensor_summary, truth_summary
 from trackbench.runner.describe import describe
 from trackbench.runner.expectations import judge
 from trackbench.runner.traffic import TrafficBlock, TrafficScores
+from trackbench.runner.traffic_sums import PATHS, TrafficSums
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.traffic_metrics import METRICS, RunScores, TrafficMetric
+from trackbench.traffic_metrics import METRICS, TrafficMetric
 from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.truth import LoadedTruth
 from trackbench.types import Array
@@ -35,7 +36,7 @@ NOT_SAID = "the tracker does not say which detections it used"
 class TrafficEvaluation:
     """What one tracker reached over all runs."""
 
-    runs: list[RunScores]
+    blocks: list[TrafficSums]
     intervals: dict[str, Interval]
     """By metric, clustered by scene."""
     per_run: dict[str, Array]
@@ -48,7 +49,8 @@ class TrafficEvaluation:
 
     def sums(self, path: str) -> Array:
         """``(2, runs)`` totals and counts of a metric; zeros where a run cannot tell it."""
-        return np.array([run.values.get(path, (0.0, 0.0)) for run in self.runs]).T
+        column = PATHS.index(path)
+        return np.array([values[:, column] for block in self.blocks for values in block.values]).T
 
     @property
     def values(self) -> dict[str, MetricValue]:
@@ -57,7 +59,9 @@ class TrafficEvaluation:
         for path, metric in _metrics(self.known).items():
             unit = metric.unit or "1"
             if path in self.intervals:
-                found[path] = self.intervals[path].as_value(unit)
+                value = self.intervals[path].as_value(unit)
+                ends = None if value.ci95 is None else (value.ci95[0], min(value.ci95[1], metric.largest))
+                found[path] = value.model_copy(update={"ci95": ends})
             else:
                 found[path] = MetricValue(unit=unit, reason=_why_missing(path))
         if not self.known:
@@ -145,8 +149,8 @@ def _evaluated(work: Work, blocks: Sequence[TrafficBlock]) -> tuple[dict[str, Fa
 def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluation:
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
     reused = int(sum(block.reused_ids.sum() for block in blocks))
-    runs, known = [run for block in blocks for run in block.runs], _known(work)
-    found = TrafficEvaluation(runs, {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
+    known = _known(work)
+    found = TrafficEvaluation([block.sums for block in blocks], {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
     for path, metric in _metrics(known).items():
         total, count = found.sums(path)
         if not count.any():

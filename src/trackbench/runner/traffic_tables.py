@@ -61,10 +61,10 @@ def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
         columns: dict[str, Array] = {}
         for part in ("total", *PARTS):
             total, count = np.zeros(len(time)), np.zeros(len(time))
-            for run in evaluation.runs:
-                values = getattr(run.gospa, part)
+            for block in evaluation.blocks:
+                values = block.gospa.sum(axis=0) if part == "total" else block.gospa[PARTS.index(part)]
                 total[: len(values)] += values
-                count[: len(values)] += 1
+                count[: len(values)] += len(block.values)
             columns["gospa_m" if part == "total" else f"gospa_{part}_m"] = np.sqrt(
                 total / np.where(count > 0, count, np.nan)
             )
@@ -105,7 +105,7 @@ def _measurements(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices
                 "scan": np.full(rows, float(number)),
                 "detection": np.arange(rows, dtype=float),
                 "time_s": np.full(rows, scan.time),
-                "valid": np.ones(rows),
+                "valid": np.ones(rows, dtype=bool),
                 "z0": scan.measurement[0],
                 "z1": scan.measurement[1],
                 "z2": third,

@@ -75,6 +75,9 @@ def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Serv
     tracker = config.trackers.get(name)
     if tracker is None:
         raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
+    if loaded.config.sensing.identities == "hidden":
+        message = "hidden, and the simulator's client asks for one object; serve a tracker of known identities"
+        raise loaded.locate(InputError(message, key="sensing.identities"))
     sensors: dict[str, ServedSensor] = {}
     for sensor_name, sensor in config.sensors.items():
         other = sensors.get(sensor.type)

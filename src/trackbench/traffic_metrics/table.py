@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 
@@ -15,6 +16,11 @@ class TrafficMetric(NamedTuple):
     """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
     positive: bool = True
     """Whether no run adds less than zero."""
+
+    @property
+    def largest(self) -> float:
+        """Of a share, one, where its interval ends."""
+        return math.inf if self.unit or self.better == "none" else 1.0
 
 
 METRICS: dict[str, TrafficMetric] = {

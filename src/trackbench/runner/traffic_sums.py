@@ -1,0 +1,67 @@
+"""What is kept of the scores of many runs: their sums, so that what a run leaves does not grow with their number."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.traffic_metrics import METRICS, RunScores
+from trackbench.traffic_metrics.events import TrafficEvent
+from trackbench.traffic_metrics.existence import ExistenceBins
+from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.types import Array
+
+#: Every metric that a run may have.
+PATHS = tuple(dict.fromkeys([*METRICS, *METRICS_WITHOUT_TRUTH]))
+#: Events that are kept of each tracker beside those of the recorded run.
+MOST_EVENTS = 10_000
+
+Event = tuple[int, TrafficEvent]
+
+
+@dataclass
+class TrafficSums:
+    """The scores of some runs of one tracker in one scene."""
+
+    values: list[Array] = field(default_factory=list)
+    """Of each run ``(2, paths)`` total and count of each of ``PATHS``."""
+    gospa: Array = field(default_factory=lambda: np.zeros((3, 0)))
+    """``(3, T)`` sums over runs of the parts of GOSPA at each instant, m^2."""
+    existence: ExistenceBins | None = None
+    events: list[Event] = field(default_factory=list)
+    """With the number of the run: those of the recorded run, and the dearest of the others."""
+    recorded: int | None = None
+    """The number of the recorded run, if it is one of these."""
+    strips: npt.NDArray[np.int8] | None = None
+    """``(T, N)`` of the recorded run."""
+
+    def add(self, run: int, scores: RunScores, *, recorded: bool) -> None:
+        """One more run, by its number."""
+        self.values.append(np.array([scores.values.get(path, (0.0, 0.0)) for path in PATHS]).T)
+        parts = np.stack(scores.gospa)
+        self.gospa = parts if not self.gospa.size else self.gospa + parts
+        self.existence = summed([self.existence, scores.existence])
+        self.events += [(run, event) for event in scores.events]
+        if recorded:
+            self.recorded, self.strips = run, scores.strips
+        if len(self.events) > 2 * MOST_EVENTS:
+            self.events = dearest(self.events, self.recorded)
+
+
+def summed(bins: Sequence[ExistenceBins | None]) -> ExistenceBins | None:
+    """The sums of several; None where none has any."""
+    known = [each for each in bins if each is not None]
+    return ExistenceBins(*(sum(column) for column in zip(*known, strict=True))) if known else None
+
+
+def dearest(events: Sequence[Event], recorded: int | None) -> list[Event]:
+    """All events of the recorded run and the dearest of the others, in the order of runs and time."""
+    others = [event for event in events if event[0] != recorded]
+    if len(others) > MOST_EVENTS:
+        others = heapq.nlargest(MOST_EVENTS, others, key=lambda item: (item[1].cost, -item[0], -item[1].instant))
+    own = [event for event in events if event[0] == recorded]
+    return sorted([*own, *others], key=lambda item: (item[0], item[1].instant))
