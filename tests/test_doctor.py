@@ -13,7 +13,7 @@ from trackbench.doctor.checks.gain import gain
 from trackbench.doctor.checks.models import models
 from trackbench.doctor.drives import drive_configs
 from trackbench.doctor.examine import Doctor, Examination
-from trackbench.doctor.findings import Finding, known_faults
+from trackbench.doctor.findings import Finding, faults_of
 from trackbench.doctor.probes import GENERAL, Probes, varied
 from trackbench.doctor.root_causes import CONSEQUENCES, rank
 from trackbench.doctor.session import TrackerSession
@@ -99,7 +99,7 @@ def test_a_tracker_of_one_sensor_has_nothing() -> None:
 
 
 def test_every_fault_has_a_fix_and_a_drive() -> None:
-    assert sorted(known_faults()) == sorted(NAMES)
+    assert sorted(faults_of("trackbench.doctor")) == sorted(NAMES)
     explained = {fault for faults in CONSEQUENCES.values() for fault in faults}
     assert explained | set(CONSEQUENCES) <= set(NAMES)
     shown = [fault for drive in drive_configs().values() for fault in drive.shows]

@@ -48,6 +48,12 @@ CANNOT_RUN = 3
     metavar="DIR",
     help="Folder of the files.  [default: results/doctor/TRACKER]",
 )
+@click.option(
+    "--identities",
+    type=click.Choice(["known", "hidden"]),
+    default="known",
+    help="hidden: a class that follows several objects.",
+)
 @isolation_options
 @click.option("--all-checks", is_flag=True, help="Print the result of every check.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
@@ -56,6 +62,7 @@ def doctor_command(
     options: tuple[str, ...],
     scenario: Path | None,
     out: Path | None,
+    identities: str,
     isolation: Isolation,
     all_checks: bool,
     as_json: bool,
@@ -69,6 +76,7 @@ def doctor_command(
     Examples:
       trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
+      trackbench doctor my_tracks:Tracker --identities hidden
 
     \b
     Exit status:
@@ -82,7 +90,8 @@ def doctor_command(
     require_tracker(tracker)
     try:
         with _tracker_output():
-            examined = subject(tracker, dict(_option(item) for item in options), scenario, isolation)
+            given = dict(_option(item) for item in options)
+            examined = subject(tracker, given, scenario, isolation, identities == "hidden")
     except TrackFault as fault:
         raise InputError(f"{tracker!r} does not start: {fault}") from fault
     folder = out or Path("results", "doctor", _file_name(examined.name))
@@ -108,7 +117,11 @@ def doctor_command(
 
 def _examine(examined: Subject) -> tuple[Examination, list[EvidenceRun]]:
     from trackbench.doctor.examine import Doctor
+    from trackbench.doctor.traffic.examine import TrafficDoctor
 
+    if examined.multi_object:
+        with progress(f"examining {examined.name}", "parts") as advance:
+            return TrafficDoctor(examined.sensors).examine(examined.name, examined.make, advance), []
     doctor = Doctor(examined.sensors)
     with progress(f"examining {examined.name}", "parts") as advance:
         examination = doctor.examine(examined.name, examined.make, advance)
@@ -123,8 +136,9 @@ def _save(examination: Examination, evidence: Sequence[EvidenceRun], folder: Pat
     files = {
         EXAMINATION: partial(results.write_file, results.to_json(examination.json())),
         "report.html": partial(results.write_file, to_html(examination_document(examination, evidence))),
-        "recording.rrd": partial(recording.write, examination, evidence),
     }
+    if evidence:
+        files["recording.rrd"] = partial(recording.write, examination, evidence)
     results.save_files(files, folder, EXAMINATION)
     return list(files)
 

@@ -126,7 +126,7 @@ class Doctor:
     def __init__(self, sensors: Mapping[str, Sensor], seed: int | None = None) -> None:
         self._probes = Probes() if seed is None else varied(np.random.default_rng(seed))
         self._seed = seed or 0
-        self.sensors = {name: _simplified(sensor) for name, sensor in sensors.items()}
+        self.sensors = {name: simplified(sensor) for name, sensor in sensors.items()}
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
@@ -185,7 +185,7 @@ class Doctor:
         return DEFAULT_DRIVE
 
 
-def _simplified(sensor: Sensor) -> Sensor:
+def simplified(sensor: Sensor) -> Sensor:
     """The sensor with its kind and noise, and without limits of view, missed detections, delays and biases."""
     biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
     rate = 10.0 if sensor.type == "lidar" else 20.0

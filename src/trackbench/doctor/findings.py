@@ -25,8 +25,14 @@ class KnownFault(NamedTuple):
 
 @cache
 def known_faults() -> Mapping[str, KnownFault]:
-    """Every fault that the doctor can name, in the order of faults.yaml."""
-    text = files("trackbench.doctor").joinpath("faults.yaml").read_text(encoding="utf-8")
+    """Every fault that the doctor can name: of trackers of one object, then of several."""
+    return {**faults_of("trackbench.doctor"), **faults_of("trackbench.doctor.traffic")}
+
+
+@cache
+def faults_of(package: str) -> Mapping[str, KnownFault]:
+    """Those in the faults.yaml of a package, in its order."""
+    text = files(package).joinpath("faults.yaml").read_text(encoding="utf-8")
     return {name: KnownFault(**entry) for name, entry in yaml.safe_load(text).items()}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from trackbench.doctor.findings import Finding, known_faults
+from trackbench.doctor.findings import Finding, faults_of
 
 #: Wrong sizes. Wrong models of other kinds look like these too.
 SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias")
@@ -18,7 +18,7 @@ SURE = 0.8
 
 #: The consequences that each fault can have; causes are tried in this order.
 CONSEQUENCES: dict[str, tuple[str, ...]] = {
-    "not_deterministic": tuple(known_faults()),
+    "not_deterministic": tuple(faults_of("trackbench.doctor")),
     "axis_swapped": ("arctan_quadrant", "wrong_dt", "ego_motion_ignored", *_MODEL),
     "axis_mirrored": ("arctan_quadrant", "wrong_dt", "ego_motion_ignored", *_MODEL),
     "degrees_for_radians": ("arctan_quadrant", *_MODEL),

@@ -10,10 +10,10 @@ from typing import Any
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import load_scenario
-from trackbench.stepping import ISOLATED, Isolation, fresh
+from trackbench.stepping import ISOLATED, Isolation, fresh, start_tracks
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
-from trackbench.trackers.config import FilterConfig, InitialConfig
+from trackbench.trackers.config import FilterConfig, InitialConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 
 #: For a tracker without a scenario.
@@ -28,14 +28,20 @@ class Subject:
     """A tracker to be examined."""
 
     name: str
-    make: Callable[[], Tracker]
+    make: Callable[[], Any]
+    """Gives a fresh tracker of one object, or a stepper of one of several."""
     sensors: Mapping[str, Sensor]
+    multi_object: bool = False
     notes: tuple[str, ...] = ()
     """How the examination differs from the scenario."""
 
 
 def subject(
-    target: str, options: Mapping[str, Any], scenario: Path | None = None, isolation: Isolation = ISOLATED
+    target: str,
+    options: Mapping[str, Any],
+    scenario: Path | None = None,
+    isolation: Isolation = ISOLATED,
+    multi_object: bool = False,
 ) -> Subject:
     """The tracker named by ``SCENARIO#NAME``, ``module:Attr`` or a published name.
 
@@ -45,6 +51,7 @@ def subject(
         scenario: the file whose sensors are used. By default those of the tracker's own scenario, or else a radar and
             a lidar.
         isolation: whether a tracker that is not built in gets a process of its own.
+        multi_object: whether a class follows several objects; of a scenario's tracker the scenario says it.
 
     Raises:
         InputError: there is no such scenario, tracker or module, or it does not take the options.
@@ -58,6 +65,9 @@ def subject(
     if mark:
         return _of_scenario(Path(file), name, options, None if scenario is None else sensors, isolation)
     folder = None if scenario is None else scenario.resolve().parent
+    if multi_object:
+        tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
+        return _of_several(target, tracker, sensors, folder, isolation)
     return _startable(Subject(target, fresh(target, dict(options), folder, isolation), sensors))
 
 
@@ -75,9 +85,27 @@ def _of_scenario(
     used = sensors or {
         key: value for key, value in config.sensors.items() if sensors_used is None or key in sensors_used
     }
+    if isinstance(tracker, FilterConfig) and tracker.associate is not None:
+        if tracker.associate.method == "oracle":
+            raise InputError(f"{name} is told the true origins, which an examination does not have", file=path)
+        return _of_several(name, tracker, used, None, isolation)
     if isinstance(tracker, FilterConfig):
         return _startable(Subject(name, lambda: build(tracker), used))
-    return _startable(Subject(name, fresh(tracker.use, tracker.options, loaded.path.resolve().parent, isolation), used))
+    folder = loaded.path.resolve().parent
+    if config.sensing.identities == "hidden":
+        return _of_several(name, tracker, used, folder, isolation)
+    return _startable(Subject(name, fresh(tracker.use, tracker.options, folder, isolation), used))
+
+
+def _of_several(
+    name: str,
+    tracker: FilterConfig | PluginConfig,
+    sensors: Mapping[str, Sensor],
+    folder: Path | None,
+    isolation: Isolation,
+) -> Subject:
+    start_tracks(tracker, folder, 1, isolation).close()
+    return Subject(name, lambda: start_tracks(tracker, folder, 1, isolation), sensors, multi_object=True)
 
 
 def _startable(of: Subject) -> Subject:
