@@ -42,7 +42,7 @@ BAD_INPUT = [
     (["tny.yaml"], "tny.yaml: there is no such file; did you mean 'tiny.yaml'?"),
     (["empty"], "empty: there is no scenario file (*.yaml) in this folder"),
     (["tiny.yaml", "--trackers", "ekff"], "--trackers: no tracker 'ekff' in this scenario; did you mean 'ekf'?"),
-    (["tiny.yaml", "--trackers", ""], "--trackers: no tracker '' in this scenario; choose from: ekf, raw"),
+    (["tiny.yaml", "--trackers", ""], "--trackers: name at least one tracker"),
     (["tiny.yaml", "--out", "tiny.yaml/x"], "--out: cannot write to tiny.yaml/x: Not a directory"),
     (["tiny.yaml", "--out", "/proc"], "--out: cannot write to /proc: "),
     (["tiny.yaml", "tiny.yaml"], "name: tiny.yaml has the same name 'tiny'; give each scenario its own"),

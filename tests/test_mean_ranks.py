@@ -86,7 +86,7 @@ def test_ranks_of_a_scenario_add_up_whoever_has_a_score() -> None:
 
     scored = [score("one", name, rank) for name, rank in zip("abcd", (1.5, 1.5, None, None), strict=True)]
     scored += [score("two", name, rank) for name, rank in zip("abcd", (2, 1, 4, 3), strict=True)]
-    found, pairs = ranking(scored, Pairings([]))
+    found, pairs = ranking(scored, Pairings([], "position_rmse"))
     assert {item.tracker: item.mean_rank for item in found} == {"b": 1.25, "a": 1.75, "d": 3.25, "c": 3.75}
     assert [(item.a, item.b) for item in pairs] == [
         ("b", "a"),

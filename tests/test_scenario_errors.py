@@ -151,7 +151,7 @@ BAD = [
         "score: 2",
         [
             "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, divergence_m, lost_after_s, "
-            "min_coverage, margin, reference, metrics)"
+            "cutoff_m, min_coverage, margin, reference, metrics)"
         ],
     ),
     ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),
@@ -213,7 +213,14 @@ BAD = [
         "",
         ["11: sensors.front.range_sigma_m: missing; standard deviation of the range, m"],
     ),
-    ("name: example\n", "", ["1: name: missing; name of the result's folder"]),
+    (
+        "name: example\n",
+        "",
+        [
+            "1: name: missing; name of the result's folder. The noise is drawn by the name and the seed: a copy under "
+            "another name has other noise"
+        ],
+    ),
     # Trackers.
     ("use: raw", "use: raw, filter: ekf", [f"23: trackers.mine: write {FILTERS}, and not both"]),
     ("use: raw, ", "", [f"23: trackers.mine: write {FILTERS}, and not both"]),

@@ -28,7 +28,7 @@ def scripted(objects: dict[str, Any], rate_hz: int = 10) -> Truth:
 def summary(*truths: Truth, names: tuple[str, ...] = ()) -> TruthSummary:
     common = {"objects": list(truths[0].ids), "duration_s": 5}
     scenes = [
-        {"name": name, "audit": truth.audit, "position_rmse": {}, **common}
+        {"name": name, "audit": truth.audit, "error": {}, **common}
         for name, truth in zip(names, truths, strict=bool(names))
     ]
     stated = {"source": "scripted", "steps": 51, "dt": 0.1, "cached": False, "scenes": scenes}

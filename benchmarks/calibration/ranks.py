@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.compare.comparison import Entrant, EntrantScore, PairDifference
 from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, interval, sign_flip
-from trackbench.compare.ranking import RANKED_BY, Pairings, ranking
+from trackbench.compare.ranking import Pairings, ranking
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import LEVEL, differences
 from trackbench.metrics.intervals import holm, ratio, root
@@ -69,14 +69,14 @@ def _lead_shown(random: np.random.Generator, trackers: int, scenarios: int) -> b
     for scenario in range(scenarios):
         suits, common = 0.3 * random.normal(size=trackers), 0.3 * random.normal(size=20)
         errors = {
-            name: {RANKED_BY: root(ratio(np.exp(common + suit + 0.3 * random.normal(size=20)), np.ones(20)))}
+            name: {"position_rmse": root(ratio(np.exp(common + suit + 0.3 * random.normal(size=20)), np.ones(20)))}
             for name, suit in zip(names, suits, strict=True)
         }
         found += [
             _difference(str(scenario), item)
             for item in differences(errors, BUILT_IN, MARGIN, dict.fromkeys(errors, 1.0))
         ]
-    pairings = Pairings(found)
+    pairings = Pairings(found, "position_rmse")
     places = [(str(scenario), name) for scenario in range(scenarios) for name in names]
     scored = [_score(scenario, name, pairings.rank(scenario, name, names)) for scenario, name in places]
     ranked, pairs = ranking(scored, pairings)

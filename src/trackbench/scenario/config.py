@@ -87,7 +87,7 @@ class Sensing(Config):
     identities: Literal["known", "hidden"] = Field(
         "known",
         description="known: each measurement says of which object it is. hidden: a scan has detections in an order "
-        "that means nothing; the trackers here follow one object each and cannot run on it yet.",
+        "that means nothing; trackers of several objects follow them (`associate`).",
     )
 
 
