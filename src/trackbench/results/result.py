@@ -78,9 +78,9 @@ class Result:
         """Why a tracker is not held against the others; empty where it is."""
         if tracker.failed is not None:
             return str(tracker.failed)
-        headline = tracker.metrics[self.summary.headline]
-        if headline.value is None:
-            return headline.reason or "nothing to score"
+        headline = tracker.metrics.get(self.summary.headline)
+        if headline is None or headline.value is None:
+            return (headline and headline.reason) or "nothing to score"
         share = tracker.metrics["coverage"].value if "coverage" in tracker.metrics else None
         if share is not None and share < self.summary.score.min_coverage:
             least = 100 * self.summary.score.min_coverage
