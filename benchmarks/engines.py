@@ -20,7 +20,7 @@ from trackbench.metrics.conditions import conditions
 from trackbench.models.motion import Kinematics
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.scans import ideal_sensors, sense
-from trackbench.stepping import Direct
+from trackbench.stepping.steppers import Direct
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker

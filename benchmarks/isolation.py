@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.stepping import Isolation, start
+from trackbench.stepping.isolation import Isolation
+from trackbench.stepping.remote import start
 from trackbench.trackers.config import PluginConfig
 from trackbench.types import Scan
 

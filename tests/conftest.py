@@ -27,7 +27,7 @@ from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.isolation import ISOLATED, Isolation
 
 # How long an example takes says how busy the machine is, and nothing of the code.
 settings.register_profile("any machine", deadline=None)
@@ -52,6 +52,8 @@ trackers:
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3}
 monte_carlo: {runs: 4, seed: 7}
 """
+
+EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 
 Run = Callable[..., Result]
 
@@ -91,6 +93,17 @@ def _isolated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         for name in ("COLUMNS", "FORCE_COLOR", "NO_COLOR", "RERUN"):
             patch.delenv(name, raising=False)
         yield
+
+
+@pytest.fixture(autouse=True)
+def _own_modules_forgotten(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A module that a test writes or takes from the examples is gone for the next, whose may have the same name."""
+    before = set(sys.modules)
+    yield
+    for name in set(sys.modules) - before:
+        file = Path(getattr(sys.modules[name], "__file__", None) or "")
+        if file.is_relative_to(tmp_path_factory.getbasetemp()) or file.is_relative_to(EXAMPLES):
+            del sys.modules[name]
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ from tests.scenes import scan
 
 from trackbench.adaptors.published import filterpy
 from trackbench.errors import InputError, TrackbenchError
-from trackbench.stepping import Isolation
+from trackbench.stepping.isolation import Isolation
 from trackbench.trackers.published import create
 from trackbench.types import Scan
 

@@ -20,7 +20,7 @@ from trackbench.doctor.session import TrackerSession
 from trackbench.doctor.subject import SENSORS, subject
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
-from trackbench.stepping import masked
+from trackbench.stepping.steppers import masked
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Estimate
 

@@ -15,7 +15,7 @@ import pytest
 from trackbench.results import Result, to_json
 from trackbench.scenario import load_scenario
 from trackbench.serve.session import Session, TrackerFailed, served
-from trackbench.stepping import Isolation
+from trackbench.stepping.isolation import Isolation
 from trackbench.truth.recorded.udacity import Measurement
 
 TIMEOUT = 3.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import shown_name
-from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.isolation import ISOLATED, Isolation
 
 #: Where a run that goes on until its precision is reached stops even so.
 MAX_RUNS = 10_000

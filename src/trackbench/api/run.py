@@ -16,7 +16,7 @@ from trackbench.api.scenario import Named, loaded_scenario
 from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.scenario import Scenario
-from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.stepping.wire import INSIDE
 from trackbench.types import Progress, no_progress
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from trackbench.doctor.evidence import EvidenceRun
     from trackbench.doctor.examine import Examination
     from trackbench.doctor.subject import Subject
-    from trackbench.stepping import Isolation
+    from trackbench.stepping.isolation import Isolation
 
 FOUND = 1
 CANNOT_RUN = 3
@@ -85,7 +85,7 @@ def doctor_command(
     from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.subject import subject
     from trackbench.report.examination.text import text
-    from trackbench.stepping import TrackFault
+    from trackbench.stepping.faults import TrackFault
 
     require_tracker(tracker)
     try:

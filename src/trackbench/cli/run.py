@@ -24,7 +24,7 @@ from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
-from trackbench.stepping import Isolation
+from trackbench.stepping.isolation import Isolation
 from trackbench.truth import MAX_SCENES
 
 FAILED_EXPECTATION = 1

@@ -15,7 +15,7 @@ from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
 
 if TYPE_CHECKING:
-    from trackbench.stepping import Isolation
+    from trackbench.stepping.isolation import Isolation
 
 #: What a shell reports of a program that Ctrl-C ended.
 INTERRUPTED = 130

@@ -14,7 +14,7 @@ from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check, notes
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import scenario_files, shown_name
-from trackbench.stepping import Isolation
+from trackbench.stepping.isolation import Isolation
 
 
 @click.command("check")

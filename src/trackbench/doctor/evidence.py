@@ -15,7 +15,7 @@ from trackbench.doctor.rollout import Rollout, one_run
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.stepping import masked
+from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Scan
 from trackbench.units import difference

@@ -10,7 +10,7 @@ from trackbench.doctor.probes import GENERAL
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import TrackbenchError
-from trackbench.stepping import TrackFault
+from trackbench.stepping.faults import TrackFault
 
 #: In the messages of NumPy and SciPy, where there is no Cholesky factor.
 INDEFINITE = ("not positive definite",)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.stepping import fault_of
+from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import TOO_LARGE, TrackerFault, shaped, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.types import Estimate, Scan

@@ -10,7 +10,8 @@ from typing import Any
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import load_scenario
-from trackbench.stepping import ISOLATED, Isolation, fresh, start_tracks
+from trackbench.stepping.isolation import ISOLATED, Isolation
+from trackbench.stepping.remote import fresh, start_tracks
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, InitialConfig, PluginConfig

@@ -15,7 +15,7 @@ from trackbench.doctor.rollout import Rollout
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.stepping import masked
+from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
 from trackbench.types import Scan
 

@@ -2,8 +2,7 @@
 
 from trackbench.execution.blas import one_blas_thread
 from trackbench.execution.choice import executor
-from trackbench.execution.local import LocalProcesses
 from trackbench.execution.serial import InProcess
 from trackbench.execution.task import Here, Task
 
-__all__ = ["Here", "InProcess", "LocalProcesses", "Task", "executor", "one_blas_thread"]
+__all__ = ["Here", "InProcess", "Task", "executor", "one_blas_thread"]

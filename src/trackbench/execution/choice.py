@@ -8,7 +8,6 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 
 from trackbench.execution.blas import one_blas_thread
-from trackbench.execution.local import LocalProcesses
 from trackbench.execution.serial import InProcess
 
 log = logging.getLogger(__name__)
@@ -39,4 +38,8 @@ def _chosen(workers: int, cluster: str | None) -> Executor:
         from trackbench.execution.cluster import connected
 
         return connected(cluster)
-    return LocalProcesses(workers) if workers > 1 else InProcess()
+    if workers == 1:
+        return InProcess()
+    from trackbench.execution.local import LocalProcesses
+
+    return LocalProcesses(workers)

@@ -20,7 +20,9 @@ from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
-from trackbench.stepping import Stepper, TrackFault, fault_of, masked, start
+from trackbench.stepping.faults import TrackFault, fault_of
+from trackbench.stepping.remote import start
+from trackbench.stepping.steppers import Stepper, masked
 from trackbench.streams import stream
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress, of_runs

@@ -16,7 +16,7 @@ from trackbench.runner.blocks import PendingBlocks
 from trackbench.runner.traffic_results import assemble_traffic
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
-from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 from trackbench.words import counted

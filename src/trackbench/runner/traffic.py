@@ -17,7 +17,8 @@ from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
 from trackbench.sensing.due import Due, find_due
-from trackbench.stepping import TrackFault, fault_of, start_tracks
+from trackbench.stepping.faults import TrackFault, fault_of
+from trackbench.stepping.remote import start_tracks
 from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
 from trackbench.trackers.config import FilterConfig
 from trackbench.traffic_metrics import (

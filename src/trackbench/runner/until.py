@@ -18,7 +18,7 @@ from trackbench.runner.evaluated import evaluated
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 

@@ -14,7 +14,7 @@ from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
-from trackbench.stepping import ISOLATED, Isolation
+from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
 from trackbench.types import Indices, Truth

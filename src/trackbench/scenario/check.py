@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario.load import Scenario
-from trackbench.stepping import ISOLATED, Isolation, TrackFault, start
-from trackbench.stepping import check as check_tracker
+from trackbench.stepping.faults import TrackFault
+from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import PluginConfig
+
+if TYPE_CHECKING:
+    from trackbench.stepping.remote import TrackerTrial
 
 Step = Callable[[], object]
 
@@ -24,10 +29,8 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """
     config, folder = loaded.config, loaded.path.resolve().parent
     kinds = {name: sensor.type for name, sensor in config.sensors.items()}
-    _all(
-        loaded,
-        [partial(config.truth.check, folder=folder, sensors=kinds), *_trackers(loaded, _look_at, isolation)],
-    )
+    truth = partial(config.truth.check, folder=folder, sensors=kinds)
+    _all(loaded, [truth, *_trackers(loaded, isolation, started=False)])
 
 
 def notes(loaded: Scenario) -> Iterator[str]:
@@ -44,7 +47,7 @@ def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     Raises:
         InputError: every one that cannot be found or does not take its options, with file and line.
     """
-    _all(loaded, list(_trackers(loaded, _start, isolation)))
+    _all(loaded, list(_trackers(loaded, isolation, started=True)))
 
 
 def _all(loaded: Scenario, steps: list[Step]) -> None:
@@ -60,31 +63,38 @@ def _all(loaded: Scenario, steps: list[Step]) -> None:
         raise errors[0] if len(errors) == 1 else InputErrors(errors)
 
 
-def _trackers(
-    loaded: Scenario, step: Callable[[str, PluginConfig, Path, Isolation], None], isolation: Isolation
-) -> Iterator[Step]:
+def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Iterator[Step]:
     for name, tracker in loaded.config.trackers.items():
         if isinstance(tracker, PluginConfig):
-            yield partial(step, name, tracker, loaded.path.resolve().parent, isolation)
+            yield partial(_try, name, tracker, loaded.path.resolve().parent, isolation, started)
 
 
-def _look_at(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation) -> None:
+def _try(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation, started: bool) -> None:
+    # Few scenarios have a plug-in, and what steps trackers takes its time to import.
+    from trackbench.stepping.remote import TrackerTrial
+
+    with closing(TrackerTrial(tracker, folder, isolation)) as trial:
+        _look_at(trial, name, tracker.use)
+        if started:
+            _start(trial, name, tracker.use)
+
+
+def _look_at(trial: TrackerTrial, name: str, use: str) -> None:
     try:
-        check_tracker(tracker, folder, isolation)
+        trial.check()
     except InputErrors as several:
         raise InputErrors([_placed(error, name) for error in several.errors]) from several
     except InputError as error:
         raise _placed(error, name) from error
     except TrackFault as fault:
-        raise InputError(f"cannot look at {tracker.use!r}: {fault}", key=f"trackers.{name}.use") from fault
+        raise InputError(f"cannot look at {use!r}: {fault}", key=f"trackers.{name}.use") from fault
 
 
-def _start(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation) -> None:
-    _look_at(name, tracker, folder, isolation)
+def _start(trial: TrackerTrial, name: str, use: str) -> None:
     try:
-        start(tracker, folder, 1, lambda given: given, isolation).close()
+        trial.start()
     except TrackFault as fault:
-        raise InputError(f"cannot start {tracker.use!r}: {fault}", key=f"trackers.{name}.use") from fault
+        raise InputError(f"cannot start {use!r}: {fault}", key=f"trackers.{name}.use") from fault
     except InputError as error:
         raise InputError(error.message, key=error.key or f"trackers.{name}.use") from error
 

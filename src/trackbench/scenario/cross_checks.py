@@ -14,8 +14,6 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.scenario import identity_checks, recorded_checks
 from trackbench.trackers.config import FilterConfig
-from trackbench.traffic_metrics import METRICS
-from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
 from trackbench.truth import SteppedTruth
 from trackbench.truth.sources import RecordingTruth
 
@@ -136,6 +134,10 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, MetricPath]:
     """Every path that an expectation may name."""
     if scenario.sensing.identities == "known":
         return by_path(scenario.sensors, scenario.score.metrics)
+    # Few scenarios are of this kind, and the scores of tracks take their time to import.
+    from trackbench.traffic_metrics import METRICS
+    from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
+
     found = {}
     truth = scenario.truth
     unknown = isinstance(truth, RecordingTruth) and truth.without_truth

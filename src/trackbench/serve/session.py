@@ -17,7 +17,10 @@ from trackbench.scenario import Scenario
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.sensing.schedule import silent
 from trackbench.serve.protocol import Marker
-from trackbench.stepping import ISOLATED, Isolation, Stepper, TrackFault, fault_of, masked, start
+from trackbench.stepping.faults import TrackFault, fault_of
+from trackbench.stepping.isolation import ISOLATED, Isolation
+from trackbench.stepping.remote import start
+from trackbench.stepping.steppers import Stepper, masked
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker

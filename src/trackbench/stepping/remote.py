@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from trackbench.errors import InputError
 from trackbench.stepping.faults import TrackFault
+from trackbench.stepping.isolation import Isolation
 from trackbench.stepping.processes import NO_ANSWER, TrackerProcess
 from trackbench.stepping.steppers import Stepper, local
 from trackbench.stepping.tracks import TracksStepper, checked_tracks, local_tracks
@@ -19,51 +18,48 @@ from trackbench.trackers.answers import TrackerFault, shaped
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.published import built_in, check_options, create
+from trackbench.trackers.published import check_options, create
 from trackbench.types import Array, Estimate, Indices, Scan, Tracks
 
 #: Stands for the state of a tracker that has it in its process.
 KEPT_THERE = "kept in the tracker's process"
-#: A day, s.
-LONGEST = 86_400.0
 
 
-@dataclass(frozen=True)
-class Isolation:
-    """How trackers that are not built in are kept apart from the bench."""
+class TrackerTrial:
+    """A tracker of a scenario, tried before it is needed: its module is imported once, in this process or its own."""
 
-    in_process: bool = False
-    """Whether they are not: for a debugger."""
-    timeout: float = 300.0
-    """The longest that one may take for a step, s."""
+    def __init__(self, config: PluginConfig, folder: Path | None, isolation: Isolation) -> None:
+        self._config, self._folder = config, folder
+        self._process = TrackerProcess(isolation.timeout) if isolation.of(config) else None
 
-    def __post_init__(self) -> None:
-        if not 0.0 < self.timeout <= LONGEST:
-            problem = f"{self.timeout!r} is no time; give a number of seconds above 0, at most {LONGEST:g}"
-            raise InputError(problem, key="tracker_timeout")
+    def check(self) -> None:
+        """Find it and hold its options against what it declares; it is not started.
 
-    def of(self, config: FilterConfig | PluginConfig) -> bool:
-        """Whether a tracker gets a process of its own."""
-        return not (self.in_process or isinstance(config, FilterConfig) or built_in(config.use))
+        Raises:
+            InputError: it cannot be found, or the options do not fit.
+            TrackFault: its process ended.
+        """
+        if self._process is None:
+            check_options(self._config.use, self._config.options, self._folder)
+        else:
+            self._process.ask("check", **_named(self._config, self._folder))
 
+    def start(self) -> None:
+        """Start it for one member.
 
-ISOLATED = Isolation()
+        Raises:
+            InputError: it does not start.
+            TrackFault: its process ended.
+        """
+        if self._process is None:
+            local(self._config, self._folder, 1, lambda given: given).close()
+        else:
+            self._process.start("start", config=self._config, folder=self._folder, batch=1)
 
-
-def check(config: PluginConfig, folder: Path | None, isolation: Isolation) -> None:
-    """Find a tracker and hold its options against what it declares; it is not started.
-
-    Raises:
-        InputError: it cannot be found, or the options do not fit.
-    """
-    if not isolation.of(config):
-        check_options(config.use, config.options, folder)
-        return
-    process = TrackerProcess(isolation.timeout)
-    try:
-        process.ask("check", **_named(config, folder))
-    finally:
-        process.close()
+    def close(self) -> None:
+        """End its process."""
+        if self._process is not None:
+            self._process.close()
 
 
 def start(

@@ -16,7 +16,7 @@ import numpy as np
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.stepping import masked
+from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 
 MODELS = ("measurement", "transition")

@@ -10,7 +10,7 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, probe_rate
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.stepping import masked
+from trackbench.stepping.steppers import masked
 from trackbench.types import Array, Estimate
 
 #: Time steps of the predictions, s.

@@ -10,7 +10,7 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.stepping import masked
+from trackbench.stepping.steppers import masked
 from trackbench.types import Estimate
 
 #: Growth of the standard deviation of a road vehicle's speed in 1 s without measurements, at 20 steps a second, m/s.
