@@ -14,7 +14,7 @@ import click
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load
-from trackbench.api.session import comparable, prepare, run
+from trackbench.api.session import prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, require_known, showing
@@ -121,8 +121,6 @@ def run_command(
         prepared = prepare(loaded, plan, chosen, output)
         with showing(**live) as output.viewer:
             found = run(prepared, plan, chosen, output)
-            if comparable(found):
-                output.compared(len(found), out)
             if junit is not None:
                 _write_junit(found, junit)
             if as_json:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.errors import InputError, nearest
 from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction
@@ -75,17 +74,9 @@ class ComparedMetric:
         return stored.from_runs(self._numerator, values, count)
 
 
-def compared_metric(
-    path: str, key: str, own: Sequence[OwnMetricSummary] = (), *, built_in: bool = True
-) -> ComparedMetric:
-    """A metric by its path; ``own`` are those that are not built in, beside which there may be none.
-
-    Raises:
-        InputError: it has no value in each run; ``key`` is the option that names it.
-    """
-    found = {item.path: ComparedMetric(item.path, item.unit, item.better) for item in registry.known()}
-    known = {name: metric for name, metric in found.items() if name in BUILT_IN and built_in}
-    known |= {item.name: ComparedMetric(item.name, item.unit, item.better, True) for item in own if not item.per_sensor}
-    if path not in known:
-        raise InputError(f"{path!r} is not compared run by run; {nearest(path, known)}", key=key)
-    return known[path]
+def compared_metrics(own: Sequence[OwnMetricSummary], *, built_in: bool) -> dict[str, ComparedMetric]:
+    """Those that have a value in each run, by path: the results' own, and beside them the built-in ones or none."""
+    found = [ComparedMetric(item.path, item.unit, item.better) for item in registry.known()]
+    found = [metric for metric in found if metric.path in BUILT_IN and built_in]
+    found += [ComparedMetric(item.name, item.unit, item.better, True) for item in own if not item.per_sensor]
+    return {metric.path: metric for metric in found}

@@ -29,7 +29,7 @@ _TIME = "Of one predict and update of one run, on this machine."
 
 _ToCell = Callable[[EntrantScore, int], Cell]
 #: The metrics that rank, in words.
-_NAMES = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
+NAMES = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
 _Matrix = Callable[[str, str, _ToCell], Table]
 #: Where identities are hidden, what is shown beside GOSPA: title, metric.
 _OF_TRACKS = {
@@ -74,7 +74,7 @@ def blocks(
         "Overall",
         (
             _overall(comparison),
-            Paragraph(_METHOD.format(metric=_NAMES[comparison.ranked_by])),
+            Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by])),
             rank_figure(comparison, colours),
         ),
     )
