@@ -48,6 +48,11 @@ def lead(comparison: Comparison) -> str:
     if len(ranking) < 2:
         return compared
     first, second = ranking[:2]
+    if first.mean_rank == second.mean_rank:
+        ahead = [item.tracker for item in ranking if item.mean_rank == first.mean_rank]
+        return (
+            f"{compared}{', '.join(ahead[:-1])} and {ahead[-1]} share the best mean rank, {fixed(first.mean_rank, 2)}."
+        )
     ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
     return f"{compared}{first.tracker} has the best mean rank, {ranks}. {_certainty(comparison)}"
 
