@@ -49,10 +49,18 @@ class Group:
         return ", ".join(cell.scenario for cell in self.cells)
 
     def metrics(self) -> dict[str, ComparedMetric]:
-        """Those that its results have a value of in each run, by path."""
+        """Those that its results have a value of in each run, by path.
+
+        Raises:
+            InputError: the one that ranks is none of them.
+        """
         summaries = [entry.result.summary for cell in self.cells for entry in cell.entries.values()]
         own = [metric for summary in summaries for metric in summary.score.metrics]
-        return compared_metrics(own, built_in=summaries[0].identities == "known")
+        found = compared_metrics(own, built_in=summaries[0].identities == "known")
+        if self.ranked_by not in found:
+            problem = f"not the result of a run: {self.ranked_by} is none of its metrics"
+            raise InputError(problem, file=self.cells[0].entries[0].label)
+        return found
 
 
 def cells_of(sets: Sequence[ResultSet]) -> tuple[list[Cell], list[str]]:

@@ -11,6 +11,7 @@ from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction
 from trackbench.results.summary import OwnMetricSummary
+from trackbench.traffic_metrics import METRICS, TrafficMetric
 from trackbench.types import Array
 
 #: Metrics that are another one over that of the reference, and the column of the reference.
@@ -32,6 +33,8 @@ class ComparedMetric:
     """Which values are better; None where neither is."""
     own: bool = False
     """Whether it is not built in: the mean of its column is the metric."""
+    of_tracks: TrafficMetric | None = None
+    """Where identities are hidden, how its totals and counts combine."""
 
     @property
     def over(self) -> str:
@@ -41,6 +44,8 @@ class ComparedMetric:
     @property
     def column(self) -> str:
         """Of its values."""
+        if self.of_tracks:
+            return stored.sum_columns(self.path)[0]
         if self.own:
             return stored.own_column(self.path)
         return "nees_mean" if self.path == _NEES else stored.run_column(self._numerator)
@@ -48,6 +53,8 @@ class ComparedMetric:
     @property
     def count(self) -> str | None:
         """Column of the number of terms of each; None where every run counts alike."""
+        if self.of_tracks:
+            return stored.sum_columns(self.path)[1]
         if self.own:
             return None
         return "count" if self.path == _NEES else stored.count_column(self._numerator)
@@ -64,6 +71,13 @@ class ComparedMetric:
             count: ``(runs,)`` the number of terms of each.
             reference: ``(runs,)`` what it is divided by; None where it is by none.
         """
+        if self.of_tracks:
+            rooted = self.of_tracks.combine == "root"
+            return (
+                stored.from_sums(values, count, positive=self.of_tracks.positive, rooted=rooted)
+                if count.any()
+                else None
+            )
         if self.own:
             return ratio(values, np.ones(len(values))) if np.isfinite(values).all() else None
         if self.path == _NEES:
@@ -78,5 +92,8 @@ def compared_metrics(own: Sequence[OwnMetricSummary], *, built_in: bool) -> dict
     """Those that have a value in each run, by path: the results' own, and beside them the built-in ones or none."""
     found = [ComparedMetric(item.path, item.unit, item.better) for item in registry.known()]
     found = [metric for metric in found if metric.path in BUILT_IN and built_in]
-    found += [ComparedMetric(item.name, item.unit, item.better, True) for item in own if not item.per_sensor]
+    for item in own:
+        if not item.per_sensor:
+            of_tracks = None if built_in else METRICS.get(item.name)
+            found.append(ComparedMetric(item.name, item.unit, item.better, of_tracks is None, of_tracks))
     return {metric.path: metric for metric in found}

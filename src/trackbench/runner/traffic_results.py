@@ -10,7 +10,8 @@ from importlib.metadata import version
 import numpy as np
 
 from trackbench.metrics.differences import differences
-from trackbench.metrics.intervals import Interval, clustered, ratio, root, variance_shares
+from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
+from trackbench.metrics.stored import from_sums
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.summary import MarginSummary, OwnMetricSummary, ScenarioSummary, ScoreSummary, Summary
 from trackbench.runner import traffic_tables
@@ -39,8 +40,6 @@ class TrafficEvaluation:
     blocks: list[TrafficSums]
     intervals: dict[str, Interval]
     """By metric, clustered by scene."""
-    per_run: dict[str, Array]
-    """By metric ``(runs,)`` values whose mean is the metric's."""
     reused_ids: int
     step_time: float
     """Microseconds for a scan of one run."""
@@ -150,15 +149,12 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
     reused = int(sum(block.reused_ids.sum() for block in blocks))
     known = _known(work)
-    found = TrafficEvaluation([block.sums for block in blocks], {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
+    found = TrafficEvaluation([block.sums for block in blocks], {}, reused, 1e6 * seconds / max(steps, 1), known)
     for path, metric in _metrics(known).items():
         total, count = found.sums(path)
         if not count.any():
             continue
-        interval = ratio(total, count, positive=metric.positive)
-        if metric.combine == "root":
-            interval = root(interval)
-        found.per_run[path] = interval.value + interval.influence
+        interval = from_sums(total, count, positive=metric.positive, rooted=metric.combine == "root")
         found.intervals[path] = clustered(interval, work.scene_of_run)
     return found
 

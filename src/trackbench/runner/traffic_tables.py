@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from trackbench.metrics.stored import own_column
+from trackbench.metrics.stored import sum_columns
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.results import Failure
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
@@ -75,13 +75,15 @@ def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
 
 
 def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
-    """Of each run what it has of each metric, for paired comparisons."""
+    """Of each run the total and the count of each metric, for paired comparisons."""
     scene = work.scene_of_run.astype(float)
     rows = len(scene)
-    paths = list(dict.fromkeys(path for item in found.values() for path in item.per_run))
+    paths = list(dict.fromkeys(path for item in found.values() for path in item.intervals))
     parts: list[Columns] = []
     for name, item in found.items():
-        values = {own_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
+        values = {
+            column: sums for path in paths for column, sums in zip(sum_columns(path), item.sums(path), strict=True)
+        }
         run = np.arange(rows, dtype=float)
         parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
     return stacked(parts)
