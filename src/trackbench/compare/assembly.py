@@ -8,7 +8,7 @@ from trackbench.compare.comparability import Comparability, comparability, requi
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.compare.groups import Cell, Group, cells_of, groups_of_cells
+from trackbench.compare.groups import Group, ScenarioResults, cells_of, groups_of_cells
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.compare.ranking import Pairings, ranking, scores
@@ -162,7 +162,7 @@ def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) ->
             raise InputError(f"no tracker {name!r} in these results; {nearest(name, known)}", key="--trackers")
 
 
-def _matches(cell: Cell, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
+def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
     baseline = cell.entries[0]
     if single:
         yield within(baseline, chosen[cell.scenario, 0])
@@ -175,8 +175,8 @@ def _matches(cell: Cell, chosen: Mapping[tuple[str, int], list[str]], single: bo
 
 def _require_judgeable(
     sets: Sequence[ResultSet],
-    cells: Sequence[Cell],
-    compared: Sequence[Cell],
+    cells: Sequence[ScenarioResults],
+    compared: Sequence[ScenarioResults],
     chosen: Mapping[tuple[str, int], list[str]],
 ) -> None:
     """Make sure that no regression could pass unseen.
@@ -209,7 +209,7 @@ def _require_judgeable(
                 raise InputError(message, file=entry.label, key=OPTION)
 
 
-def _compared(cell: Cell, matches: Sequence[Match]) -> ComparedScenario:
+def _compared(cell: ScenarioResults, matches: Sequence[Match]) -> ComparedScenario:
     scenario = cell.entries[0].result.summary.scenario
     how = {match.number: match.how for match in matches if match.scenario == cell.scenario and match.number > 0}
     return ComparedScenario(
@@ -234,7 +234,10 @@ def _result(number: int, entry: Entry, how: Comparability | None) -> ComparedRes
 
 
 def _notes(
-    cells: Sequence[Cell], matches: Sequence[Match], chosen: Mapping[tuple[str, int], list[str]], single: bool
+    cells: Sequence[ScenarioResults],
+    matches: Sequence[Match],
+    chosen: Mapping[tuple[str, int], list[str]],
+    single: bool,
 ) -> Iterator[str]:
     """What a reader must know beside the differences."""
     if any(entry.result.summary.runs == 1 for cell in cells for entry in cell.entries.values()):

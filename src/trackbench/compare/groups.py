@@ -11,7 +11,7 @@ from trackbench.errors import InputError
 
 
 @dataclass(frozen=True)
-class Cell:
+class ScenarioResults:
     """One scenario, with the result of each set that has it."""
 
     scenario: str
@@ -41,7 +41,7 @@ class Group:
     """Scenarios whose trackers are ranked by the same metric."""
 
     ranked_by: str
-    cells: list[Cell]
+    cells: list[ScenarioResults]
 
     @property
     def scenarios(self) -> str:
@@ -63,11 +63,11 @@ class Group:
         return found
 
 
-def cells_of(sets: Sequence[ResultSet]) -> tuple[list[Cell], list[str]]:
+def cells_of(sets: Sequence[ResultSet]) -> tuple[list[ScenarioResults], list[str]]:
     """The scenarios that are compared, and which are not."""
     if all(len(item.entries) == 1 for item in sets):
         first = sets[0].entries[0].result.name
-        return [Cell(first, {number: item.entries[0] for number, item in enumerate(sets)})], []
+        return [ScenarioResults(first, {number: item.entries[0] for number, item in enumerate(sets)})], []
     by_name: dict[str, dict[int, Entry]] = {}
     for number, item in enumerate(sets):
         for entry in item.entries:
@@ -75,7 +75,7 @@ def cells_of(sets: Sequence[ResultSet]) -> tuple[list[Cell], list[str]]:
     cells, notes = [], []
     for name, entries in by_name.items():
         if len(sets) == 1 or (0 in entries and len(entries) > 1):
-            cells.append(Cell(name, entries))
+            cells.append(ScenarioResults(name, entries))
         else:
             labels = ", ".join(sets[number].label for number in entries)
             notes.append(f"in {labels} alone, so not compared: scenario {name}")
@@ -84,14 +84,14 @@ def cells_of(sets: Sequence[ResultSet]) -> tuple[list[Cell], list[str]]:
     return cells, notes
 
 
-def groups_of_cells(cells: Sequence[Cell]) -> tuple[list[Group], list[str]]:
+def groups_of_cells(cells: Sequence[ScenarioResults]) -> tuple[list[Group], list[str]]:
     """The scenarios by the metric that ranks, and the names of those without a truth.
 
     Raises:
         InputError: none can.
     """
-    ranked: dict[str, list[Cell]] = {}
-    without: list[Cell] = []
+    ranked: dict[str, list[ScenarioResults]] = {}
+    without: list[ScenarioResults] = []
     for cell in cells:
         metric = cell.ranked_by
         (without if metric is None else ranked.setdefault(metric, [])).append(cell)

@@ -16,7 +16,7 @@ from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
-from trackbench.sensing.due import Due, find_due
+from trackbench.sensing.due import Due
 from trackbench.stepping.faults import TrackFault, fault_of
 from trackbench.stepping.remote import start_tracks
 from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
@@ -79,7 +79,7 @@ def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_prog
     keep_freed_memory()
     scene, runs = work.scenes[piece.scene], piece.runs
     hidden = sense_hidden(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
-    due = find_due(scene.truth, scene.sensors)
+    due = scene.due
     kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
     scores = {}
     for number, name in enumerate(work.trackers):

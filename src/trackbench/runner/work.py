@@ -13,6 +13,7 @@ import numpy as np
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.scenario import Scenario
+from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -39,6 +40,11 @@ class Scene:
     def information(self) -> dict[str, Information]:
         """By sensor, what its measurements tell of the targets."""
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
+
+    @cached_property
+    def due(self) -> Due:
+        """Where identities are hidden, which objects should be tracked when."""
+        return find_due(self.truth, self.sensors)
 
 
 class BlockRuns(NamedTuple):
