@@ -15,7 +15,7 @@ from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
 from trackbench.sensing.due import Due
 from trackbench.stepping.faults import TrackFault, fault_of
 from trackbench.stepping.remote import start_tracks
@@ -30,7 +30,7 @@ from trackbench.traffic_metrics import (
 )
 from trackbench.traffic_metrics.histories import NO_DETECTION
 from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
-from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
+from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
 
 
 @dataclass
@@ -87,10 +87,10 @@ def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_prog
         progress((number + 1) / len(work.trackers) * len(runs), len(runs))
     found = TrafficBlock(piece, scores, hidden.digests, _counts(hidden), np.zeros((0, 0), dtype=np.int8))
     if kept is not None:
-        found.scans = [of_run(scan, kept) for scan in hidden.scans]
+        found.scans = [scan_of_run(scan, kept) for scan in hidden.scans]
         pairs = zip(hidden.scans, hidden.origins, strict=True)
         found.origins = [origins[scan.valid[:, kept], kept] for scan, origins in pairs]
-        found.status = _one(of_runs(due.status, runs), kept)
+        found.status = of_runs(due.status, range(work.recorded_run, work.recorded_run + 1))[..., 0]
     return found
 
 
@@ -155,11 +155,11 @@ class _Passage:
         runs = self._piece.runs
         tracks = _stacked(self._instants)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
-        state, status = of_runs(state, runs), of_runs(self._due.status, runs)
         found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
         taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):
-            truth = TruthHistory(self._time, _one(state, run), _one(status, run))
+            one = range(runs.start + run, runs.start + run + 1)
+            truth = TruthHistory(self._time, of_runs(state, one)[..., 0], of_runs(self._due.status, one)[..., 0])
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
@@ -199,7 +199,7 @@ class _Passage:
         sensors = {sensor.name: sensor.config for sensor in self._work.scenes[self._piece.scene].sensors}
         found = []
         for (_, tracks, number), predicted in zip(self._taken, self._predicted, strict=True):
-            scan = of_run(self._hidden.scans[number], run)
+            scan = scan_of_run(self._hidden.scans[number], run)
             own_track = self._hidden.origins[number][: len(scan.valid), run]
             asked = None if predicted is None else tracks_of_run(predicted, run)
             found.append(judged_scan(scan, own_track, sensors[scan.sensor], asked, tracks_of_run(tracks, run)))
@@ -215,21 +215,7 @@ class _Passage:
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
-        run = None if fault.member is None else self._piece.runs.start + fault.member
-        return Failure(
-            cause=fault.cause,
-            place=fault.place,
-            step=instant,
-            time_s=float(self._time[instant]),
-            sensor=sensor,
-            run=None if run is None else self._work.number(self._piece.scene, run),
-            object=None,
-        )
-
-
-def _one(values: npt.NDArray[T], run: int) -> npt.NDArray[T]:
-    """One run of an array whose last axis is the runs, or has length 1 where all are alike."""
-    return values[..., min(run, values.shape[-1] - 1)]
+        return self._work.failure(self._piece, fault, instant, float(self._time[instant]), sensor, fault.member)
 
 
 def reused(ids: Indices) -> int:

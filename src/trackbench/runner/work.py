@@ -12,9 +12,11 @@ import numpy as np
 
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
+from trackbench.results import Failure
 from trackbench.scenario import Scenario
 from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.stepping.faults import TrackFault
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
@@ -110,6 +112,27 @@ class Work:
     def noise_of(self, scene: int) -> str:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
+
+    def failure(
+        self,
+        piece: BlockRuns,
+        fault: TrackFault,
+        step: int,
+        time: float,
+        sensor: str | None,
+        run: int | None,
+        object: str | None = None,
+    ) -> Failure:
+        """That a tracker cannot go on, and where; ``run`` is counted from the first of its block."""
+        return Failure(
+            cause=fault.cause,
+            place=fault.place,
+            step=step,
+            time_s=time,
+            sensor=sensor,
+            run=None if run is None else self.number(piece.scene, piece.runs.start + run),
+            object=object,
+        )
 
     def of_scene(self, scene: int) -> Work:
         """What the blocks of one scene need: of the others, no more than how many there are."""
