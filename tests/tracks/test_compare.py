@@ -13,6 +13,7 @@ from trackbench.compare import Limit, compare, load
 from trackbench.document.files import text
 from trackbench.errors import InputError
 from trackbench.report.comparison import comparison_files, document
+from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 
 
@@ -115,6 +116,7 @@ def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: 
     found = compare([both, both], limits=[Limit("gospa", 5.0)])
     assert found.passed
     assert {item.metric for group in found.groups for item in group.gates} == {"gospa"}
+    assert [len(suite.cases) for suite in suites_of_comparison(found)] == [4, 0]
     assert "no gospa in tiny, so its limit says nothing of it" in found.notes
     with pytest.raises(InputError, match=r"--metric: 'velocity' is not compared run by run; did you mean"):
         compare([both], metrics=["velocity"])

@@ -16,7 +16,7 @@ from trackbench.words import counted
 
 if TYPE_CHECKING:
     from trackbench.metrics.moments import EstimateMoment, SceneMoment
-    from trackbench.recording.inspection import Contents, Inspection
+    from trackbench.recording.inspection import RecordedContents, Inspection
 
 #: Scores that differ by less than this share are the same but for rounding.
 ROUNDING = 1e-9
@@ -44,13 +44,13 @@ def print_head(summary: Summary, console: Console) -> None:
     console.print(Text.assemble((summary.scenario.name, "bold"), line), highlight=False)
 
 
-def print_command(contents: Contents, tracker: str, console: Console) -> None:
+def print_command(contents: RecordedContents, tracker: str, console: Console) -> None:
     """What shows the worst moment of a tracker."""
     command = f"trackbench view {contents.recorded.file} --worst --tracker {tracker}"
     console.print(Text(f"\n{command}", style="dim"), highlight=False, soft_wrap=True)
 
 
-def print_contents(contents: Contents, console: Console) -> None:
+def print_contents(contents: RecordedContents, console: Console) -> None:
     """Where it comes from, and how much was measured."""
     summary, recorded = contents.summary, contents.recorded
     if summary.scenario.description:

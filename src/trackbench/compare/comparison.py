@@ -198,7 +198,10 @@ class GateResult(Part):
 
 
 class Comparison(Part):
-    """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline."""
+    """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline.
+
+    The fields are of the scenarios that the same metric ranks; ``groups`` has those of every such metric.
+    """
 
     schema_version: int = SCHEMA_VERSION
     sets: list[str]

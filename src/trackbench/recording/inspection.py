@@ -29,7 +29,7 @@ class SensorContents:
 
 
 @dataclass(frozen=True)
-class Contents:
+class RecordedContents:
     """What every recording has: which run it is of, and how much."""
 
     recorded: Recorded
@@ -38,7 +38,7 @@ class Contents:
     sensors: dict[str, SensorContents]
 
     @classmethod
-    def of(cls, recorded: Recorded) -> Contents:
+    def of(cls, recorded: Recorded) -> RecordedContents:
         """What is in it."""
         tables = recorded.result.tables
         measured = split(tables.measurements, "sensor").items()
@@ -87,7 +87,7 @@ class ScoreCheck:
 class Inspection:
     """Everything about a recording or the folder of a run that can be read without a viewer."""
 
-    contents: Contents
+    contents: RecordedContents
     scored: list[TrackerResult]
     """The trackers that did not fail, with the scores of the recorded run alone."""
     checked: ScoreCheck | None
@@ -138,7 +138,7 @@ def inspect(
     if vehicle is not None:
         require_name(vehicle, run.objects, "vehicle")
     return Inspection(
-        contents=Contents.of(found),
+        contents=RecordedContents.of(found),
         scored=scored,
         checked=_checked(found, scored),
         at=None if at is None else scene_at(found.result, run, at),

@@ -285,8 +285,8 @@ class TrackerRun:
         """Note that and where the tracker cannot go on."""
         at = None if fault.member is None else divmod(fault.member, len(self._runs))
         object, run = (None, None) if at is None else (self._scene.truth.ids[at[0]], at[1])
-        moment = float(self._target.time[instant])
-        self.failure = self._work.failure(self._piece, fault, instant, moment, sensor, run, object)
+        where = {"step": instant, "time_s": float(self._target.time[instant]), "sensor": sensor, "object": object}
+        self.failure = self._work.failure(self._piece, fault, run, **where)
 
 
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:

@@ -56,23 +56,12 @@ def summarised(
     differences: list[Difference],
     expectations: list[ExpectationResult],
 ) -> Summary:
-    """The summary of a run.
+    """The summary of a run, from what all results say and the fields that differ.
 
     Args:
-        loaded: the scenario.
-        truths: of each scene.
-        work: what was run.
-        blocks: what it left.
-        command: that makes it again.
         errors: by ranked tracker ``(scenes,)`` its error in each.
         detected: by sensor, its number of detections.
         reference: None where identities are hidden.
-        common_share: of the estimates, that all ranked trackers gave.
-        metrics: those that are not built in.
-        trackers: in the order of the scenario.
-        ranking: their names, best first.
-        differences: of every two.
-        expectations: each judged.
     """
     scenario = loaded.config
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]

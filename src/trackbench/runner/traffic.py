@@ -220,7 +220,8 @@ class _Passage:
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
-        return self._work.failure(self._piece, fault, instant, float(self._time[instant]), sensor, fault.member)
+        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": None}
+        return self._work.failure(self._piece, fault, fault.member, **where)
 
 
 def reused(ids: Indices) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -113,26 +113,10 @@ class Work:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
 
-    def failure(
-        self,
-        piece: BlockRuns,
-        fault: TrackFault,
-        step: int,
-        time: float,
-        sensor: str | None,
-        run: int | None,
-        object: str | None = None,
-    ) -> Failure:
-        """That a tracker cannot go on, and where; ``run`` is counted from the first of its block."""
-        return Failure(
-            cause=fault.cause,
-            place=fault.place,
-            step=step,
-            time_s=time,
-            sensor=sensor,
-            run=None if run is None else self.number(piece.scene, piece.runs.start + run),
-            object=object,
-        )
+    def failure(self, piece: BlockRuns, fault: TrackFault, run: int | None, **where: Any) -> Failure:
+        """That a tracker cannot go on; ``run`` is counted from the first of its block."""
+        number = None if run is None else self.number(piece.scene, piece.runs.start + run)
+        return Failure(cause=fault.cause, place=fault.place, run=number, **where)
 
     def of_scene(self, scene: int) -> Work:
         """What the blocks of one scene need: of the others, no more than how many there are."""

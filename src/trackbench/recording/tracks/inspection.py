@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from trackbench.metrics.moments import require_name, require_time
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.recording.inspection import Contents
+from trackbench.recording.inspection import RecordedContents
 from trackbench.recording.reader import Recorded
 from trackbench.results import Result
 from trackbench.results.columns import split
@@ -55,7 +55,7 @@ class TracksMoment:
 class TrackInspection:
     """Everything about a recording of tracks that can be read without a viewer."""
 
-    contents: Contents
+    contents: RecordedContents
     at: TracksMoment | None
     worst: list[TrackEvent] | None
     """The costliest first."""
@@ -102,7 +102,7 @@ def inspect_tracks(
         events = events_of(result, tracker, result.summary.recorded_run, vehicle)
         worst = [event for event in events if event.cost_m2 > 0][:count]
     return TrackInspection(
-        contents=Contents.of(recorded),
+        contents=RecordedContents.of(recorded),
         at=None if at is None else _moment(result, at),
         worst=worst,
     )

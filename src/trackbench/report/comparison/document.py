@@ -45,7 +45,7 @@ def document(
     )
 
 
-class _Part(NamedTuple):
+class _GroupText(NamedTuple):
     """What the document says of scenarios that the same metric ranks."""
 
     title: str
@@ -53,12 +53,14 @@ class _Part(NamedTuple):
     blocks: tuple[Block, ...]
 
 
-def _group(comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool) -> _Part:
+def _group(
+    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
+) -> _GroupText:
     if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
         blocks = ranking.blocks(comparison, colours, reports, times=times)
-        return _Part("Comparison of trackers", ranking.lead(comparison), tuple(blocks))
+        return _GroupText("Comparison of trackers", ranking.lead(comparison), tuple(blocks))
     blocks = differences.blocks(comparison, colours, reports)
-    return _Part(f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks))
+    return _GroupText(f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks))
 
 
 def _over(comparison: Comparison) -> str:
@@ -66,7 +68,7 @@ def _over(comparison: Comparison) -> str:
     return f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
 
 
-def _section(comparison: Comparison, part: _Part) -> Section:
+def _section(comparison: Comparison, part: _GroupText) -> Section:
     """One part of several; its tables and figures are named after what ranks."""
     blocks = named_apart(part.blocks, comparison.ranked_by)
     return Section(f"By {ranking.NAMES[comparison.ranked_by]}{_over(comparison)}", (Paragraph(part.lead), *blocks))
