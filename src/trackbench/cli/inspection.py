@@ -16,7 +16,7 @@ from trackbench.words import counted
 
 if TYPE_CHECKING:
     from trackbench.metrics.moments import EstimateMoment, SceneMoment
-    from trackbench.recording.inspection import RecordedContents, Inspection
+    from trackbench.recording.inspection import Inspection, RecordedContents
 
 #: Scores that differ by less than this share are the same but for rounding.
 ROUNDING = 1e-9
