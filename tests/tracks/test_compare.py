@@ -111,6 +111,16 @@ def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_
     assert load(tmp_path / "comparison.json").json() == found.json()
 
 
+def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
+    found = compare([[traffic_result, renamed(traffic_result, "again")]])
+    tied = [
+        item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0}) for place, item in enumerate(found.ranking)
+    ]
+    first, second, *_ = (item.tracker for item in tied)
+    said = document(found.model_copy(update={"ranking": tied})).lead
+    assert said.endswith(f"{first} and {second} share the best mean rank, 1.50.")
+
+
 def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: Result) -> None:
     both = [traffic_result, tiny_result]
     found = compare([both, both], limits=[Limit("gospa", 5.0)])
