@@ -60,14 +60,14 @@ def test_a_ratio_of_equal_counts_has_the_interval_of_a_mean():
 
 def test_the_interval_of_what_cannot_be_negative_is_that_of_its_logarithm():
     values = np.array([1.0, 4.0, 2.0, 7.0])
-    found = ratio(5 * values, np.full(4, 5.0), positive=True)
+    found = ratio(5 * values, np.full(4, 5.0), at_least=0.0)
     expected = stats.t.interval(0.95, 3, loc=np.log(3.5), scale=stats.sem(values) / 3.5)
     assert np.log(found.ci95) == pytest.approx(expected)
 
 
 def test_the_interval_of_a_root_mean_square_is_the_root_of_that_of_the_mean_square():
     random = np.random.default_rng(5)
-    mean_square = ratio(random.chisquare(3, 20), random.integers(1, 4, 20).astype(float), positive=True)
+    mean_square = ratio(random.chisquare(3, 20), random.integers(1, 4, 20).astype(float), at_least=0.0)
     found = root(mean_square)
     assert found.value == pytest.approx(np.sqrt(mean_square.value))
     assert found.ci95 == pytest.approx(np.sqrt(mean_square.ci95))
@@ -80,7 +80,7 @@ def test_an_interval_never_starts_below_zero_and_is_finite():
     low, high = root(ratio(np.array([0.0, 1.0]), np.ones(2))).ci95
     assert 0.0 < low < high < np.inf
     nothing = root(ratio(np.zeros(3), np.ones(3)))
-    assert (nothing.value, nothing.ci95) == (0.0, (0.0, 0.0))
+    assert (nothing.value, nothing.ci95) == (0.0, None)
 
 
 def test_one_run_gives_a_value_and_no_interval():
@@ -122,7 +122,7 @@ def test_equal_and_constant_differences():
     same = paired(a, a)
     assert (same.value, same.p_value) == (0.0, 1.0)
     shifted = paired(a, ratio(np.array([2.0, 3.0, 4.0]), np.ones(3)))
-    assert (shifted.value, shifted.p_value) == (-1.0, 0.0)
+    assert (shifted.value, shifted.p_value) == (-1.0, 0.25)
 
 
 @pytest.mark.parametrize("runs", [8, 20])

@@ -59,9 +59,7 @@ class TrafficEvaluation:
         for path, metric in _metrics(self.known).items():
             unit = metric.unit or "1"
             if path in self.intervals:
-                value = self.intervals[path].as_value(unit)
-                ends = None if value.ci95 is None else (value.ci95[0], min(value.ci95[1], metric.largest))
-                found[path] = value.model_copy(update={"ci95": ends})
+                found[path] = self.intervals[path].as_value(unit)
             else:
                 found[path] = MetricValue(unit=unit, reason=_why_missing(path))
         if not self.known:
@@ -155,12 +153,16 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
         total, count = found.sums(path)
         if not count.any():
             continue
-        interval = ratio(total, count, positive=metric.positive)
-        if metric.combine == "root":
-            interval = root(interval)
+        interval = interval_of(metric, total, count)
         found.per_run[path] = interval.value + interval.influence
         found.intervals[path] = clustered(interval, work.scene_of_run)
     return found
+
+
+def interval_of(metric: TrafficMetric, total: Array, count: Array) -> Interval:
+    """A metric from its ``(runs,)`` sums."""
+    found = ratio(total, count, at_least=metric.at_least, at_most=metric.at_most)
+    return root(found) if metric.combine == "root" else found
 
 
 def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
