@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from trackbench.metrics.consistency import mean_bounds, normalised_square, point95
-from trackbench.metrics.intervals import holm, paired, ratio, root, scaled
+from trackbench.metrics.intervals import holm, paired, ratio, root, scaled, unpaired
 
 
 def test_normalised_square_by_hand():
@@ -60,14 +60,14 @@ def test_a_ratio_of_equal_counts_has_the_interval_of_a_mean():
 
 def test_the_interval_of_what_cannot_be_negative_is_that_of_its_logarithm():
     values = np.array([1.0, 4.0, 2.0, 7.0])
-    found = ratio(5 * values, np.full(4, 5.0), positive=True)
+    found = ratio(5 * values, np.full(4, 5.0), at_least=0.0)
     expected = stats.t.interval(0.95, 3, loc=np.log(3.5), scale=stats.sem(values) / 3.5)
     assert np.log(found.ci95) == pytest.approx(expected)
 
 
 def test_the_interval_of_a_root_mean_square_is_the_root_of_that_of_the_mean_square():
     random = np.random.default_rng(5)
-    mean_square = ratio(random.chisquare(3, 20), random.integers(1, 4, 20).astype(float), positive=True)
+    mean_square = ratio(random.chisquare(3, 20), random.integers(1, 4, 20).astype(float), at_least=0.0)
     found = root(mean_square)
     assert found.value == pytest.approx(np.sqrt(mean_square.value))
     assert found.ci95 == pytest.approx(np.sqrt(mean_square.ci95))
@@ -80,7 +80,7 @@ def test_an_interval_never_starts_below_zero_and_is_finite():
     low, high = root(ratio(np.array([0.0, 1.0]), np.ones(2))).ci95
     assert 0.0 < low < high < np.inf
     nothing = root(ratio(np.zeros(3), np.ones(3)))
-    assert (nothing.value, nothing.ci95) == (0.0, (0.0, 0.0))
+    assert (nothing.value, nothing.ci95) == (0.0, None)
 
 
 def test_one_run_gives_a_value_and_no_interval():
@@ -122,7 +122,7 @@ def test_equal_and_constant_differences():
     same = paired(a, a)
     assert (same.value, same.p_value) == (0.0, 1.0)
     shifted = paired(a, ratio(np.array([2.0, 3.0, 4.0]), np.ones(3)))
-    assert (shifted.value, shifted.p_value) == (-1.0, 0.0)
+    assert (shifted.value, shifted.p_value) == (-1.0, 0.25)
 
 
 @pytest.mark.parametrize("runs", [8, 20])
@@ -134,6 +134,60 @@ def test_intervals_of_skewed_sums_cover_as_often_as_they_say(runs):
         low, high = root(ratio(squares, np.ones(runs))).ci95
         inside += low <= 1.0 <= high
     assert 1860 <= inside <= 1940
+
+
+def test_the_interval_of_a_share_is_that_of_its_log_odds():
+    hits, tries = np.array([48.0, 50.0, 44.0, 49.0]), np.full(4, 50.0)
+    found = ratio(hits, tries, at_least=0.0, at_most=1.0)
+    share = hits.sum() / tries.sum()
+    slope = 1 / (share * (1 - share))
+    expected = stats.t.interval(0.95, 3, loc=np.log(share / (1 - share)), scale=slope * stats.sem(hits / tries))
+    assert [np.log(end / (1 - end)) for end in found.ci95] == pytest.approx(expected)
+    missed = ratio(tries - hits, tries, at_least=0.0, at_most=1.0)
+    assert missed.ci95 == pytest.approx((1 - found.ci95[1], 1 - found.ci95[0]))
+    assert scaled(found, 100.0).ci95 == pytest.approx(tuple(100 * end for end in found.ci95))
+
+
+def test_an_interval_keeps_to_a_limit_from_either_side():
+    values = np.array([0.1, 0.9, 0.8, -0.6])
+    below_one = ratio(values, np.ones(4), at_most=1.0)
+    lost = ratio(1 - values, np.ones(4), at_least=0.0)
+    assert below_one.ci95 == pytest.approx((1 - lost.ci95[1], 1 - lost.ci95[0]))
+    above_one = ratio(2 - values, np.ones(4), at_least=1.0)
+    assert above_one.ci95 == pytest.approx((1 + lost.ci95[0], 1 + lost.ci95[1]))
+
+
+def test_intervals_of_shares_near_one_cover_as_often_as_they_say():
+    random = np.random.default_rng(8)
+    inside, runs, tries = 0, 10, 100
+    for _ in range(2000):
+        found = ratio(random.binomial(tries, 0.97, runs), np.full(runs, float(tries)), at_least=0.0, at_most=1.0)
+        assert found.ci95 is not None
+        inside += found.ci95[0] <= 0.97 <= found.ci95[1]
+    assert 1860 <= inside <= 1940
+
+
+def test_runs_that_are_all_the_same_have_no_interval():
+    none = ratio(np.zeros(10), np.full(10, 0.7), at_least=0.0)
+    assert (none.value, none.ci95) == (0.0, None)
+    assert "the same in every run" in none.as_value("1/min").reason
+    shared = ratio(np.full(10, 0.3), np.full(10, 3.0))
+    assert shared.ci95 is None
+    # An event that no run shows may still happen with either.
+    found = paired(none, none)
+    assert (found.ci95, found.p_value, found.equivalent) == (None, 1.0, False)
+    assert paired(none, ratio(np.arange(10.0), np.ones(10))).ci95 is not None
+
+
+def test_a_difference_that_is_the_same_in_every_run_is_judged_by_its_sign():
+    values = np.arange(1.0, 8.0)
+    a, b = ratio(values, np.ones(7)), ratio(values + 1, np.ones(7))
+    assert paired(a, b).p_value == pytest.approx(stats.binomtest(0, 7).pvalue)
+    same = paired(a, a, 0.1)
+    assert (same.ci95, same.p_value, same.equivalent) == ((0.0, 0.0), 1.0, True)
+    constant = [ratio(np.full(7, value), np.ones(7)) for value in (0.1, 0.2)]
+    assert paired(*constant).p_value == pytest.approx(2 * 0.5**7)
+    assert unpaired(*constant).p_value == pytest.approx(2 * 0.5**7)
 
 
 def test_holm_against_known_values():

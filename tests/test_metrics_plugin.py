@@ -36,7 +36,7 @@ class Square(OwnMetric):
     def merge(self, blocks):
         return np.concatenate(blocks, axis=1)
     def finish(self, sums):
-        return ratio(sums[1], sums[0], positive=True)
+        return ratio(sums[1], sums[0], at_least=0.0)
 
 class Within(Square):
     '''Share of the estimates that are near the truth.'''
@@ -127,7 +127,7 @@ def test_the_table_of_runs_gives_it_back(found: Result) -> None:
     interval = from_runs("square", of_ekf(found)[run_column("square")].to_numpy())
     assert interval is not None
     assert interval.value == pytest.approx(found["ekf"].square.value, rel=1e-12)
-    assert interval._replace(positive=True).ci95 == pytest.approx(found["ekf"].square.ci95, rel=1e-9)
+    assert interval._replace(at_least=0.0).ci95 == pytest.approx(found["ekf"].square.ci95, rel=1e-9)
 
 
 @pytest.mark.parametrize("workers", [1, 2])

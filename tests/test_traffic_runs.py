@@ -15,6 +15,7 @@ from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
+from trackbench.traffic_metrics import METRICS
 
 SCENARIO = """\
 name: lanes
@@ -179,6 +180,22 @@ def test_an_id_that_is_used_again_is_a_fault_of_health(scenario: Path, write_mod
     )
     found = result(scenario, f"trackers.again.use={write_module(scenario.parent, code)}:T")
     assert found["again"].health.reused_ids > 0
+
+
+def test_an_interval_holds_its_value_and_keeps_to_what_the_metric_can_be(scenario: Path) -> None:
+    found = result(scenario, "monte_carlo.runs=6", "sensors.radar.clutter.per_scan=20")
+    limited = 0
+    for tracker in found.summary.trackers:
+        for path, metric in METRICS.items():
+            value = tracker.metrics[path]
+            if value.ci95 is None:
+                assert "every run" in value.reason, path
+                continue
+            assert metric.at_least <= value.ci95[0] < value.value < value.ci95[1] <= metric.at_most, path
+            limited += metric.at_most == 1
+    assert limited > 8
+    sure = found["oracle"].metrics["association_right"]
+    assert (sure.value, sure.ci95) == (1.0, None)
 
 
 def test_a_sensor_that_is_not_read_is_no_miss(scenario: Path) -> None:

@@ -69,7 +69,7 @@ def _motorway(random: np.random.Generator) -> Iterator[Claim]:
         values = [frame[column].to_numpy() ** (1 if column == "nees_mean" else 2) * count for frame in (ekf, kf)]
 
         def of(runs: np.ndarray | slice, total: np.ndarray, square: bool = column != "nees_mean") -> Interval:
-            found = ratio(total[runs], count[runs], positive=True)
+            found = ratio(total[runs], count[runs], at_least=0.0)
             return root(found) if square else found
 
         truth = [of(slice(None), total).value for total in values]

@@ -13,7 +13,7 @@ from .claim import Claim
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER.parents[1] / "results"
 #: Modules that are no subjects.
-OTHERS = {"__main__", "claim", "subjects"}
+OTHERS = {"__main__", "claim", "subjects", "traffic_pool"}
 
 
 def subjects() -> list[str]:

@@ -54,7 +54,7 @@ class Within(OwnMetric):
         return np.concatenate(blocks, axis=1)
 
     def finish(self, sums):
-        return ratio(sums[1], sums[0], positive=True)
+        return ratio(sums[1], sums[0], at_least=0.0)
 """
 
 Write = Callable[..., Scenario]

@@ -72,16 +72,11 @@ class ComparedMetric:
             reference: ``(runs,)`` what it is divided by; None where it is by none.
         """
         if self.of_tracks:
-            rooted = self.of_tracks.combine == "root"
-            return (
-                stored.from_sums(values, count, positive=self.of_tracks.positive, rooted=rooted)
-                if count.any()
-                else None
-            )
+            return stored.from_sums(self.of_tracks, values, count) if count.any() else None
         if self.own:
             return ratio(values, np.ones(len(values))) if np.isfinite(values).all() else None
         if self.path == _NEES:
-            return ratio(np.nan_to_num(values) * count, count, positive=True) if count.sum() > 0 else None
+            return ratio(np.nan_to_num(values) * count, count, at_least=0.0) if count.sum() > 0 else None
         if reference is not None:
             squares, over = (np.nan_to_num(each) ** 2 * count for each in (values, reference))
             return root(ratio(squares, over)) if over.sum() > 0 else None

@@ -118,7 +118,7 @@ class Nees(BuiltInMetric):
         if count.sum() == 0:
             return self.no_value("no estimate was scored")
         inside = _inside(sums.per_step[ERROR["count"]], sums.per_step[ERROR["nees"]], 4)
-        mean = ratio(total, count, positive=True)
+        mean = ratio(total, count, at_least=0.0)
         found = _chi_square(mean, 4, inside)
         conditions = judged(breakdown(sums.classes))
         word = together(mean.value, found.verdict or "undecided", conditions)
@@ -147,7 +147,7 @@ class Nis(BuiltInMetric):
             return self.no_value("the tracker gives no innovation of this sensor")
         inside = _inside(nis.per_step[NIS["count"]], nis.per_step[NIS["nis"]], nis.dof)
         share = float(nis.per_run[NIS["inside"]].sum() / count.sum())
-        found = _chi_square(ratio(total, count, positive=True), nis.dof, inside)
+        found = _chi_square(ratio(total, count, at_least=0.0), nis.dof, inside)
         expected = count.sum() + nis.per_run[NIS["missing"]].sum()
         coverage = _share(count.sum(), expected)
         # The innovations that are missing may be the large ones.

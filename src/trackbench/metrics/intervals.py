@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from trackbench.distributions import t_probability, t_quantile
 from trackbench.results import MetricValue
-from trackbench.types import Array
+from trackbench.types import Array, Mask
 
 #: Relative difference of two values below which it is one of arithmetic, not of what was measured.
 ROUNDING = 1e-9
 TOO_SHORT = "too short for an interval"
+ALL_THE_SAME = "the same in every run, which says nothing of others: no interval"
 
 
 class Interval(NamedTuple):
@@ -23,8 +24,10 @@ class Interval(NamedTuple):
     value: float
     influence: Array
     """``(runs,)`` what each run adds to the value, to first order; its mean is zero. ``(scenes,)`` once clustered."""
-    positive: bool = False
-    """Whether each run adds something that cannot be negative, such as squared errors."""
+    at_least: float = -np.inf
+    """What it cannot be below, such as zero for squared errors."""
+    at_most: float = np.inf
+    """What it cannot be above, such as one for a share."""
     weight: Array | None = None
     """``(runs,)`` how much the value leans to each, to scale; alike unless given."""
 
@@ -42,49 +45,70 @@ class Interval(NamedTuple):
         return np.asarray(self.influence * (1.0 - 1.0 / parts) / rest)
 
     @property
-    def ci95(self) -> tuple[float, float] | None:
-        """The 95 % interval, by Student's t; None with fewer than two runs.
+    def constant(self) -> bool:
+        """Whether every run, or scene, adds the same: nothing is known of how they differ."""
+        return bool(np.abs(self.influence).max(initial=0.0) <= ROUNDING * abs(self.value))
 
-        Of what cannot be negative it is the interval of the logarithm, by the delta method: such sums are skewed to the
-        right, and Student's interval of the value itself lies too low. The interval of a root mean square is so the
-        root of that of the mean square, whatever unit it is in.
+    @property
+    def ci95(self) -> tuple[float, float] | None:
+        """The 95 % interval, by Student's t; None with fewer than two runs, or where all are the same.
+
+        Of what has a limit it is that of a function without one, by the delta method: the logarithm of the distance
+        from a single limit, the log-odds between two. Such values are skewed away from the limit, and Student's
+        interval of the value itself lies too near to it. The interval of a root mean square is so the root of that of
+        the mean square, whatever unit it is in.
 
         Source: Meeker, Hahn and Escobar (2017), "Statistical Intervals", section 7.2.3 and appendix D.5.
         """
         error = _standard_error(self.corrected)
-        if error is None:
+        if error is None or self.constant:
             return None
         reach = t_quantile(0.975, len(self.influence) - 1) * error
-        return positive_ends(self.value, reach) if self.positive else (self.value - reach, self.value + reach)
+        below, above = self.value - self.at_least, self.at_most - self.value
+        limited = 0 < below < np.inf, 0 < above < np.inf
+        if all(limited):
+            factors = np.exp(np.array([-1.0, 1.0]) * reach * (1 / below + 1 / above))
+            low, high = (self.at_least + (below + above) * below * factors / (below * factors + above)).tolist()
+            return low, high
+        if limited[0]:
+            low, high = positive_ends(below, reach)
+            return self.at_least + low, self.at_least + high
+        if limited[1]:
+            low, high = positive_ends(above, reach)
+            return self.at_most - high, self.at_most - low
+        return self.value - reach, self.value + reach
 
     def as_value(self, unit: str) -> MetricValue:
         """As it stands in a result."""
         ci95 = self.ci95
-        return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=TOO_SHORT if ci95 is None else None)
+        reason = TOO_SHORT if len(self.influence) < 2 else ALL_THE_SAME
+        return MetricValue(value=self.value, unit=unit, ci95=ci95, reason=reason if ci95 is None else None)
 
 
-def ratio(total: Array, count: Array, *, positive: bool = False) -> Interval:
+def ratio(total: Array, count: Array, *, at_least: float = -np.inf, at_most: float = np.inf) -> Interval:
     """Mean of a quantity summed within each run: ``sum(total) / sum(count)``, by the delta method.
 
     Args:
         total: ``(runs,)`` sums.
         count: ``(runs,)`` number of terms in each.
-        positive: whether no term can be negative.
+        at_least: what no ratio can be below: zero where no term can be negative.
+        at_most: what none can be above: one for a share.
     """
     mean = float(total.sum() / count.sum())
-    return Interval(mean, (total - mean * count) / count.mean(), positive, count)
+    return Interval(mean, (total - mean * count) / count.mean(), at_least, at_most, count)
 
 
 def root(mean_square: Interval) -> Interval:
     """The root of a mean square, by the delta method."""
     value = float(np.sqrt(mean_square.value))
     slope = 0.5 / value if value > 0 else 0.0
-    return Interval(value, mean_square.influence * slope, True, mean_square.weight)
+    return Interval(value, mean_square.influence * slope, 0.0, float(np.sqrt(mean_square.at_most)), mean_square.weight)
 
 
 def scaled(interval: Interval, factor: float) -> Interval:
     """A positive ``factor`` times the value."""
-    return interval._replace(value=interval.value * factor, influence=interval.influence * factor)
+    value, influence, at_least, at_most, weight = interval
+    return Interval(value * factor, influence * factor, at_least * factor, at_most * factor, weight)
 
 
 def positive_ends(value: float, reach: float) -> tuple[float, float]:
@@ -161,10 +185,12 @@ class Contrast(NamedTuple):
 
     value: float
     ci95: tuple[float, float] | None
+    """None with fewer than two runs, and where each of the two values is the same in every run."""
     p_value: float
     """Of the hypothesis that the difference is within the margin: twice that of the nearer end, so it is below 5 %
     exactly where the interval lies outside the margin (Murphy and Myors 1999, "Testing the hypothesis that treatments
-    have negligible effects"). Without a margin that of the two-sided t test; 1 with fewer than two runs."""
+    have negligible effects"). Without a margin that of the two-sided t test; where the difference is the same in every
+    run that of the sign test; 1 with fewer than two runs."""
     margin: float
     """Up to this a difference does not matter; at least what rounding makes."""
 
@@ -193,12 +219,14 @@ def all_pairs(intervals: Sequence[Interval], margin: Callable[[Interval, Interva
     """
     values = np.array([item.value for item in intervals])
     influences = np.array([item.corrected for item in intervals])
+    constant = np.array([item.constant for item in intervals])
     found: list[Contrast] = []
     for first, one in enumerate(intervals):
         others = slice(first + 1, None)
         margins = np.array([margin(one, other) for other in intervals[others]])
         freedom, errors = influences.shape[1] - 1, _standard_errors(influences[first] - influences[others])
-        found += _tested(one.value, values[others], errors, freedom, margins)
+        told = ~(constant[first] & constant[others])
+        found += _tested(one.value, values[others], errors, freedom, margins, told)
     return found
 
 
@@ -209,17 +237,21 @@ def unpaired(a: Interval, b: Interval, margin: float = 0.0) -> Contrast:
     involved". Where the runs have something in common after all, the interval is too wide rather than too narrow.
     """
     errors = [_standard_error(item.corrected) for item in (a, b)]
+    told = np.array([not (a.constant and b.constant)])
     if errors[0] is None or errors[1] is None:
-        return _tested(a.value, np.array([b.value]), None, 0, np.array([margin]))[0]
+        return _tested(a.value, np.array([b.value]), None, 0, np.array([margin]), told)[0]
     squares = [error**2 for error in errors if error is not None]
     total = sum(squares)
     parts = [square**2 / (len(item.influence) - 1) for square, item in zip(squares, (a, b), strict=True)]
-    freedom = total**2 / sum(parts) if total > 0 else 1.0
-    return _tested(a.value, np.array([b.value]), np.array([np.sqrt(total)]), freedom, np.array([margin]))[0]
+    freedom = total**2 / sum(parts) if total > 0 else min(len(a.influence), len(b.influence)) - 1.0
+    return _tested(a.value, np.array([b.value]), np.array([np.sqrt(total)]), freedom, np.array([margin]), told)[0]
 
 
-def _tested(one: float, others: Array, errors: Array | None, freedom: float, margins: Array) -> list[Contrast]:
-    """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors."""
+def _tested(
+    one: float, others: Array, errors: Array | None, freedom: float, margins: Array, told: Mask
+) -> list[Contrast]:
+    """``(k,)`` differences of one value and others with their intervals and p-values, from their standard errors;
+    ``told`` is whether the runs tell anything of the errors."""
     values = one - others
     margins = np.maximum(margins, ROUNDING * np.maximum(abs(one), abs(others)))
     if errors is None:
@@ -227,9 +259,10 @@ def _tested(one: float, others: Array, errors: Array | None, freedom: float, mar
     reach, excess = t_quantile(0.975, freedom) * errors, abs(values) - margins
     known = errors > 0
     tails = t_probability(-excess / np.where(known, errors, 1.0), freedom)
-    p_values = np.where(known, np.minimum(1.0, 2 * tails), excess <= 0)
-    ends = zip((values - reach).tolist(), (values + reach).tolist(), strict=True)
-    return list(map(Contrast, values.tolist(), ends, p_values.tolist(), margins.tolist()))
+    p_values = np.where(known, np.minimum(1.0, 2 * tails), np.where(excess > 0, 0.5**freedom, 1.0))
+    ends = zip((values - reach).tolist(), (values + reach).tolist(), told.tolist(), strict=True)
+    ci95 = [(low, high) if own else None for low, high, own in ends]
+    return list(map(Contrast, values.tolist(), ci95, p_values.tolist(), margins.tolist()))
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from trackbench.metrics.builtin import BUILT_IN, RootMeanSquare
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.types import Array
+
+
+class SummedMetric(Protocol):
+    """A metric of tracking in traffic, as far as its interval depends on it."""
+
+    @property
+    def combine(self) -> str: ...
+    @property
+    def at_least(self) -> float: ...
+    @property
+    def at_most(self) -> float: ...
+
 
 ROOT_MEAN_SQUARES = {metric.name: metric for metric in BUILT_IN if isinstance(metric, RootMeanSquare)}
 
@@ -26,10 +40,10 @@ def sum_columns(path: str) -> tuple[str, str]:
     return f"{path}_total", f"{path}_count"
 
 
-def from_sums(total: Array, count: Array, *, positive: bool, rooted: bool) -> Interval:
-    """Such a metric from the total and the count of each run: their ratio, or its root."""
-    found = ratio(total, count, positive=positive)
-    return root(found) if rooted else found
+def from_sums(metric: SummedMetric, total: Array, count: Array) -> Interval:
+    """Such a metric from the total and the count of each run ``(runs,)``: their ratio, or its root."""
+    found = ratio(total, count, at_least=metric.at_least, at_most=metric.at_most)
+    return root(found) if metric.combine == "root" else found
 
 
 def count_column(path: str) -> str | None:

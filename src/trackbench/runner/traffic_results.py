@@ -56,9 +56,7 @@ class TrafficEvaluation:
         for path, metric in _metrics(self.known).items():
             unit = metric.unit or "1"
             if path in self.intervals:
-                value = self.intervals[path].as_value(unit)
-                ends = None if value.ci95 is None else (value.ci95[0], min(value.ci95[1], metric.largest))
-                found[path] = value.model_copy(update={"ci95": ends})
+                found[path] = self.intervals[path].as_value(unit)
             else:
                 found[path] = MetricValue(unit=unit, reason=_why_missing(path))
         if not self.known:
@@ -129,8 +127,7 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
         total, count = found.sums(path)
         if not count.any():
             continue
-        interval = from_sums(total, count, positive=metric.positive, rooted=metric.combine == "root")
-        found.intervals[path] = clustered(interval, work.scene_of_run)
+        found.intervals[path] = clustered(from_sums(metric, total, count), work.scene_of_run)
     return found
 
 

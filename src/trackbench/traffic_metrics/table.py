@@ -14,13 +14,17 @@ class TrafficMetric(NamedTuple):
     better: Literal["smaller", "larger", "none"]
     combine: Literal["ratio", "root", "mean"] = "ratio"
     """Over runs: the ratio of the sums; its root; the mean of the runs' own values (their count is 1)."""
-    positive: bool = True
-    """Whether no run adds less than zero."""
+    at_least: float = 0.0
+    """What it cannot be below."""
+    at_most: float = math.inf
+    """What it cannot be above."""
 
-    @property
-    def largest(self) -> float:
-        """Of a share, one, where its interval ends."""
-        return math.inf if self.unit or self.better == "none" else 1.0
+
+def share(
+    meaning: str, better: Literal["smaller", "larger", "none"], combine: Literal["ratio", "mean"] = "ratio"
+) -> TrafficMetric:
+    """A metric from 0 to 1."""
+    return TrafficMetric("", meaning, better, combine, at_most=1.0)
 
 
 METRICS: dict[str, TrafficMetric] = {
@@ -32,11 +36,13 @@ METRICS: dict[str, TrafficMetric] = {
     "tgospa": TrafficMetric("m", "GOSPA of whole trajectories: switches of tracks cost too", "smaller", "root"),
     "ospa": TrafficMetric("m", "error per object in position and number", "smaller", "root"),
     "ospa2": TrafficMetric("m", "error per trajectory in position, number and identity", "smaller", "root"),
-    "hota": TrafficMetric("", "detection and association in one number", "larger", "mean"),
-    "deta": TrafficMetric("", "detection part of HOTA", "larger", "mean"),
-    "assa": TrafficMetric("", "association part of HOTA", "larger", "mean"),
-    "idf1": TrafficMetric("", "share of time that one track each covers of the objects", "larger"),
-    "mota": TrafficMetric("", "one minus misses, false tracks and switches per due instant", "larger", positive=False),
+    "hota": share("detection and association in one number", "larger", "mean"),
+    "deta": share("detection part of HOTA", "larger", "mean"),
+    "assa": share("association part of HOTA", "larger", "mean"),
+    "idf1": share("share of time that one track each covers of the objects", "larger"),
+    "mota": TrafficMetric(
+        "", "one minus misses, false tracks and switches per due instant", "larger", at_least=-math.inf, at_most=1.0
+    ),
     "motp": TrafficMetric("m", "mean distance of matched tracks", "smaller"),
     "id_switches": TrafficMetric("1/min", "changes of an object's track, per minute of an object", "smaller"),
     "fragmentations": TrafficMetric(
@@ -45,11 +51,11 @@ METRICS: dict[str, TrafficMetric] = {
     "false_tracks": TrafficMetric("1/min", "tracks that never are on an object, per minute", "smaller"),
     "confirm_latency": TrafficMetric("s", "time until an object is tracked, median over objects", "smaller", "mean"),
     "confirm_latency_95": TrafficMetric("s", "time within which 95 % of the objects are tracked", "smaller", "mean"),
-    "lost_time_share": TrafficMetric("", "share of the time after its first track that an object has none", "smaller"),
-    "track_purity": TrafficMetric("", "share of a track's time that it spends on its main object", "larger"),
-    "siap_completeness": TrafficMetric("", "share of the due instants with any track", "larger"),
-    "siap_ambiguity": TrafficMetric("", "tracks on an object that has any", "smaller"),
-    "siap_spuriousness": TrafficMetric("", "share of the tracks on no object", "smaller"),
+    "lost_time_share": share("share of the time after its first track that an object has none", "smaller"),
+    "track_purity": share("share of a track's time that it spends on its main object", "larger"),
+    "siap_completeness": share("share of the due instants with any track", "larger"),
+    "siap_ambiguity": TrafficMetric("", "tracks on an object that has any", "smaller", at_least=1.0),
+    "siap_spuriousness": share("share of the tracks on no object", "smaller"),
     "siap_position": TrafficMetric("m", "mean distance of tracks to the nearest object", "smaller"),
     "siap_velocity": TrafficMetric("m/s", "mean difference of their velocities", "smaller"),
     "position_rmse": TrafficMetric("m", "root mean square error of the position of matched tracks", "smaller", "root"),
@@ -57,11 +63,9 @@ METRICS: dict[str, TrafficMetric] = {
         "m/s", "root mean square error of the velocity of matched tracks", "smaller", "root"
     ),
     "nees": TrafficMetric("", "normalised estimation error squared of matched tracks, 4 when consistent", "none"),
-    "matched_share": TrafficMetric("", "share of the due instants with a matched track", "larger"),
-    "association_right": TrafficMetric("", "share of associations with the track's own object", "larger"),
-    "association_wrong_object": TrafficMetric("", "share of associations with another object", "smaller"),
-    "association_clutter": TrafficMetric("", "share of associations with a false alarm", "smaller"),
-    "association_missed": TrafficMetric(
-        "", "share of associations left out although the object was detected", "smaller"
-    ),
+    "matched_share": share("share of the due instants with a matched track", "larger"),
+    "association_right": share("share of associations with the track's own object", "larger"),
+    "association_wrong_object": share("share of associations with another object", "smaller"),
+    "association_clutter": share("share of associations with a false alarm", "smaller"),
+    "association_missed": share("share of associations left out although the object was detected", "smaller"),
 }

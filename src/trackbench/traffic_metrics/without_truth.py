@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.traffic_metrics.gospa import GospaParts
 from trackbench.traffic_metrics.run import RunScores, Sums
-from trackbench.traffic_metrics.table import TrafficMetric
+from trackbench.traffic_metrics.table import TrafficMetric, share
 from trackbench.types import Array, Indices
 
 NONE = -1
@@ -20,7 +20,7 @@ METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
     "track_count": TrafficMetric("", "mean number of tracks after a scan", "none"),
     "track_length": TrafficMetric("s", "time from a track's first scan to its last, the median", "none", "mean"),
     "new_tracks": TrafficMetric("1/min", "tracks that begin, per minute", "none"),
-    "used_share": TrafficMetric("", "share of the detections that a track used", "none"),
+    "used_share": share("share of the detections that a track used", "none"),
     "nis": TrafficMetric(
         "", "normalised innovation squared over its degrees of freedom, of used detections, 1 when consistent", "none"
     ),
@@ -34,7 +34,7 @@ METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
         "1/min", "times a track changes between two of the sensor's own that both go on, per minute of tracks", "none"
     ),
     "prediction_score": TrafficMetric(
-        "", "logarithm of the predicted density of detections, per detection (nats)", "none", positive=False
+        "", "logarithm of the predicted density of detections, per detection (nats)", "none", at_least=-np.inf
     ),
 }
 #: Those that need a tracker that says which detections it used, and one that can be asked for predictions.

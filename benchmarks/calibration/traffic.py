@@ -1,0 +1,225 @@
+"""Tracking in traffic: intervals, differences and verdicts"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.metrics.differences import EQUIVALENT, differences
+from trackbench.metrics.intervals import Interval, paired
+from trackbench.results.summary import MarginSummary, OwnMetricSummary
+from trackbench.traffic_metrics import METRICS
+from trackbench.types import Array, Indices
+
+from . import traffic_pool
+from .claim import Claim, rate
+from .traffic_pool import RUNS_OF_SCENE, TRACKERS
+
+TRIALS, COMPARISONS = 1000, 500
+SIZES = (10, 20, 50, 100, 400)
+SCENES = 10
+MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
+#: From how many runs on an interval misses the mean in at most so many percent of the results; None where more than 100
+#: are not enough, as few runs decide the mean.
+MISSES = 8.0
+FEWEST: dict[str, int | None] = {
+    "gospa": 50,
+    "gospa_localisation": 400,
+    "gospa_missed": 50,
+    "gospa_false": 10,
+    "tgospa": 50,
+    "hota": 100,
+    "idf1": 400,
+    "mota": 50,
+    "id_switches": 10,
+    "false_tracks": 10,
+    "confirm_latency": 100,
+    "matched_share": 50,
+    "position_rmse": 400,
+    "velocity_rmse": None,
+    "nees": None,
+    "association_right": 400,
+}
+#: Metrics whose intervals over ``SCENES`` and whose differences are looked at.
+OVER_SCENES = ("gospa", "gospa_missed", "gospa_false", "tgospa", "mota", "false_tracks", "confirm_latency")
+
+
+class Sample(NamedTuple):
+    """The runs of one result: of one scene, or of several."""
+
+    sums: Array
+    """``(trackers, runs, 2, paths)``."""
+    scene: Indices | None
+
+    def interval(self, tracker: int, path: str) -> Interval | None:
+        """A metric of one tracker."""
+        return traffic_pool.interval(self.sums[tracker], path, self.scene)
+
+    def exchanged(self, random: np.random.Generator) -> Sample:
+        """Each run, or scene, under the names of other trackers: all are equal in expectation."""
+        groups = np.arange(self.sums.shape[1]) if self.scene is None else self.scene
+        order = random.random((len(TRACKERS), groups[-1] + 1)).argsort(axis=0)[:, groups]
+        return self._replace(sums=np.take_along_axis(self.sums, order[:, :, None, None], axis=0))
+
+
+class Population(NamedTuple):
+    """All runs, whose mean is the expectation, and how a result is drawn from them."""
+
+    name: str
+    sums: Array
+    """``(trackers, scenes or runs, runs of a scene or 1, 2, paths)``."""
+
+    def draw(self, random: np.random.Generator, size: int) -> Sample:
+        """A result of so many scenes, or runs of one scene."""
+        drawn = self.sums[:, random.integers(0, self.sums.shape[1], size)]
+        each = drawn.shape[2]
+        scene = None if each == 1 else np.repeat(np.arange(size), each)
+        return Sample(drawn.reshape(len(drawn), -1, *drawn.shape[3:]), scene)
+
+    def expected(self, tracker: int, path: str) -> float:
+        """The value of a metric over all."""
+        found = Sample(self.sums.reshape(len(self.sums), -1, *self.sums.shape[3:]), None).interval(tracker, path)
+        assert found is not None
+        return found.value
+
+
+def claims() -> Iterator[Claim]:
+    random = np.random.default_rng(1)
+    runs = Population("runs", traffic_pool.runs()[:, :, None])
+    scenes = Population(f"scenes of {RUNS_OF_SCENE} runs", traffic_pool.scenes())
+    for tracker in ("gnn", "pmb"):
+        for path in FEWEST:
+            yield _intervals(random, runs, TRACKERS.index(tracker), path)
+        for path in OVER_SCENES:
+            what = f"{tracker} {path}, {SCENES} {scenes.name}: interval misses the mean"
+            missed, _ = _missed(random, scenes, TRACKERS.index(tracker), path, SCENES)
+            yield rate(what, missed, 0.0, MISSES / 100)
+    for population, size in ((runs, 10), (runs, 100), (scenes, SCENES)):
+        yield from _equal(random, population, size)
+        yield from _different(random, population, size)
+
+
+def _missed(
+    random: np.random.Generator, population: Population, tracker: int, path: str, size: int
+) -> tuple[Array, float]:
+    """Which of many results have an interval that misses, and the share of those that have none."""
+    expected, missed, without = population.expected(tracker, path), np.zeros(TRIALS), 0
+    for trial in range(TRIALS):
+        found = population.draw(random, size).interval(tracker, path)
+        ci95 = None if found is None else found.ci95
+        without += ci95 is None
+        missed[trial] = ci95 is not None and not ci95[0] <= expected <= ci95[1]
+    return missed, without / TRIALS
+
+
+def _intervals(random: np.random.Generator, runs: Population, tracker: int, path: str) -> Claim:
+    parts, rates = [], {}
+    for size in SIZES:
+        missed, without = _missed(random, runs, tracker, path, size)
+        rates[size] = 100 * float(missed.mean())
+        none = f" ({100 * without:.0f} % have none)" if without > 0.005 else ""
+        parts.append(f"{size} runs {rates[size]:.1f} %{none}")
+    fewest = FEWEST[path]
+    if fewest is None:
+        holds = rates[100] > MISSES
+        wanted = f"where it stops: over {MISSES:g} % with 100 runs, as few runs decide the mean"
+    else:
+        holds = all(value <= MISSES for size, value in rates.items() if size >= fewest)
+        wanted = f"at most {MISSES:g} % from {fewest} runs on"
+    return Claim(f"{TRACKERS[tracker]} {path}: interval misses the mean", ", ".join(parts), wanted, holds)
+
+
+def _equal(random: np.random.Generator, population: Population, size: int) -> Iterator[Claim]:
+    """What is said of trackers that are equal in expectation."""
+    wrong = Counter(dict.fromkeys(METRICS, 0))
+    any_metric = 0
+    for _ in range(COMPARISONS):
+        found = _verdicts(population.draw(random, size).exchanged(random))
+        called = {path for (path, _, _), verdict in found.items() if verdict.endswith("better")}
+        wrong.update(called)
+        any_metric += bool(called)
+    for path in ("gospa", "hota", "id_switches", "false_tracks"):
+        hits = np.arange(COMPARISONS) < wrong[path]
+        what = f"any of three equal trackers called better than another by {path}, {size} {population.name}"
+        few_values = path == "false_tracks" and size == SCENES and population.name != "runs"
+        if few_values:
+            what = f"where it stops, as differences of scenes have few values: {what}"
+        yield rate(what, hits, 0.0, 0.09 if few_values else 0.05)
+    path, most = max(wrong.items(), key=lambda item: item[1])
+    # Three standard errors: the largest of so many.
+    limit = 0.05 + 3 * np.sqrt(0.05 * 0.95 / COMPARISONS)
+    wanted = f"at most 5 % for each, measured {100 * limit:.1f} %"
+    if path == "gospa_switch" and population.name != "runs":
+        # The root of a sum that few scenes have a part in is far from linear.
+        limit, wanted = 0.1, "where it stops: 5 to 10 %, as few scenes have a switch"
+    yield Claim(
+        f"the same, the metric of {len(METRICS)} with the most, {size} {population.name}",
+        f"{100 * most / COMPARISONS:.1f} % ({path}); by any of them {100 * any_metric / COMPARISONS:.0f} %",
+        wanted,
+        bool(most <= limit * COMPARISONS),
+    )
+
+
+def _different(random: np.random.Generator, population: Population, size: int) -> Iterator[Claim]:
+    """What is said of two trackers, one of which is better."""
+    gnn, pmb = TRACKERS.index("gnn"), TRACKERS.index("pmb")
+    expected = {path: population.expected(gnn, path) - population.expected(pmb, path) for path in METRICS}
+    wrong = Counter(dict.fromkeys(METRICS, 0))
+    equivalent, covered = [], {path: np.ones(COMPARISONS) for path in OVER_SCENES}
+    for trial in range(COMPARISONS):
+        sample = population.draw(random, size)
+        for path, hits in covered.items():
+            ours, theirs = sample.interval(gnn, path), sample.interval(pmb, path)
+            assert ours is not None
+            assert theirs is not None
+            ci95 = paired(ours, theirs).ci95
+            hits[trial] = ci95 is None or ci95[0] <= expected[path] <= ci95[1]
+        found = _verdicts(sample)
+        for path, difference in expected.items():
+            better = "gnn" if (difference < 0) == (METRICS[path].better == "smaller") else "pmb"
+            verdict = found.get((path, "gnn", "pmb"), "")
+            wrong[path] += verdict.endswith("better") and not verdict.startswith(better)
+        equivalent.append(found.get(("id_switches", "gnn", "pmb")) == EQUIVALENT)
+    for path, hits in covered.items():
+        what = f"gnn minus pmb, {path}, {size} {population.name}: interval covers"
+        if (path, size, population.name) == ("gospa_false", 10, "runs"):
+            yield rate(f"where it stops: {what}", hits, 0.85, 1 - MISSES / 100)
+        else:
+            yield rate(what, hits, 1 - MISSES / 100, 1.0)
+    what = f"gnn and pmb called equivalent by id_switches, of which pmb has more, {size} {population.name}"
+    yield rate(what, equivalent, 0.0, 0.05)
+    path, most = wrong.most_common(1)[0]
+    yield Claim(
+        f"gnn or pmb called better though it is worse, the metric of {len(METRICS)} with the most, "
+        f"{size} {population.name}",
+        f"{100 * most / COMPARISONS:.1f} % ({path})",
+        "at most 5 %",
+        most <= 0.05 * COMPARISONS,
+    )
+
+
+def _verdicts(sample: Sample) -> dict[tuple[str, str, str], str]:
+    """By metric and pair of trackers, as a result says them."""
+    intervals: dict[str, dict[str, Interval]] = {}
+    for number, name in enumerate(TRACKERS):
+        own = {path: sample.interval(number, path) for path in METRICS}
+        intervals[name] = {path: found for path, found in own.items() if found is not None}
+    found = differences(intervals, _COMPARED, MARGIN, dict.fromkeys(TRACKERS, 1.0), ranks="gospa")
+    return {(item.metric, item.a, item.b): item.verdict for item in found}
+
+
+_COMPARED = [
+    OwnMetricSummary(
+        name=path,
+        unit=metric.unit or "1",
+        meaning=metric.meaning,
+        better=metric.better,
+        compared=True,
+        per_sensor=False,
+    )
+    for path, metric in METRICS.items()
+    if metric.better != "none"
+]
