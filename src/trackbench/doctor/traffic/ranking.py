@@ -19,7 +19,7 @@ CONSEQUENCES = {
     ),
     "order_dependent": ("gate_too_large",),
     "gate_too_large": ("double_tracks", "never_deletes", "ids_reused", "confirms_too_soon"),
-    "empty_scan_not_predicted": ("never_deletes", "pd_misstated"),
+    "empty_scan_not_predicted": ("never_deletes", "pd_misstated", "ids_reused"),
     "pd_misstated": ("never_deletes", "double_tracks", "confirms_too_late", "clutter_misstated"),
     "clutter_misstated": ("confirms_too_soon", "confirms_too_late", "double_tracks"),
     "double_tracks": ("confirms_too_soon",),

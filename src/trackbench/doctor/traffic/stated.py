@@ -103,16 +103,16 @@ class _Track:
         return found
 
     def odds(self, scan: Scan | None = None) -> float | None:
-        """After one more scan, if any; None: they cannot be told."""
+        """After one more scan, if any; None: there is no track any more."""
         tracks = self.tracks
         if scan is not None:
             follower = Follower(self.make)
             follower.follow(self.scans)
             tracks = follower.step(scan)
         column = nearest(tracks, self.tracks.mean[:2, self.column])
-        if column is None or tracks.existence is None or tracks.existence[column] == 1:
+        if column is None or tracks.existence is None:
             return None
-        return float(tracks.existence[column] / (1 - tracks.existence[column]))
+        return float(tracks.existence[column] / max(1 - tracks.existence[column], np.finfo(float).eps))
 
     def miss(self, probability: float) -> Scan:
         """A scan without a detection."""
