@@ -124,7 +124,10 @@ class ExistenceLogic:
     """
 
     confirm: float
+    end: float
+    """Below this a confirmed track is deleted."""
     delete: float
+    """Below this a tentative one is."""
     lifetime: float
     """Mean, s."""
     hides: float
@@ -152,14 +155,14 @@ class ExistenceLogic:
         return np.asarray(evidence[0] >= self.confirm)
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        return np.asarray(evidence[0] < self.delete)
+        return np.asarray(evidence[0] < np.where(confirmed, self.end, self.delete))
 
 
 def track_logic(config: AssociateConfig) -> TrackLogic:
     """The rule that the options describe."""
     if config.method in ("jipda", "pmb"):
         hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
-        limits = config.confirm_existence, config.delete_existence
+        limits = config.confirm_existence, config.end_existence, config.delete_existence
         return ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
     if config.confirm == "score":
         return ScoreLogic(config.confirm_score, config.score_drop)

@@ -28,8 +28,17 @@ def marginals(track: Indices, detection: Indices, weight: Array, sizes: tuple[in
         max_cluster: clusters of more tracks and more detections than this are left to belief propagation.
     """
     tracks, detections = sizes
-    if not len(track):
-        return np.zeros(0)
+    found = weight / (1.0 + weight)
+    rivals = (np.bincount(track, minlength=tracks)[track] > 1) | (
+        np.bincount(detection, minlength=detections)[detection] > 1
+    )
+    if np.any(rivals):
+        found[rivals] = _of_clusters(track[rivals], detection[rivals], weight[rivals], sizes, max_cluster)
+    return found
+
+
+def _of_clusters(track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int], max_cluster: int) -> Array:
+    tracks, detections = sizes
     cluster = _clusters(track, detection, tracks, detections)
     track_count = np.bincount(cluster[:tracks], minlength=int(cluster.max()) + 1)
     detection_count = np.bincount(cluster[tracks:], minlength=len(track_count))

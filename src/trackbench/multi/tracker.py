@@ -86,7 +86,7 @@ class MultiObjectTracker:
         if scan.valid.ndim == 1:
             one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, one, None if origins is None else origins[:, None])
-            return state, Tracks._make(None if part is None else part[..., 0] for part in tracks)
+            return state, _alone(tracks)
         scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
         runs = scan.valid.shape[1]
         state = state or self._nothing_yet(scan.time, runs)
@@ -96,6 +96,14 @@ class MultiObjectTracker:
             return self._after(ahead, belief, scan, origins)
         asked = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return (ahead if self.advance_at == "all_scans" else state), self._tracks(asked, runs)
+
+    def predicted(self, state: MultiObjectState | None, time: float, run: int) -> Tracks:
+        """The reported tracks of one run at a later time, ``(K,)``; the state stays as it is."""
+        state = state or self._nothing_yet(time, run + 1)
+        own = np.flatnonzero(state.table.run == run)
+        table = state.table.select(own)._replace(run=np.zeros(len(own), dtype=np.intp), used=np.full(len(own), NONE))
+        ahead, _ = self._predicted(state._replace(table=table), time)
+        return _alone(self._tracks(ahead.table, 1))
 
     def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
         table = empty(len(self.filter.motion.components), self._logic.size)
@@ -242,6 +250,11 @@ class MultiObjectTracker:
     @cached_property
     def _logic(self) -> TrackLogic:
         return track_logic(self.associate)
+
+
+def _alone(tracks: Tracks) -> Tracks:
+    """Those of the only run."""
+    return Tracks._make(None if part is None else part[..., 0] for part in tracks)
 
 
 @lru_cache(maxsize=64)

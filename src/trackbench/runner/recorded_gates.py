@@ -9,11 +9,9 @@ import pyarrow as pa
 
 from trackbench.distributions import chi_square_quantile
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.multi import build_multi
 from trackbench.runner.columns import Columns, stacked
-from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, tracks_of_run, unread
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.types import Array, Indices, Scan
+from trackbench.types import Array, Scan, Tracks
 
 #: Points of an outline, of which the last is the first.
 CORNERS = 17
@@ -21,47 +19,36 @@ CORNERS = 17
 
 def gates_table(
     trackers: Mapping[str, FilterConfig | PluginConfig],
+    predicted: Mapping[str, Mapping[int, Tracks]],
     scans: Sequence[Scan],
-    origins: Sequence[Indices],
 ) -> pa.Table:
     """The outlines of the gates of built-in trackers, each point a row.
 
-    The recorded run is taken through each tracker once more, on its own: to ask all runs of a block costs more.
+    Args:
+        trackers: by name.
+        predicted: by name and number of a scan, the tracks before it.
+        scans: of the recorded run.
     """
     parts: list[Columns] = []
-    for name, config in trackers.items():
+    for name, expected in predicted.items():
+        config = trackers[name]
         if isinstance(config, FilterConfig) and config.associate is not None and config.associate.method != "oracle":
-            parts += _gates(name, config, scans, origins)
+            gate = config.associate.gate
+            parts += [_gates(name, number, scans[number], tracks, gate) for number, tracks in expected.items()]
     return stacked(parts)
 
 
-def _gates(name: str, config: FilterConfig, scans: Sequence[Scan], origins: Sequence[Indices]) -> list[Columns]:
-    assert config.associate is not None
-    tracker, found = BatchedTracks(build_multi(config)), list[Columns]()
-    for number, (scan, origin) in enumerate(zip(scans, origins, strict=True)):
-        one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[..., None])
-        if config.sensors_used is not None and scan.sensor not in config.sensors_used:
-            tracker.step(unread(one), origin[:0, None])
-            continue
-        predicted = tracks_of_run(tracker.predict(one), 0)
-        tracker.step(one, origin[:, None])
-        there = predicted.ids != NO_TRACK
-        if not there.any():
-            continue
-        threshold = float(chi_square_quantile(config.associate.gate, float(len(scan.measurement))))
-        x, y = outlines(scan, predicted.mean[:, there], predicted.covariance[..., there], threshold)
-        rows = x.size
-        found.append(
-            {
-                "tracker": [name] * rows,
-                "time_s": np.full(rows, scan.time),
-                "scan": np.full(rows, float(number)),
-                "track": np.repeat(predicted.ids[there].astype(float), CORNERS),
-                "x_m": x.ravel(),
-                "y_m": y.ravel(),
-            }
-        )
-    return found
+def _gates(name: str, number: int, scan: Scan, predicted: Tracks, gate: float) -> Columns:
+    threshold = float(chi_square_quantile(gate, float(len(scan.measurement))))
+    x, y = outlines(scan, predicted.mean, predicted.covariance, threshold)
+    return {
+        "tracker": [name] * x.size,
+        "time_s": np.full(x.size, scan.time),
+        "scan": np.full(x.size, float(number)),
+        "track": np.repeat(predicted.ids.astype(float), CORNERS),
+        "x_m": x.ravel(),
+        "y_m": y.ravel(),
+    }
 
 
 def outlines(scan: Scan, mean: Array, covariance: Array, threshold: float) -> tuple[Array, Array]:

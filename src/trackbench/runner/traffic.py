@@ -48,6 +48,8 @@ class TrafficScores:
     """Its tracks of the recorded run."""
     taken: Indices | None = None
     """``(rows, 3)`` scan, id of the track and number of the detection that it took, in the recorded run."""
+    predicted: dict[int, Tracks] = field(default_factory=dict)
+    """By number of the scan, the tracks of the recorded run before it, of a built-in tracker that took it."""
 
 
 @dataclass
@@ -105,7 +107,8 @@ class _Passage:
         self._time = self._truth.time[due.steps]
         self._instants: list[Tracks] = []
         self._taken: list[tuple[int, Tracks, int]] = []
-        self._predicted: list[Tracks | None] = []
+        self._asked = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
+        self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._asked}
         self._seconds = 0.0
         self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
 
@@ -123,8 +126,8 @@ class _Passage:
             for instant, (_, group) in enumerate(groupby(numbered, key=lambda item: item[1][0].time)):
                 for number, (scan, origins) in group:
                     given, known = self._given(scan, origins)
-                    if given is scan and not self._truth.known:
-                        self._predicted.append(self._prediction(stepper, scan))
+                    if given is scan:
+                        self._predict(stepper, scan.time, number)
                     begin = time.perf_counter()
                     tracks = stepper.step(given, known)
                     self._seconds += time.perf_counter() - begin
@@ -146,10 +149,11 @@ class _Passage:
             return scan, origins
         return unread(scan), origins[:0]
 
-    def _prediction(self, stepper: TracksStepper, scan: Scan) -> Tracks | None:
-        """The tracks of a built-in tracker before a scan; others could be changed by the question."""
-        built_in = isinstance(self._work.trackers[self._name], FilterConfig)
-        return stepper.predict(scan) if built_in and isinstance(stepper, BatchedTracks) else None
+    def _predict(self, stepper: TracksStepper, time: float, number: int) -> None:
+        """Keep what a built-in tracker expects before a scan; others could be changed by the question."""
+        if isinstance(self._work.trackers[self._name], FilterConfig) and isinstance(stepper, BatchedTracks):
+            for run in self._asked:
+                self._predicted[run][number] = stepper.predicted(time, run)
 
     def _scored(self) -> TrafficScores:
         runs = self._piece.runs
@@ -171,6 +175,7 @@ class _Passage:
             found.reused_ids[run] = reused(history.ids)
             if run == self._kept:
                 found.recorded, found.taken = history, self._detections_taken(run)
+                found.predicted = self._predicted[run]
         return found
 
     def _associations(self) -> Associations | None:
@@ -198,11 +203,11 @@ class _Passage:
         """What the tracker said of each scan that it took, in a run of a recording without a truth."""
         sensors = {sensor.name: sensor.config for sensor in self._work.scenes[self._piece.scene].sensors}
         found = []
-        for (_, tracks, number), predicted in zip(self._taken, self._predicted, strict=True):
+        for _, tracks, number in self._taken:
             scan = of_run(self._hidden.scans[number], run)
             own_track = self._hidden.origins[number][: len(scan.valid), run]
-            asked = None if predicted is None else tracks_of_run(predicted, run)
-            found.append(judged_scan(scan, own_track, sensors[scan.sensor], asked, tracks_of_run(tracks, run)))
+            predicted = self._predicted[run].get(number)
+            found.append(judged_scan(scan, own_track, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
         return found
 
     def _detections_taken(self, run: int) -> Indices:

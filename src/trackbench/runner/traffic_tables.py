@@ -46,7 +46,7 @@ def tables(work: Work, blocks: Sequence[TrafficBlock], found: Mapping[str, Traff
         "measurements": _measurements(scene.truth, block.scans, block.origins),
         "tracks": _tracks(recorded, time),
         "taken": _taken(taken, block.scans),
-        "gates": gates_table({name: work.trackers[name] for name in recorded}, block.scans, block.origins),
+        "gates": gates_table(work.trackers, {name: scores.predicted for name, scores in kept.items()}, block.scans),
         "events": events_table(work, found),
         "objects": objects_table(work, found, time),
         "association": association_table(found),

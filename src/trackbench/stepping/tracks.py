@@ -61,13 +61,10 @@ class BatchedTracks:
         self._state, answer = unpack(self._tracker.step(self._state, scan, *more))
         return checked_tracks(answer, scan)
 
-    def predict(self, scan: Scan) -> Tracks:
-        """The tracks of all runs at the time of a scan without its detections; the tracker stays as it is.
-
-        Only of a tracker that does not change its state in place, as the built-in ones do not.
-        """
-        nothing = unread(scan)
-        return checked_tracks(unpack(self._tracker.step(self._state, nothing))[1], nothing)
+    def predicted(self, time: float, run: int) -> Tracks:
+        """The tracks of one run at a later time, of a built-in tracker, which stays as it is."""
+        found: Tracks = self._tracker.predicted(self._state, time, run)
+        return found
 
     def close(self) -> None:
         """Nothing is left to end."""

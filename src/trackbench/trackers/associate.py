@@ -25,6 +25,7 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
     "score_drop": COUNTING,
     "delete_misses": COUNTING,
     "confirm_existence": EXISTENCE,
+    "end_existence": EXISTENCE,
     "delete_existence": EXISTENCE,
     "lifetime_s": EXISTENCE,
     "visible_s": EXISTENCE,
@@ -66,10 +67,13 @@ class AssociateConfig(Config):
     )
     delete_after_s: Positive = Field(1, description="A track is deleted this long after its latest detection, s.")
     confirm_existence: Fraction = Field(
-        0.95, description="jipda and pmb. A track is reported from this probability of existence on."
+        0.95, description="jipda and pmb. A track is reported once its probability of existence has reached this."
+    )
+    end_existence: Fraction = Field(
+        0.5, description="jipda and pmb. A track that was reported is deleted below this probability of existence."
     )
     delete_existence: Fraction = Field(
-        1e-4, description="jipda and pmb. A track is deleted below this probability of existence."
+        1e-4, description="jipda and pmb. A track that was not reported yet is deleted below this."
     )
     lifetime_s: Positive = Field(
         60, description="jipda and pmb. Mean time that an object stays, s; existence fades at this rate."
@@ -120,7 +124,6 @@ class AssociateConfig(Config):
             if not 1 <= needed <= scans <= LONGEST_WINDOW:
                 limits = f"1 to N, and N at most {LONGEST_WINDOW}"
                 yield Problem(("confirm",), f"[M, N] needs M from {limits}, not [{needed}, {scans}]")
-        if self.method in EXISTENCE and self.delete_existence >= self.confirm_existence:
-            yield Problem(
-                ("delete_existence",), f"must be less than confirm_existence, which is {self.confirm_existence:g}"
-            )
+        for key in ("end_existence", "delete_existence"):
+            if self.method in EXISTENCE and getattr(self, key) >= self.confirm_existence:
+                yield Problem((key,), f"must be less than confirm_existence, which is {self.confirm_existence:g}")
