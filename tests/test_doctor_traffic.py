@@ -107,6 +107,7 @@ def test_a_tracker_of_a_scenario_and_a_class_are_examined(tmp_path: Path, monkey
     for arguments, fault in (
         (["traffic/dense_highway#naive"], "order_dependent"),
         (["mine:Silent", "--identities", "hidden", "--in-process"], "confirms_too_late"),
+        (["mine:Silent", "--identities", "hidden"], "confirms_too_late"),
     ):
         done = CliRunner().invoke(cli, ["doctor", *arguments, "--json", "--out", str(tmp_path / "out")])
         assert done.exit_code == 1, done.output

@@ -24,7 +24,8 @@ EMPTY, COMING = 3, 8
 
 def begins(make: Make, site: Site) -> bool:
     """Whether detections of one object make a track at all."""
-    return any(len(tracks.ids) for tracks in Follower(make).follow(site.exact(OBJECTS[:, :1], 4.0)))
+    follower = Follower(make)
+    return any(len(follower.step(scan).ids) for scan in site.exact(OBJECTS[:, :1], 4.0))
 
 
 def following(make: Make, site: Site) -> PartResult:
