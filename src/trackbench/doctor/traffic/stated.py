@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench import linalg
-from trackbench.doctor.findings import PartResult
+from trackbench.doctor.findings import CheckResult, PartResult
 from trackbench.doctor.traffic.checks import note
 from trackbench.doctor.traffic.scenes import DETECTION, OBJECTS, Follower, Make, Site, moved, nearest
 from trackbench.types import Array, Scan, Tracks
@@ -32,7 +32,9 @@ def stated_figures(make: Make, site: Site) -> PartResult:
         return found
     asked = [track.odds(), *(track.odds(track.miss(stated)) for stated in (LITTLE, *PROBABILITIES))]
     told = [odds for odds in asked if odds]
+    question = "Does a miss count as the sensor's detection probability says?"
     if len(told) < len(asked):
+        found.checks.append(CheckResult("detection_probability", question, None, "one miss ends the track"))
         return found
     before, little = told[:2]
     after = dict(zip(PROBABILITIES, told[2:], strict=True))
@@ -43,10 +45,7 @@ def stated_figures(make: Make, site: Site) -> PartResult:
     implied = {stated: 1 - odds / certain for stated, odds in after.items()}
     off = max(abs(one - stated) for stated, one in implied.items())
     said = " and ".join(f"{one:.2f} where {stated:g} is stated" for stated, one in implied.items())
-    note(
-        found, "detection_probability", "Does a miss count as the sensor's detection probability says?",
-        off < PROBABILITY, f"it counts as of {said}", "pd_misstated",
-    )  # fmt: skip
+    note(found, "detection_probability", question, off < PROBABILITY, f"it counts as of {said}", "pd_misstated")
     factors = _clutter_factors(track, certain) if off < PROBABILITY else []
     if factors:
         factor = max(factors, key=lambda one: abs(np.log(one)))
