@@ -87,7 +87,7 @@ benchmark: $(VENV)/.installed-dev
 calibration: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.calibration
 
-# How often the doctor is right; half an hour on two cores.
+# How often the doctor is right; about 40 minutes on two cores.
 doctor-rates: $(VENV)/.installed-dev
 	$(BIN)/python benchmarks/doctor_rates.py
 

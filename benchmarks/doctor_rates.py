@@ -1,8 +1,9 @@
 """How often the doctor names an injected fault, and how often it finds one where there is none.
 
-    python benchmarks/doctor_rates.py [--workers N] [--only TEXT]
+    python benchmarks/doctor_rates.py [--workers N] [--objects one|several] [--only TEXT]
 
-Writes docs/doctor-rates.md, unless only some of the faults are asked for.
+Writes docs/doctor-rates.md, unless only some of the faults are asked for; with --objects the other half of the page
+stays as it is.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
+from doctor.traffic import rates as traffic
 from trackbench.doctor.examine import Doctor, Examination
 from trackbench.doctor.subject import SENSORS
 
@@ -135,32 +137,58 @@ def page(seen: Sequence[Seen]) -> str:
             for one in missed
             if isinstance(one.task.what, int)
         ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
+
+
+def single_objects(pool: ProcessPoolExecutor, only: str) -> list[Seen]:
+    chosen = [number for number, mutant in enumerate(MUTANTS) if only in mutant.name]
+    names = [] if only else [*CORRECT, *ONE_SENSOR]
+    times = -(-HEALTHY // len(names)) if names else 0
+    tasks = [Task(number % SEEDS, number) for number in chosen]
+    tasks += [Task((number + turn) % SEEDS, name) for turn in range(times) for number, name in enumerate(names)]
+    seen = []
+    for one in pool.map(examine, tasks, chunksize=8):
+        seen.append(one)
+        if not one.right:
+            name = one.task.what if isinstance(one.task.what, str) else MUTANTS[one.task.what].name
+            print(f"{name} (seed {one.task.seed}): {one.words or 'nothing'}", flush=True)
+    return seen
+
+
+def several_objects(pool: ProcessPoolExecutor, only: str) -> list[traffic.TrafficSeen]:
+    chosen = [number for number, subject in enumerate(traffic.SUBJECTS) if only in subject.name]
+    seen = []
+    for one in pool.map(traffic.examine, chosen):
+        seen.append(one)
+        if not one.right:
+            print(f"{one.subject.name}: {', '.join(one.found)}: {one.words or 'nothing'}", flush=True)
+    return seen
 
 
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--workers", type=int, default=2)
+    arguments.add_argument("--objects", choices=("one", "several"), help="only trackers of one object, or of several")
     arguments.add_argument("--only", default="", help="faults, trackers or variants whose names contain this")
     given = arguments.parse_args()
-    chosen = [number for number, mutant in enumerate(MUTANTS) if given.only in mutant.name]
-    names = [] if given.only else [*CORRECT, *ONE_SENSOR]
-    times = -(-HEALTHY // len(names)) if names else 0
-    tasks = [Task(number % SEEDS, number) for number in chosen]
-    tasks += [Task((number + turn) % SEEDS, name) for turn in range(times) for number, name in enumerate(names)]
+    one, mark, several = PAGE.read_text(encoding="utf-8").partition(traffic.TITLE)
+    halves = [one.rstrip("\n"), (mark + several).rstrip("\n")]
+    outcomes: list[Seen | traffic.TrafficSeen] = []
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
-        seen = []
-        for one in pool.map(examine, tasks, chunksize=8):
-            seen.append(one)
-            if not one.right:
-                name = one.task.what if isinstance(one.task.what, str) else MUTANTS[one.task.what].name
-                print(f"{name} (seed {one.task.seed}): {one.words or 'nothing'}", flush=True)
+        if given.objects != "several":
+            of_one = single_objects(pool, given.only)
+            outcomes += of_one
+            halves[0] = halves[0] if given.only else page(of_one)
+        if given.objects != "one":
+            of_several = several_objects(pool, given.only)
+            outcomes += of_several
+            halves[1] = halves[1] if given.only else "\n".join(traffic.section(of_several))
     if given.only:
-        print(f"{sum(one.right for one in seen)} of {len(seen)}")
+        print(f"{sum(one.right for one in outcomes)} of {len(outcomes)}")
     else:
-        PAGE.write_text(page(seen), encoding="utf-8")
+        PAGE.write_text("\n\n".join(halves) + "\n", encoding="utf-8")
         print(PAGE.read_text(encoding="utf-8"))
-    print(f"{np.median([one.seconds for one in seen]):.1f} s an examination in the median")
+    print(f"{np.median([one.seconds for one in outcomes]):.1f} s an examination in the median")
 
 
 if __name__ == "__main__":

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.doctor.traffic import rates
+from benchmarks.doctor.traffic.nearest_faults import CounterReset
+from benchmarks.doctor.traffic.nearest_global import NearestGlobal
+from benchmarks.doctor.traffic.sound import SOUND
+from benchmarks.doctor.traffic.subject import Make, looped
 from click.testing import CliRunner
 
 from trackbench.cli.commands import cli
@@ -17,136 +20,8 @@ from trackbench.doctor.subject import SENSORS, subject
 from trackbench.doctor.traffic.examine import TrafficDoctor
 from trackbench.doctor.traffic.ranking import CONSEQUENCES
 from trackbench.errors import InputError
-from trackbench.multi import build_multi
-from trackbench.stepping.tracks import BatchedTracks, LoopedTracks, TracksStepper
-from trackbench.trackers.config import FilterConfig
-from trackbench.types import Scan, Tracks
 
-Make = Callable[[], TracksStepper]
-#: A sensor's own figures, under the name that the doctor's scans have.
-LOW, HIGH = 1e-9, 1e-2
-ALL = ("gnn", "jpda", "jipda", "pmb")
-COUNTING, EXISTENCE = ALL[:2], ALL[2:]
-
-
-def config(method: str, filter: str = "ekf", **associate: Any) -> FilterConfig:
-    more = {"motion": "cv"} if filter == "ekf" else {"motion": "ctrv", "yaw_acceleration_sigma_radps2": 1.0}
-    return FilterConfig.model_validate(
-        {"filter": filter, "acceleration_sigma_mps2": 3.0, "associate": {"method": method, **associate}, **more}
-    )
-
-
-def built(found: FilterConfig) -> Make:
-    return lambda: BatchedTracks(build_multi(found))
-
-
-class Changed:
-    """A sound tracker whose answers are changed."""
-
-    def __init__(self, method: str) -> None:
-        self.tracker = build_multi(config(method))
-
-    def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
-        state, tracks = self.tracker.step(state, scan)
-        return state, self.change(tracks)
-
-    def change(self, tracks: Tracks) -> Tracks:
-        raise NotImplementedError
-
-
-class Twice(Changed):
-    def change(self, tracks: Tracks) -> Tracks:
-        both = Tracks(*(None if part is None else np.concatenate([part, part], axis=-1) for part in tracks))  # type: ignore[arg-type]
-        return both._replace(ids=np.concatenate([2 * tracks.ids, 2 * tracks.ids + 1]))
-
-
-class Renumbered(Changed):
-    def change(self, tracks: Tracks) -> Tracks:
-        return tracks._replace(ids=np.arange(len(tracks.ids)))
-
-
-class Returning(Changed):
-    """Returns early at an empty scan."""
-
-    def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
-        inner, last = state or (None, None)
-        if not len(scan.valid) and last is not None:
-            return state, last._replace(used=np.full(len(last.ids), -1))
-        inner, tracks = self.tracker.step(inner, scan)
-        return (inner, tracks), tracks
-
-
-class NearestInPlane:
-    """Each track of a sound tracker also jumps to the nearest detection, however far it is."""
-
-    def __init__(self) -> None:
-        self.tracker = build_multi(config("gnn"))
-
-    def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
-        state, tracks = self.tracker.step(state, scan)
-        if len(scan.valid) and len(tracks.ids):
-            z = scan.measurement
-            x, y = (z[0] * np.cos(z[1]), z[0] * np.sin(z[1])) if scan.kind == "radar" else z[:2]
-            nearest = np.argmin(np.hypot(tracks.mean[0][:, None] - x, tracks.mean[1][:, None] - y), axis=1)
-            mean = tracks.mean.copy()
-            mean[:2] = [x[nearest], y[nearest]]
-            tracks = tracks._replace(mean=mean, used=nearest)
-        return state, tracks
-
-
-def looped(make: Callable[[], Any]) -> Make:
-    return lambda: LoopedTracks(make, 1)
-
-
-def own(sensor: str, key: str, value: float) -> dict[str, Any]:
-    return {key: {sensor: value}}
-
-
-def mutants(sensor: str) -> dict[str, tuple[str, Make]]:
-    found: dict[str, tuple[str, Make]] = {}
-
-    def add(fault: str, name: str, make: Make) -> None:
-        found[f"{fault} {name}"] = (fault, make)
-
-    for method in ALL:
-        for gate in (0.3, 0.6):
-            add("gate_too_small", f"{method} {gate}", built(config(method, gate=gate)))
-        for fault, kind in (
-            ("double_tracks", Twice),
-            ("ids_reused", Renumbered),
-            ("empty_scan_not_predicted", Returning),
-        ):
-            add(fault, method, looped(lambda kind=kind, method=method: kind(method)))
-    for method in COUNTING:
-        add("confirms_too_soon", method, built(config(method, confirm=[1, 1])))
-        add("confirms_too_late", method, built(config(method, confirm=[30, 40])))
-        add("never_deletes", method, built(config(method, delete_after_s=1000)))
-    for method in EXISTENCE:
-        add("confirms_too_soon", method, built(config(method, confirm_existence=0.01)))
-        add("confirms_too_late", method, built(config(method, confirm_existence=1 - 1e-15)))
-        for value in (0.5, 0.999):
-            misstated = own(sensor, "detection_probability", value)
-            add("pd_misstated", f"{method} {value}", built(config(method, **misstated)))
-        for value in (LOW, HIGH):
-            add(
-                "clutter_misstated", f"{method} {value}", built(config(method, **own(sensor, "clutter_density", value)))
-            )
-    add("order_dependent", "naive", built(config("naive")))
-    add("gate_too_large", "nearest", looped(NearestInPlane))
-    return found
-
-
-SOUND: dict[str, Make] = {
-    **{method: built(config(method)) for method in ALL},
-    "by score": built(config("gnn", confirm="score")),
-    "ukf gnn": built(config("gnn", "ukf")),
-    "ukf pmb": built(config("pmb", "ukf")),
-    "wide gate": built(config("jipda", gate=0.999999)),
-    "narrow gate": built(config("gnn", gate=0.99)),
-    "quick": built(config("gnn", confirm=[2, 3])),
-    "slow": built(config("gnn", confirm=[4, 6])),
-    "patient": built(config("gnn", delete_after_s=2)),
-}
+FAULTS = set(faults_of("trackbench.doctor.traffic"))
 
 
 def first_fault(sensor: str, make: Make) -> str:
@@ -155,31 +30,71 @@ def first_fault(sensor: str, make: Make) -> str:
 
 
 @pytest.mark.parametrize("sensor", ["radar", "lidar"])
-@pytest.mark.parametrize("method", ["gnn", "pmb"])
-def test_a_sound_tracker_has_no_fault(sensor: str, method: str) -> None:
-    assert first_fault(sensor, SOUND[method]) == ""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("sensor", ["radar", "lidar"])
-@pytest.mark.parametrize("name", SOUND)
-def test_no_sound_tracker_has_a_fault(sensor: str, name: str) -> None:
+@pytest.mark.parametrize("name", ["builtin gnn", "builtin pmb", "nearest global"])
+def test_a_sound_tracker_has_no_fault(sensor: str, name: str) -> None:
     assert first_fault(sensor, SOUND[name]) == ""
 
 
+def test_a_sensor_that_the_tracker_does_not_read_is_left_out() -> None:
+    class LidarAlone(NearestGlobal):
+        def step(self, state, scan):
+            return super().step(state, scan) if scan.kind == "lidar" else (None, None)
+
+    found = TrafficDoctor(SENSORS).examine("tracker", looped(LidarAlone))
+    assert found.findings == []
+    assert [check.name for check in found.checks if check.passed is None] == ["confirmation.radar"]
+
+
+def test_a_fault_of_one_sensor_names_it() -> None:
+    class RadarAnywhere(NearestGlobal):
+        def inside(self, d2, scan):
+            return d2 < 1e5 if scan.kind == "radar" else super().inside(d2, scan)
+
+    found = TrafficDoctor(SENSORS).examine("tracker", looped(RadarAnywhere))
+    assert (found.findings[0].fault, found.findings[0].sensor) == ("gate_too_large", "radar")
+
+
+def test_the_subjects_are_as_many_as_the_page_says_and_their_names_differ() -> None:
+    faulty = [one for one in rates.SUBJECTS if one.fault]
+    assert {one.fault for one in faulty} == FAULTS
+    assert len({(one.name, one.sensors) for one in rates.SUBJECTS}) == len(rates.SUBJECTS)
+    assert len(faulty) >= 60
+    assert len(rates.SUBJECTS) - len(faulty) >= 25
+
+
+def test_the_table_counts_first_names() -> None:
+    numbers = [k for k, one in enumerate(rates.SUBJECTS) if one.fault == "ids_reused" and one.tracker != "ipda"]
+    held_out = [k for k in numbers if k >= len(rates.MADE_WITH)]
+    seen = [rates.TrafficSeen(k, ("ids_reused", "double_tracks"), 1.0, "") for k in numbers]
+    seen[-1] = seen[-1]._replace(found=("double_tracks", "ids_reused"))
+    sound = rates.TrafficSeen(0, (), 3.0, "")
+    *_, row, last = rates.table([*seen, sound])
+    own = len(numbers) - len(held_out)
+    assert row.startswith("| `ids_reused` |")
+    assert f"| {own}/{own} |" in row
+    assert row.endswith(f"| {len(held_out) - 1}/{len(held_out)} |")
+    assert last.split("|")[2:] == row.split("|")[2:]
+    text = "\n".join(rates.section([*seen, sound]))
+    assert f"- {seen[-1].subject.name} (held out): double_tracks, ids_reused" in text
+    assert "at most 3 s" in text
+
+
+def test_an_examination_for_the_table() -> None:
+    number = next(k for k, one in enumerate(rates.SUBJECTS) if one.variant == CounterReset.__name__)
+    seen = rates.examine(number)
+    assert seen.right
+    assert seen.found == ("ids_reused",)
+    assert "identities" in seen.words
+
+
 @pytest.mark.slow
-def test_nine_of_ten_faults_are_named_first() -> None:
-    outcomes = {
-        f"{sensor} {name}": (fault, first_fault(sensor, make))
-        for sensor in ("radar", "lidar")
-        for name, (fault, make) in mutants(sensor).items()
-    }
-    wrong = {name: found for name, (fault, found) in outcomes.items() if found != fault}
-    assert len(wrong) <= 0.1 * len(outcomes), wrong
-    # Every fault has its name at least once.
-    assert {fault for fault, found in outcomes.values() if fault == found} == set(
-        faults_of("trackbench.doctor.traffic")
-    )
+@pytest.mark.parametrize("held_out", [False, True])
+def test_nine_of_ten_faults_are_named_first_and_sound_trackers_have_none(held_out: bool) -> None:
+    numbers = range(len(rates.SUBJECTS))[len(rates.MADE_WITH) if held_out else 0 :][::3]
+    seen = [rates.examine(number) for number in numbers if (number >= len(rates.MADE_WITH)) == held_out]
+    faulty = [one for one in seen if one.subject.fault]
+    assert np.mean([one.right for one in faulty]) >= 0.9, [one.subject.name for one in faulty if not one.right]
+    assert [one.subject.name for one in seen if not one.subject.fault and one.found] == []
 
 
 def test_a_tracker_of_a_scenario_and_a_class_are_examined(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -192,6 +107,7 @@ def test_a_tracker_of_a_scenario_and_a_class_are_examined(tmp_path: Path, monkey
     for arguments, fault in (
         (["traffic/dense_highway#naive"], "order_dependent"),
         (["mine:Silent", "--identities", "hidden", "--in-process"], "confirms_too_late"),
+        (["mine:Silent", "--identities", "hidden"], "confirms_too_late"),
     ):
         done = CliRunner().invoke(cli, ["doctor", *arguments, "--json", "--out", str(tmp_path / "out")])
         assert done.exit_code == 1, done.output
@@ -205,5 +121,4 @@ def test_the_oracle_is_not_examined() -> None:
 
 
 def test_causes_and_consequences_are_known_faults() -> None:
-    known = set(faults_of("trackbench.doctor.traffic"))
-    assert set(CONSEQUENCES) | {fault for faults in CONSEQUENCES.values() for fault in faults} <= known
+    assert set(CONSEQUENCES) | {fault for faults in CONSEQUENCES.values() for fault in faults} <= FAULTS

@@ -12,7 +12,7 @@ from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import load_scenario
 from trackbench.scenario.shipped import at_hand
 from trackbench.stepping.isolation import ISOLATED, Isolation
-from trackbench.stepping.remote import fresh, start_tracks
+from trackbench.stepping.remote import fresh, fresh_tracks
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, InitialConfig, PluginConfig
@@ -106,8 +106,7 @@ def _of_several(
     folder: Path | None,
     isolation: Isolation,
 ) -> Subject:
-    start_tracks(tracker, folder, 1, isolation).close()
-    return Subject(name, lambda: start_tracks(tracker, folder, 1, isolation), sensors, multi_object=True)
+    return Subject(name, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
 
 
 def _startable(of: Subject) -> Subject:

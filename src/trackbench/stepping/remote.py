@@ -101,6 +101,22 @@ def start_tracks(
     return RemoteTracks(config, folder, runs, isolation.timeout)
 
 
+def fresh_tracks(
+    config: FilterConfig | PluginConfig, folder: Path | None, isolation: Isolation
+) -> Callable[[], TracksStepper]:
+    """A function that gives fresh trackers of several objects, each for one run, one after the other from one process.
+
+    Raises:
+        InputError: a plug-in cannot be found or does not take its options.
+        TrackFault: its process ended.
+    """
+    make: Callable[[], TracksStepper] = partial(local_tracks, config, folder, 1)
+    if isolation.of(config):
+        make = partial(RemoteTracks.fresh, TrackerProcess(isolation.timeout), config, folder)
+    make()
+    return make
+
+
 def fresh(use: str, options: dict[str, Any], folder: Path | None, isolation: Isolation) -> Callable[[], Tracker]:
     """A function that gives fresh trackers as they are, one after the other from one process.
 
@@ -153,6 +169,14 @@ class RemoteTracks(_Remote):
 
     def __init__(self, config: FilterConfig | PluginConfig, folder: Path | None, runs: int, timeout: float) -> None:
         super().__init__(timeout, runs, "start_tracks", config=config, folder=folder, runs=runs)
+
+    @classmethod
+    def fresh(cls, process: TrackerProcess, config: FilterConfig | PluginConfig, folder: Path | None) -> RemoteTracks:
+        """A fresh one in a process that has others; not to be closed."""
+        made = cls.__new__(cls)
+        made._process = process
+        made._number = process.start("start_tracks", config=config, folder=folder, runs=1)
+        return made
 
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs; their origins are not told.

@@ -18,10 +18,10 @@ CONSEQUENCES = {
         "empty_scan_not_predicted",
     ),
     "order_dependent": ("gate_too_large",),
-    "gate_too_large": ("double_tracks", "never_deletes", "ids_reused", "confirms_too_soon"),
-    "empty_scan_not_predicted": ("never_deletes", "pd_misstated"),
+    "empty_scan_not_predicted": ("never_deletes", "pd_misstated", "ids_reused"),
     "pd_misstated": ("never_deletes", "double_tracks", "confirms_too_late", "clutter_misstated"),
-    "clutter_misstated": ("confirms_too_soon", "confirms_too_late", "double_tracks"),
+    "clutter_misstated": ("gate_too_large", "confirms_too_soon", "confirms_too_late", "double_tracks"),
+    "gate_too_large": ("double_tracks", "never_deletes", "ids_reused", "confirms_too_soon"),
     "double_tracks": ("confirms_too_soon",),
     "confirms_too_soon": ("double_tracks",),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,22 @@ from trackbench.types import Array, FieldOfView, Scan, Tracks
 RATE, RANGE, DETECTION, FALSE_ALARMS = 20.0, 150.0, 0.9, 2.0
 #: px, py m, vx, vy m/s, far from each other.
 OBJECTS = np.array([[60.0, 30, -8, 2], [-50, 40, 6, -3], [20, -60, 1, 9]]).T
+#: A track this near to an object is on it, m.
+NEAR = 5.0
+
+
+Make = Callable[[], TracksStepper]
+
+
+class Expected(NamedTuple):
+    """What a track expects of its next measurement."""
+
+    mean: Array
+    """``(m,)``"""
+    covariance: Array
+    """``(m, m)`` with the noise."""
+    gain: Array
+    """``(4, m)`` of a Kalman filter."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +85,14 @@ class Site:
         ideal = (self.sensor.measure(moved(objects, float(t)), np.zeros(3), np.zeros(2)) for t in times)
         return [self.scan(float(t), one, random) for t, one in zip(times, ideal, strict=True)]
 
+    def expected(self, tracks: Tracks, column: int) -> Expected:
+        """What a track expects to be measured, at the time that it is told for."""
+        mean, pose, velocity = tracks.mean[:, column], np.zeros(3), np.zeros(2)
+        slope, prior = self.sensor.jacobian(mean, pose, velocity), tracks.covariance[:, :, column]
+        covariance = slope @ prior @ slope.T + self.sensor.noise_covariance()
+        gain = np.asarray(np.linalg.solve(covariance, slope @ prior).T, dtype=float)
+        return Expected(self.sensor.measure(mean, pose, velocity), covariance, gain)
+
     def detections(self, objects: Array, time: float, random: np.random.Generator) -> Array:
         """``(m, n)`` noisy measurements of objects ``(4, n)`` that were there at time 0."""
         ideal = self.sensor.measure(moved(objects, time), np.zeros(3), np.zeros(2))
@@ -86,7 +111,7 @@ class Site:
 class Follower:
     """A tracker on its way through scans."""
 
-    def __init__(self, make: Callable[[], TracksStepper]) -> None:
+    def __init__(self, make: Make) -> None:
         self._tracker = make()
 
     def step(self, scan: Scan) -> Tracks:
@@ -99,8 +124,14 @@ class Follower:
         return [self.step(scan) for scan in scans]
 
 
+def nearest(tracks: Tracks, position: Array) -> int | None:
+    """The column of the track that is on an object at ``(2,)``; None: there is none."""
+    away = distances(tracks, position[:2, None])[:, 0]
+    return int(np.argmin(away)) if len(away) and away.min() < NEAR else None
+
+
 def moved(objects: Array, time: float) -> Array:
-    """Objects ``(4, n)`` some time later."""
+    """Objects ``(4, ...)`` some time later."""
     return np.concatenate([objects[:2] + objects[2:] * time, objects[2:]])
 
 

@@ -1,0 +1,1 @@
+"""Trackers of several objects, sound and with one fault, that the doctor is measured on."""

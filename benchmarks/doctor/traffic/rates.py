@@ -1,0 +1,120 @@
+"""How often the doctor of trackers of several objects is right, as a section of the page."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.doctor.subject import SENSORS
+from trackbench.doctor.traffic.examine import TrafficDoctor
+
+from .faults import FAULTY
+from .held_out import HELD_OUT
+from .sound import SOUND_SUBJECTS
+from .subject import TrafficSubject
+
+TITLE = "## Trackers of several objects"
+#: The doctor was made with the first ones; the others were kept aside.
+MADE_WITH = [*SOUND_SUBJECTS, *FAULTY]
+SUBJECTS = [*MADE_WITH, *HELD_OUT]
+
+
+class TrafficSeen(NamedTuple):
+    """The outcome of an examination."""
+
+    number: int
+    """Of the subject."""
+    found: tuple[str, ...]
+    """Names of the faults, the first one first."""
+    seconds: float
+    """CPU time."""
+    words: str
+
+    @property
+    def subject(self) -> TrafficSubject:
+        return SUBJECTS[self.number]
+
+    @property
+    def held_out(self) -> bool:
+        return self.number >= len(MADE_WITH)
+
+    @property
+    def right(self) -> bool:
+        return self.found[:1] == (self.subject.fault,) if self.subject.fault else not self.found
+
+
+def examine(number: int) -> TrafficSeen:
+    """One examination."""
+    subject = SUBJECTS[number]
+    warnings.simplefilter("ignore")
+    begin = time.process_time()
+    found = TrafficDoctor({kind: SENSORS[kind] for kind in subject.sensors}).examine(subject.name, subject.make)
+    seconds = time.process_time() - begin
+    failed = [f"{check.name}: {check.result}" for check in found.checks if check.passed is False]
+    return TrafficSeen(number, tuple(finding.fault for finding in found.findings), seconds, "; ".join(failed))
+
+
+def table(seen: Sequence[TrafficSeen]) -> list[str]:
+    """Rows of faults, columns of trackers, first those that the doctor was made with."""
+    faulty = [one for one in seen if one.subject.fault]
+    columns = [
+        (held_out, tracker)
+        for held_out in (False, True)
+        for tracker in [*dict.fromkeys(_column(one) for one in faulty if one.held_out == held_out), "all"]
+    ]
+    names = [f"{tracker}, held out" if held_out else tracker for held_out, tracker in columns]
+    lines = ["| injected fault | " + " | ".join(names) + " |", "| --- |" + " ---: |" * len(columns)]
+    for fault in [*sorted({one.subject.fault for one in faulty}), "all"]:
+        cells = []
+        for held_out, tracker in columns:
+            of_kind = [one for one in faulty if one.held_out == held_out and tracker in (_column(one), "all")]
+            right = [one.right for one in of_kind if fault in (one.subject.fault, "all")]
+            cells.append(f"{sum(right)}/{len(right)}" if right else "")
+        lines.append(f"| {f'`{fault}`' if fault != 'all' else 'all'} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def section(seen: Sequence[TrafficSeen]) -> list[str]:
+    """The lines of the section."""
+    seconds = [one.seconds for one in seen]
+    lines = [
+        TITLE,
+        "",
+        "The faults are in the built-in trackers (`associate`, and wrappers of them) and in trackers in plain NumPy:",
+        "a global nearest neighbour with M-of-N logic, one that takes the nearest pair first and goes by score, and",
+        "probabilistic data association with existence probabilities. Held out are those that were not tried before",
+        "the checks were finished: one made of Stone Soup's parts, one like those of computer vision, and other",
+        "wrappers of the built-in ones. Each is examined with a lidar and a radar.",
+        "",
+        *table(seen),
+    ]
+    for held_out, words in ((False, "that the checks were made with"), (True, "held out")):
+        own = [one for one in seen if one.held_out == held_out]
+        faulty = [one for one in own if one.subject.fault]
+        sound = [one for one in own if not one.subject.fault]
+        hits, silent = sum(one.right for one in faulty), sum(one.right for one in sound)
+        lines += [
+            "",
+            f"Of the trackers {words}, {hits} of {len(faulty)} injected faults ({hits / len(faulty):.1%}) have the "
+            f"right name first, and in {silent} of {len(sound)} examinations of sound ones nothing was found.",
+        ]
+    lines += [
+        "",
+        f"An examination takes {np.median(seconds):.1f} s of CPU time in the median, at most {max(seconds):.0f} s.",
+    ]
+    missed = [one for one in seen if not one.right]
+    if missed:
+        lines += ["", "Not named first:", ""]
+        lines += [
+            f"- {one.subject.name}{' (held out)' if one.held_out else ''}: {', '.join(one.found) or 'nothing'}"
+            for one in missed
+        ]
+    return lines
+
+
+def _column(one: TrafficSeen) -> str:
+    return "built in" if one.subject.tracker.startswith("builtin") else one.subject.tracker
