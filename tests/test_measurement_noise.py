@@ -79,4 +79,5 @@ def test_what_does_not_fit_is_one_message(tiny: Path, entry: str, message: str) 
     with pytest.raises(TrackbenchError) as caught:
         load_scenario(tiny)
     assert not isinstance(caught.value, InputErrors)
-    assert message in str(caught.value) and "measurement_noise" in str(caught.value)
+    assert message in str(caught.value)
+    assert "measurement_noise" in str(caught.value)
