@@ -21,9 +21,7 @@ class Sonar(Sensor):
     components: ClassVar[tuple[str, ...]] = ("range", "bearing")
     angular: ClassVar[tuple[int, ...]] = (1,)
     units: ClassVar[tuple[str, ...]] = ("m", "rad")
-
-    def sigmas(self) -> tuple[float, ...]:
-        return (self.range_sigma_m, np.deg2rad(self.bearing_sigma_deg))
+    sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "bearing_sigma_deg")
 
     @classmethod
     def measure(cls, target: Array, pose: Array, velocity: Array) -> Array:

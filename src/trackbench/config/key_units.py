@@ -90,6 +90,13 @@ def split_key(key: str) -> tuple[str, Unit | None]:
     return (stem, unit) if unit else (key, None)
 
 
+def in_si(key: str, value: float) -> float:
+    """The value of a key whose name ends in its unit, in SI units and radians."""
+    unit = split_key(key)[1]
+    assert unit is not None
+    return value * unit.factor
+
+
 def convert(value: float, source: Unit, target: Unit) -> float | None:
     """``value`` in another unit; None between different quantities."""
     return value * source.factor / target.factor if source.quantity == target.quantity else None

@@ -14,7 +14,7 @@ def build_multi(config: FilterConfig) -> MultiObjectTracker:
         filter_of(config),
         config.associate,
         config.initial,
-        sensor_models=config.sensor_models,
+        assumed=config.assumed,
         sensors=config.sensors,
         advance_at=config.advance_at,
     )

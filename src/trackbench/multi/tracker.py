@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import ClassVar, NamedTuple
@@ -21,6 +21,7 @@ from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
+from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
 from trackbench.trackers.initial import from_first
@@ -55,8 +56,7 @@ class MultiObjectTracker:
     filter: Filter
     associate: AssociateConfig
     initial: InitialConfig
-    sensor_models: Mapping[str, str] = field(default_factory=dict)
-    """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
+    assumed: AssumedSensors = field(default_factory=AssumedSensors)
     sensors: Collection[str] | None = None
     """Names of the sensors whose detections it takes in; None: all."""
     advance_at: AdvanceAt = "own_scans"
@@ -87,7 +87,7 @@ class MultiObjectTracker:
             one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, one, None if origins is None else origins[:, None])
             return state, _alone(tracks)
-        scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
+        scan = self.assumed.read(scan)
         runs = scan.valid.shape[1]
         state = state or self._nothing_yet(scan.time, runs)
         require_in_sequence(scan, state.time)

@@ -105,6 +105,21 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
             if len(own) != len(other):
                 reads = f"{sensor} reads {', '.join(own)}"
                 yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
+        if isinstance(tracker, FilterConfig):
+            yield from _assumed_noise(scenario, name, tracker)
+
+
+def _assumed_noise(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+    for sensor, sigmas in tracker.measurement_noise.items():
+        at = ("trackers", name, "measurement_noise", sensor)
+        if sensor not in scenario.sensors:
+            yield Problem(at, _no_sensor(scenario, sensor))
+            continue
+        kind = tracker.sensor_models.get(sensor, scenario.sensors[sensor].type)
+        known = list(dict.fromkeys(SENSOR_MODELS[kind].sigma_options))
+        for key in sigmas:
+            if key not in known:
+                yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest(key, known)}")
 
 
 def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:

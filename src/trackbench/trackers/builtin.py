@@ -34,7 +34,7 @@ def build(config: FilterConfig) -> FilterTracker:
     return FilterTracker(
         filter_of(config),
         config.initial,
-        sensor_models=config.sensor_models,
+        assumed=config.assumed,
         sensors=config.sensors,
         advance_at=config.advance_at,
     )

@@ -13,6 +13,7 @@ from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, Motion
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
+from trackbench.trackers.assumed import AssumedSensors
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 InitialSource = Literal["first_reading", "two_readings", "truth"]
@@ -169,6 +170,12 @@ class FilterConfig(OptionsBeside):
         description="For a sensor's name, the kind of sensor (`trackbench list sensors` shows them) that the tracker "
         "takes it for, in place of what it is: shows what a wrong sensor model costs.",
     )
+    measurement_noise: dict[str, dict[str, Positive]] = Field(
+        default_factory=dict,
+        description="For a sensor's name, standard deviations that the tracker takes in place of those that the sensor "
+        "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
+        "ones cost.",
+    )
     associate: AssociateConfig | None = Field(
         None,
         description="Follows several objects from detections of hidden identities: how it associates them, and when "
@@ -188,6 +195,11 @@ class FilterConfig(OptionsBeside):
     def sensors_used(self) -> list[str] | None:
         """Names of the sensors whose measurements it is given: those that it reads or starts tracks from; None: all."""
         return None if self.sensors is None else [*self.sensors, *(self.initial.sensors or [])]
+
+    @property
+    def assumed(self) -> AssumedSensors:
+        """What it assumes of its sensors."""
+        return AssumedSensors(self.sensor_models, self.measurement_noise)
 
     @property
     def model(self) -> MotionModel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, NamedTuple
 
@@ -12,6 +12,7 @@ from trackbench import linalg
 from trackbench.filters import Belief, Filter, Update
 from trackbench.models.motion import Kinematics
 from trackbench.trackers import initial
+from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior, require_in_sequence
 from trackbench.trackers.config import AdvanceAt, InitialConfig
 from trackbench.trackers.initial import TentativeTrack
@@ -41,8 +42,7 @@ class FilterTracker:
     initial: InitialConfig
     prior: Prior | None = None
     """Set by the bench where ``initial`` says that tracks start from the truth."""
-    sensor_models: Mapping[str, str] = field(default_factory=dict)
-    """By a sensor's name, the kind of sensor that the tracker takes it for, where that is not its own."""
+    assumed: AssumedSensors = field(default_factory=AssumedSensors)
     sensors: Collection[str] | None = None
     """Names of the sensors whose measurements it takes in; None: all that it is given."""
     advance_at: AdvanceAt = "own_scans"
@@ -55,7 +55,7 @@ class FilterTracker:
         Raises:
             TrackbenchError: the scan is older than the state.
         """
-        scan = scan._replace(kind=self.sensor_models.get(scan.sensor, scan.kind))
+        scan = self.assumed.read(scan)
         if state is None:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
         require_in_sequence(scan, state.time)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from trackbench.config import Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
+from trackbench.config.key_units import in_si, split_key
 from trackbench.errors import nearest
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.presets import presets
@@ -49,6 +50,8 @@ class Sensor(Config, ABC):
     """Which components are angles."""
     units: ClassVar[tuple[str, ...]]
     """The unit of each in a measurement: "m", "rad", "m/s"."""
+    sigma_options: ClassVar[tuple[str, ...]]
+    """The option that is the standard deviation of each, its unit at the end: "azimuth_sigma_deg"."""
 
     type: str = Field("", description="The kind of sensor.")
     preset: str | None = Field(
@@ -133,9 +136,9 @@ class Sensor(Config, ABC):
         """The name by which a scenario asks for this class."""
         return SENSOR_MODELS.name_of(cls)
 
-    @abstractmethod
     def sigmas(self) -> tuple[float, ...]:
         """``(m,)`` standard deviation of each component of a measurement, in SI units and radians."""
+        return tuple(in_si(name, getattr(self, name)) for name in self.sigma_options)
 
     def biases(self) -> tuple[float, ...]:
         """``(m,)`` constant error of each component of a measurement, in SI units and radians."""
@@ -155,6 +158,14 @@ class Sensor(Config, ABC):
     def noise_covariance(self) -> Array:
         """``(m, m)`` covariance that the sensor states of its measurements."""
         return np.diag(np.array(self.sigmas()) ** 2)
+
+    @classmethod
+    def other_noise(cls, covariance: Array, sigmas: Mapping[str, float]) -> Array:
+        """``(m, m)`` the covariance with other standard deviations, by their option, and the same correlations."""
+        own = np.sqrt(np.diag(covariance))
+        other = [in_si(name, sigmas[name]) if name in sigmas else own[i] for i, name in enumerate(cls.sigma_options)]
+        ratio = np.array(other) / own
+        return covariance * np.outer(ratio, ratio)
 
     @classmethod
     @abstractmethod
@@ -182,9 +193,16 @@ class Sensor(Config, ABC):
 
 def _lacks(found: Any) -> str | None:
     lacking = lacks_class(Sensor)(found)
-    if lacking is None and len(found.units) != len(found.components):
-        return f"it has {len(found.components)} components and {len(found.units)} units"
-    return lacking
+    if lacking is not None:
+        return lacking
+    size = len(found.components)
+    for name in ("units", "sigma_options"):
+        if len(getattr(found, name)) != size:
+            return f"it has {size} components and {len(getattr(found, name))} {name}"
+    for name in found.sigma_options:
+        if name not in found.model_fields or split_key(name)[1] is None:
+            return f"its sigma_options name {name!r}, which is no option with a unit at its end"
+    return None
 
 
 #: The sensors by the names that scenarios use; ``SENSOR_MODELS[scan.kind]`` has the equations of a scan.

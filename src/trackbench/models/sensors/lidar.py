@@ -25,9 +25,7 @@ class Lidar(Sensor):
 
     components: ClassVar[tuple[str, ...]] = ("x", "y")
     units: ClassVar[tuple[str, ...]] = ("m", "m")
-
-    def sigmas(self) -> tuple[float, ...]:
-        return (self.position_sigma_m, self.position_sigma_m)
+    sigma_options: ClassVar[tuple[str, ...]] = ("position_sigma_m", "position_sigma_m")
 
     def biases(self) -> tuple[float, ...]:
         return (self.x_bias_m, self.y_bias_m)

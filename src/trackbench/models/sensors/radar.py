@@ -56,9 +56,7 @@ class Radar(Polar):
     range_rate_bias_mps: float = Field(0, description="Constant error of the range rate, m/s.")
 
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "range_rate")
-
-    def sigmas(self) -> tuple[float, ...]:
-        return (self.range_sigma_m, np.deg2rad(self.azimuth_sigma_deg), self.range_rate_sigma_mps)
+    sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "azimuth_sigma_deg", "range_rate_sigma_mps")
 
     def biases(self) -> tuple[float, ...]:
         return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.range_rate_bias_mps)

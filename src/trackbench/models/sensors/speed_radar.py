@@ -25,9 +25,7 @@ class SpeedRadar(Polar):
     speed_bias_mps: float = Field(0, description="Constant error of the speed, m/s.")
 
     components: ClassVar[tuple[str, ...]] = ("range", "azimuth", "speed")
-
-    def sigmas(self) -> tuple[float, ...]:
-        return (self.range_sigma_m, np.deg2rad(self.azimuth_sigma_deg), self.speed_sigma_mps)
+    sigma_options: ClassVar[tuple[str, ...]] = ("range_sigma_m", "azimuth_sigma_deg", "speed_sigma_mps")
 
     def biases(self) -> tuple[float, ...]:
         return (self.range_bias_m, np.deg2rad(self.azimuth_bias_deg), self.speed_bias_mps)
