@@ -1,4 +1,4 @@
-"""Speed of trackbench's filters beside FilterPy and Stone Soup, on the same measurements in the same process.
+"""Speed of trackbench's filters, trackers of traffic and scores beside those of other packages, on the same data.
 
 Prints a table and writes it to ``results/benchmark.md`` and ``results/benchmark.json``. Every engine runs on one
 thread; the repetitions of all engines alternate, and the best of each counts.
@@ -27,6 +27,8 @@ import engines
 import isolation
 import stages
 import table
+import traffic_scores
+import traffic_trackers
 
 RESULTS = Path(__file__).parent.parent / "results"
 RUNS, STEPS = 1000, 500
@@ -58,11 +60,13 @@ def main() -> None:
             best[key] = min(best[key], call() / steps * 1e6)
     found = {
         "machine": {"cpu": cpu_model(), "threads": 1, "python": platform.python_version()},
-        "versions": {name: version(name) for name in ("trackbench", "numpy", "filterpy", "stonesoup")},
+        "versions": {name: version(name) for name in ("trackbench", "numpy", "filterpy", "stonesoup", "trackeval")},
         "problem": {"runs": RUNS, "steps": STEPS, "peer_runs": PEER_RUNS, "repetitions": options.repetitions},
         "largest_difference": agreement,
         "microseconds_per_step": [{"problem": p, "engine": e, "value": value} for (p, e), value in best.items()],
         "ratios": ratios(best),
+        "traffic_trackers": traffic_trackers.measure(),
+        "traffic_scores": traffic_scores.measure(),
         "memory": None if options.no_memory else memory(),
         "isolation": isolation.measure(),
         "stages": None if options.no_stages else stages.measure(),

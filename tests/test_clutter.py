@@ -11,9 +11,9 @@ from scipy import stats
 from tests.scenes import fixed_observer, truth
 
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
 from trackbench.sensing.scans import ideal_sensors
-from trackbench.types import FALSE_ALARM, Array, Observer, Truth
+from trackbench.types import FALSE_ALARM, Array, Observer, Truth, scan_of_run
 
 RADAR: dict[str, Any] = {
     "rate_hz": 10, "range_sigma_m": 0.3, "azimuth_sigma_deg": 0.5, "range_rate_sigma_mps": 0.1, "fov_deg": 100,
@@ -166,7 +166,7 @@ def test_an_empty_scan_is_delivered() -> None:
     nothing = found(Radar(**{**RADAR, "max_range_m": 10}), 3)
     assert len(nothing.scans) == STEPS
     assert all(scan.measurement.shape == (3, 0, 3) for scan in nothing.scans)
-    assert of_run(nothing.scans[0], 2).measurement.shape == (3, 0)
+    assert scan_of_run(nothing.scans[0], 2).measurement.shape == (3, 0)
 
 
 def test_a_run_is_the_same_in_whatever_block() -> None:

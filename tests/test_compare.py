@@ -17,9 +17,9 @@ import pyarrow.parquet as pq
 import pytest
 from scipy import stats
 
-from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, assembly, compare, find, load
+from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, groups, load
 from trackbench.compare.comparability import Comparability, comparability
-from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metric
+from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metrics
 from trackbench.errors import InputError
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.metrics.intervals import paired, ratio, unpaired
@@ -29,7 +29,8 @@ from trackbench.results import Result
 Run = Callable[..., Result]
 Keep = Callable[..., ResultSet]
 
-POSITION = compared_metric("position_rmse", "")
+METRICS = compared_metrics([], built_in=True)
+POSITION = METRICS["position_rmse"]
 WORSE_EKF = "trackers.ekf.acceleration_sigma_mps2=30"
 TWIN = "trackers.twin={filter: ekf, motion: cv, acceleration_sigma_mps2: 3}"
 RANDOM = "truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {a: {pieces: [{white: {motion: cv, acceleration_sigma_mps2: 1}}]}}}"  # noqa: E501
@@ -82,7 +83,7 @@ def test_every_metric_comes_back_from_the_table_of_the_runs(keep: Keep, metric: 
     (entry,) = keep().entries
     tracker = entry.result.summary.trackers[1]
     stated = tracker.metrics[metric.removesuffix(".mean")]
-    interval = entry.interval(tracker.name, compared_metric(metric, ""))
+    interval = entry.interval(tracker.name, METRICS[metric])
     assert interval is not None
     assert interval.value == pytest.approx(stated.value, rel=1e-9)
     assert interval.ci95 == pytest.approx(stated.ci95, rel=1e-6)
@@ -323,10 +324,10 @@ def test_a_regression_fails_when_it_is_real_and_more_than_allowed(keep: Keep) ->
 
 
 def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monkeypatch: pytest.MonkeyPatch) -> None:
-    def larger(path: str, key: str, own: object = (), **_: bool) -> ComparedMetric:
-        return replace(compared_metric(path, key), better="larger")
+    def larger(own: object, *, built_in: bool) -> dict[str, ComparedMetric]:
+        return {path: replace(metric, better="larger") for path, metric in METRICS.items()}
 
-    monkeypatch.setattr(assembly, "compared_metric", larger)
+    monkeypatch.setattr(groups, "compared_metrics", larger)
     sets = [keep(), keep(WORSE_EKF)]
     assert judged(sets, 0)["ekf"] == "passed"
     assert judged(sets[::-1], 0)["ekf"] == "failed"

@@ -226,7 +226,7 @@ def test_the_tracker_of_a_scenario_is_examined_with_the_sensors_that_it_uses() -
 @pytest.mark.parametrize(
     ("target", "options", "words"),
     [
-        ("scenarios/highway.yaml", {}, "say which of its trackers"),
+        ("scenarios/highway.yaml", {}, "name the tracker in it: scenarios/highway.yaml#"),
         ("scenarios/highway.yaml#ekf_cw", {}, "did you mean 'ekf_cv'"),
         ("scenarios/highway.yaml#ekf_cv", {"a": 1}, "--option"),
         ("scenarios/higway.yaml#ekf_cv", {}, "did you mean 'scenarios/highway.yaml'"),

@@ -176,7 +176,7 @@ def test_a_healthy_tracker_ends_with_0(cli: Callable[..., Any], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Raises", "KeyError: 'rho' (at -0.95 s of ahead_left, at a measurement of radar)"),
+        ("Raises", "KeyError: 'rho' (MODULE.py:17, in step, at -0.95 s of ahead_left, at a measurement of radar)"),
         (
             "Shape",
             "the mean has the shape (4, 1), where (4,) is needed (at -3 s of ahead_left, at a measurement of lidar)",
@@ -185,21 +185,27 @@ def test_a_healthy_tracker_ends_with_0(cli: Callable[..., Any], tmp_path: Path) 
             "Kind",
             "step must return (state, estimate), not str 'estimate' (at -3 s of ahead_left, at a measurement of lidar)",
         ),
-        ("Missed", "ValueError: nothing to read (at 0 s of ahead_left, at a missed measurement of lidar)"),
+        (
+            "Missed",
+            "ValueError: nothing to read "
+            "(MODULE.py:34, in step, at 0 s of ahead_left, at a missed measurement of lidar)",
+        ),
+        ("Stopped", "KeyboardInterrupt (MODULE.py:40, in step, at -3 s of ahead_left, at a measurement of lidar)"),
     ],
 )
-def test_what_cannot_run_ends_with_3(
-    cli: Callable[..., Any], tmp_path: Path, module: str, name: str, said: str
-) -> None:
-    done = cli("doctor", f"{module}:{name}", "--json", "--out", "out")
-    assert (done.status, done.out) == (3, "")
-    assert done.err.splitlines() == ["loud", f"{module}:{name} cannot be examined: {said}"]
+def test_what_cannot_run_ends_with_3(trackbench: str, tmp_path: Path, module: str, name: str, said: str) -> None:
+    """As a command of its own: what a tracker prints comes from its process, and not through Python."""
+    command = [trackbench, "doctor", f"{module}:{name}", "--json", "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (3, "")
+    expected = f"{module}:{name} cannot be examined: {said.replace('MODULE', module)}"
+    assert done.stderr.splitlines() == ["loud", expected]
     assert not (tmp_path / "out").exists()
 
 
 def test_an_interrupt_leaves_nothing(cli: Callable[..., Any], tmp_path: Path, module: str) -> None:
     before = {path.name for path in tmp_path.iterdir()}
-    done = cli("doctor", f"{module}:Stopped", "--out", "out")
+    done = cli("doctor", f"{module}:Stopped", "--in-process", "--out", "out")
     assert (done.status, done.out) == (130, "")
     assert {path.name for path in tmp_path.iterdir()} - before <= {"__pycache__"}
 
@@ -207,7 +213,7 @@ def test_an_interrupt_leaves_nothing(cli: Callable[..., Any], tmp_path: Path, mo
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["tiny.yaml"], "tiny.yaml: say which of its trackers: tiny.yaml#raw (raw, ekf)"),
+        (["tiny.yaml"], "tiny.yaml: name the tracker in it: tiny.yaml#raw or tiny.yaml#ekf"),
         (["tiny.yaml#"], "tiny.yaml: there is no tracker '' in it: choose from: ekf, raw"),
         (["tiny.yaml#ekg"], "tiny.yaml: there is no tracker 'ekg' in it: did you mean 'ekf'?"),
         (["tiny.yaml#ekf", "--option", "a=1"], "tiny.yaml: --option goes with a class"),

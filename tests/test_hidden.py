@@ -7,8 +7,9 @@ import pytest
 from tests.scenes import truth
 
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.sensing.detections import PADDING, HiddenMeasurements, of_run, sense_hidden
+from trackbench.sensing.detections import PADDING, HiddenMeasurements, sense_hidden
 from trackbench.sensing.scans import IdealSensor, Measurements, ideal_sensors, sense
+from trackbench.types import scan_of_run
 
 SENSORS = {
     "radar": Radar(
@@ -41,7 +42,7 @@ def test_only_detections_are_left_and_each_once() -> None:
         assert (before.time, before.sensor) == (after.time, after.sensor)
         measurement, valid = before.measurement.reshape(-1, 6, 3), before.valid.reshape(6, 3)
         for run in range(3):
-            detections, one = measurement[:, valid[:, run], run], of_run(after, run)
+            detections, one = measurement[:, valid[:, run], run], scan_of_run(after, run)
             counts.add(detections.shape[1])
             assert one.measurement.shape == detections.shape
             assert one.valid.shape == (detections.shape[1],)
@@ -68,14 +69,14 @@ def test_a_block_pads_each_run_at_its_end() -> None:
 def test_a_run_is_the_same_in_whatever_block() -> None:
     block, single = hidden(range(2, 6)), hidden(range(4, 5))
     for many, one in zip(block.scans, single.scans, strict=True):
-        np.testing.assert_array_equal(of_run(many, 2).measurement, of_run(one, 0).measurement)
+        np.testing.assert_array_equal(scan_of_run(many, 2).measurement, scan_of_run(one, 0).measurement)
     assert block.digests[2] == single.digests[0]
     assert len(set(block.digests)) == 4
 
 
 def test_the_order_means_nothing() -> None:
     # Ranges grow with the object's number, so an order that kept identities would be sorted at every scan.
-    scans = [of_run(scan, run) for run in range(20) for scan in hidden(range(20)).scans if scan.sensor == "radar"]
+    scans = [scan_of_run(scan, run) for run in range(20) for scan in hidden(range(20)).scans if scan.sensor == "radar"]
     several = [scan.measurement[0] for scan in scans if scan.valid.size == 3]
     ascending = np.array([bool(np.all(np.diff(ranges) > 0)) for ranges in several])
     assert len(several) > 100
@@ -96,6 +97,6 @@ def test_what_the_sensor_states() -> None:
 
 def test_the_scans_cannot_be_written_into() -> None:
     scan = hidden().scans[0]
-    for one in (scan, of_run(scan, 0)):
+    for one in (scan, scan_of_run(scan, 0)):
         with pytest.raises(ValueError, match="read-only"):
             one.measurement[:] = 0

@@ -7,12 +7,12 @@ from math import comb
 
 import numpy as np
 import pytest
-from tests.traffic_scans import NOISE, PADDING, RANGE, of_run, one_scan, traffic, vehicles
+from tests.traffic_scans import NOISE, PADDING, RANGE, one_scan, traffic, vehicles
 
 from trackbench.distributions import chi_square_quantile
 from trackbench.multi import MultiObjectTracker, build_multi
 from trackbench.trackers.config import FilterConfig
-from trackbench.types import FieldOfView, Scan
+from trackbench.types import FieldOfView, Scan, scan_of_run
 
 VELOCITY_SIGMA = 5.0
 
@@ -112,11 +112,11 @@ def test_the_rate_of_false_tracks_in_an_empty_scene(rule: tuple[int, int]) -> No
 
 def test_a_track_ends_after_so_many_misses_or_so_long() -> None:
     seen = traffic(vehicles(3, spacing=40.0), 20, detection=1.0, clutter=0.0, sensors=("lidar",))
-    last = of_run(seen.scans[-1], 0)
+    last = scan_of_run(seen.scans[-1], 0)
     for rule, left in (({"delete_misses": 4}, 3), ({"delete_after_s": 0.32}, 6)):
         of, state = tracker(**rule), None
         for scan in seen.scans:
-            state, tracks = of.step(state, of_run(scan, 0))
+            state, tracks = of.step(state, scan_of_run(scan, 0))
         assert len(tracks.ids) == 3
         counts = []
         for k in range(1, 10):
@@ -132,8 +132,8 @@ def test_a_track_outside_the_field_of_view_is_not_missed() -> None:
     seen = traffic(vehicles(3, spacing=40.0), 20, detection=1.0, clutter=0.0, sensors=("lidar",))
     of, state = tracker(delete_misses=4), None
     for scan in seen.scans:
-        state, _ = of.step(state, of_run(scan, 0))
-    last = of_run(seen.scans[-1], 0)
+        state, _ = of.step(state, scan_of_run(scan, 0))
+    last = scan_of_run(seen.scans[-1], 0)
     for k in range(1, 10):
         narrow = last._replace(
             time=last.time + 0.05 * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool),
@@ -150,14 +150,14 @@ def test_the_score_confirms_and_deletes() -> None:
     confirmed, scores = [], []
     for scan in seen.scans:
         stated = scan._replace(detection_probability=0.9)
-        state, tracks = of.step(state, of_run(stated, 0))
+        state, tracks = of.step(state, scan_of_run(stated, 0))
         confirmed.append(len(tracks.ids) > 0)
         near = np.hypot(*(state.table.mean[:2] - seen.truth[0][:2, :1])) < 3
         scores.append(state.table.evidence[0, near].max())
     assert confirmed == [score >= 12.0 for score in scores]
     assert 1 <= confirmed.index(True) <= 3
     largest = scores[-1]
-    last = of_run(seen.scans[-1], 0)
+    last = scan_of_run(seen.scans[-1], 0)
     counts = []
     for k in range(1, 7):
         empty = last._replace(
@@ -176,11 +176,11 @@ def test_existence_rises_with_detections_and_falls_with_misses(method: str) -> N
     seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
     of, state = tracker(method, visible_s=None), None
     for scan in seen.scans:
-        state, tracks = of.step(state, of_run(scan._replace(detection_probability=0.9), 0))
+        state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=0.9), 0))
     assert tracks.existence is not None
     assert tracks.existence.max() > 0.999
     r = tracks.existence[0]
-    last = of_run(seen.scans[-1], 0)
+    last = scan_of_run(seen.scans[-1], 0)
     empty = last._replace(
         time=last.time + 0.05, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool), detection_probability=0.9
     )
@@ -198,14 +198,14 @@ def test_a_hidden_object_may_exist(method: str) -> None:
     dt, detection, gate, lifetime, visible_s, hidden_s = 0.05, 0.9, 0.9999, 60.0, 5.0, 2.0
     of, state = tracker(method, visible_s=visible_s, hidden_s=hidden_s, lifetime_s=lifetime), None
     for scan in seen.scans:
-        state, tracks = of.step(state, of_run(scan._replace(detection_probability=detection), 0))
+        state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=detection), 0))
     real = int(np.argmax(state.table.evidence[0]))
     exists, visible = state.table.evidence[:, real]
     chances = np.array([exists * visible, exists * (1 - visible), 1 - exists])
     rates = np.array([[-1 / visible_s, 1 / hidden_s], [1 / visible_s, -1 / hidden_s]])
     values, vectors = np.linalg.eig(rates)
     move = (vectors * np.exp(values * dt)) @ np.linalg.inv(vectors)
-    last = of_run(seen.scans[-1], 0)
+    last = scan_of_run(seen.scans[-1], 0)
     for k in range(1, 9):
         empty = last._replace(
             time=last.time + dt * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool),
@@ -229,9 +229,9 @@ def test_what_the_tracker_takes_in_place_of_what_the_sensor_states() -> None:
     a = b = c = None
     differs = False
     for right, wrong in zip(seen.scans, misstated, strict=True):
-        a, told = plain.step(a, of_run(right, 0))
-        b, overridden = of.step(b, of_run(wrong, 0))
-        c, misled = plain.step(c, of_run(wrong, 0))
+        a, told = plain.step(a, scan_of_run(right, 0))
+        b, overridden = of.step(b, scan_of_run(wrong, 0))
+        c, misled = plain.step(c, scan_of_run(wrong, 0))
         np.testing.assert_array_equal(told.mean, overridden.mean)
         differs |= told.mean.shape != misled.mean.shape or not np.array_equal(told.mean, misled.mean)
     assert differs

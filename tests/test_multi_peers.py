@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from tests.peers import ACCELERATION_SIGMA
 from tests.traffic_peers import stonesoup_tracks
-from tests.traffic_scans import of_run, traffic, vehicles
+from tests.traffic_scans import traffic, vehicles
 
 from trackbench.multi import build_multi
 from trackbench.trackers.config import FilterConfig
+from trackbench.types import scan_of_run
 
 GATE = 0.9999
 
@@ -31,8 +32,8 @@ def test_the_estimates_where_both_hold_the_same_association(method: str, spacing
             }
         )
     )  # fmt: skip
-    state, begun = of.step(None, of_run(first._replace(sensor="start"), 0))
-    scans = [of_run(scan, 0)._replace(time=scan.time + dt) for scan in seen.scans]
+    state, begun = of.step(None, scan_of_run(first._replace(sensor="start"), 0))
+    scans = [scan_of_run(scan, 0)._replace(time=scan.time + dt) for scan in seen.scans]
     peer = stonesoup_tracks(begun.mean, begun.covariance, first.time, scans, method, GATE)
     same = np.ones(count, dtype=bool)
     compared = 0

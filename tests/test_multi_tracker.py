@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.scenes import NOISE
-from tests.traffic_scans import FALSE_ALARM, Traffic, of_run, traffic, vehicles
+from tests.traffic_scans import FALSE_ALARM, Traffic, traffic, vehicles
 
 from trackbench.errors import TrackbenchError
 from trackbench.multi import MultiObjectTracker, build_multi
 from trackbench.testing import check_tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
-from trackbench.types import Array, Tracks
+from trackbench.types import Array, Tracks, scan_of_run
 
 METHODS = ("gnn", "jpda", "jipda", "pmb", "oracle", "naive")
 FILTERS: dict[str, dict[str, Any]] = {
@@ -43,7 +43,7 @@ def followed(of: MultiObjectTracker, seen: Traffic, run: int | None = None) -> l
     """The tracks after each scan, of all runs or of one without padding."""
     state, said = None, []
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
-        one = scan if run is None else of_run(scan, run)
+        one = scan if run is None else scan_of_run(scan, run)
         own = origins if run is None else origins[: one.valid.size, run]
         state, tracks = of.step(state, one, *((own,) if of.wants_origins else ()))
         said.append(tracks)
@@ -177,8 +177,8 @@ def test_an_empty_scan_predicts(method: str) -> None:
     of = tracker(method)
     state = None
     for scan, origins in zip(seen.scans, seen.origins, strict=True):
-        state, before = of.step(state, of_run(scan, 0), *((origins[:, 0],) if of.wants_origins else ()))
-    last = of_run(seen.scans[-1], 0)
+        state, before = of.step(state, scan_of_run(scan, 0), *((origins[:, 0],) if of.wants_origins else ()))
+    last = scan_of_run(seen.scans[-1], 0)
     empty = last._replace(time=last.time + 0.2, measurement=last.measurement[:, :0], valid=last.valid[:0])
     _, after = of.step(state, empty, *((np.zeros(0, dtype=int),) if of.wants_origins else ()))
     assert len(before.ids) == 4
@@ -218,8 +218,8 @@ def test_the_covariance_has_the_spread_of_the_innovations() -> None:
     of = tracker("jpda", confirm=[1, 1])
     state = None
     for scan in seen.scans:
-        state, tracks = of.step(state, of_run(scan, 0))
-    last = of_run(seen.scans[-1], 0)
+        state, tracks = of.step(state, scan_of_run(scan, 0))
+    last = scan_of_run(seen.scans[-1], 0)
     x, p = tracks.mean[:, 0], tracks.covariance[..., 0]
     dt = 0.05
     f = np.eye(4) + dt * np.eye(4, k=2)
@@ -257,9 +257,9 @@ def test_the_rules_for_trackers_of_several_objects_hold(method: str) -> None:
 def test_a_scan_older_than_the_state_is_refused() -> None:
     seen = traffic(vehicles(2), 2)
     of = tracker("gnn")
-    state, _ = of.step(None, of_run(seen.scans[1], 0))
+    state, _ = of.step(None, scan_of_run(seen.scans[1], 0))
     with pytest.raises(TrackbenchError, match="older than the estimate"):
-        of.step(state, of_run(seen.scans[0], 0))
+        of.step(state, scan_of_run(seen.scans[0], 0))
 
 
 def test_a_sensor_that_is_not_read_changes_nothing() -> None:
@@ -280,8 +280,8 @@ def test_a_sensor_that_states_that_it_detects_nothing(method: str) -> None:
     seen = traffic(vehicles(3, spacing=30.0), 10, detection=1.0, clutter=0.0)
     of, state = tracker(method), None
     for scan in seen.scans:
-        state, tracks = of.step(state, of_run(scan, 0))
-    last = of_run(seen.scans[-1], 0)
+        state, tracks = of.step(state, scan_of_run(scan, 0))
+    last = scan_of_run(seen.scans[-1], 0)
     for probability, density in ((0.0, 0.0), (0.0, 1e-6)):
         blind = last._replace(detection_probability=probability, clutter_density=density)
         _, same = of.step(state, blind)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from trackbench.api.scenario import load_several
 from trackbench.errors import InputError, InputErrors
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.check import check
@@ -142,3 +143,13 @@ def test_check_names_every_mistake_that_needs_other_code(tmp_path: Path) -> None
     assert "lanes_count" in first
     assert ":9: trackers.mine.use: " in second
     assert "'raw'" in second
+
+
+def test_scenes_of_several_leave_those_that_have_one() -> None:
+    loaded, unchanged = load_several(["highway", "traffic/cut_in"], scenes=3, runs=2)
+    assert [len(item.config.truth.scenes()) for item in loaded] == [3, 1]
+    assert [item.config.monte_carlo.runs for item in loaded] == [2, 2]
+    assert unchanged == ["one scene, whatever --scenes says: cut_in"]
+    for named in (["traffic/cut_in"], ["traffic/cut_in", "traffic/guard_rail"]):
+        with pytest.raises(InputError, match="it belongs to truth with source: highway-env"):
+            load_several(named, scenes=3)

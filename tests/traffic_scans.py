@@ -87,9 +87,3 @@ def one_scan(
         detection, clutter / VOLUME[kind], FieldOfView(np.pi, RANGE),
     )  # fmt: skip
     return scan, origins
-
-
-def of_run(scan: Scan, run: int) -> Scan:
-    """The scan of one run, without padding."""
-    count = np.count_nonzero(scan.valid[:, run])
-    return scan._replace(measurement=scan.measurement[:, :count, run], valid=scan.valid[:count, run])

@@ -10,8 +10,8 @@ import numpy as np
 import trackbench as tb
 from trackbench.execution import InProcess
 from trackbench.metrics.intervals import Interval, clustered
+from trackbench.metrics.stored import from_sums
 from trackbench.runner.traffic import TrafficScores, run_traffic_block
-from trackbench.runner.traffic_results import interval_of
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import PendingTruths
@@ -51,7 +51,9 @@ def interval(sums: Array, path: str, scene: Indices | None = None) -> Interval |
     total, count = sums[:, :, PATHS.index(path)].T
     if not count.any():
         return None
-    found = interval_of(METRICS[path], total, count)
+    metric = METRICS[path]
+    rooted = metric.combine == "root"
+    found = from_sums(total, count, at_least=metric.at_least, at_most=metric.at_most, rooted=rooted)
     return found if scene is None else clustered(found, scene)
 
 

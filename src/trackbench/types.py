@@ -90,6 +90,16 @@ class Scan(NamedTuple):
     field_of_view: FieldOfView | None = None
 
 
+def scan_of_run(scan: Scan, run: int) -> Scan:
+    """With hidden identities the detections of one run of a batch, without padding: ``measurement`` ``(m, D)``."""
+    there = scan.valid[:, run]
+    measurement, valid = scan.measurement[:, there, run], there[there]
+    for values in (measurement, valid):
+        # What one tracker must not change of what the next one reads.
+        values.setflags(write=scan.measurement.flags.writeable)
+    return scan._replace(measurement=measurement, valid=valid)
+
+
 class Tracks(NamedTuple):
     """What a tracker of several objects says after a scan: its K confirmed tracks."""
 

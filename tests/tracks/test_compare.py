@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 import trackbench as tb
-from trackbench.compare import compare
+from trackbench.compare import Limit, compare, load
 from trackbench.document.files import text
 from trackbench.errors import InputError
-from trackbench.report.comparison import document
+from trackbench.report.comparison import comparison_files, document
+from trackbench.report.junit import suites_of_comparison
 from trackbench.results import Result
 
 
@@ -50,6 +51,14 @@ def test_a_result_is_the_same_as_itself(cli: Callable[..., Any], traffic_folder:
     assert "4 of 4 limits kept" in done.out
 
 
+def test_more_runs_of_the_same_change_nothing(traffic_result: Result, traffic_text: str, tmp_path: Path) -> None:
+    (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
+    more = tb.run(tb.load(tmp_path / "three_cars.yaml", runs=5))
+    for item in compare([traffic_result, more], metrics=["gospa", "hota", "id_switches", "position_rmse"]).differences:
+        assert item.paired_runs == 3
+        assert item.identical
+
+
 def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: Result) -> None:
     other = traffic_result.updated(scenario=traffic_result.summary.scenario.model_copy(update={"name": "again"}))
     page = text(document(compare([[traffic_result, other]]), times=True))
@@ -59,11 +68,75 @@ def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: Result) -> 
 
 
 def test_known_and_hidden_identities_are_not_compared(traffic_result: Result, tiny_result: Result) -> None:
-    message = "cannot be compared with results 1: identities are hidden here and known there"
-    with pytest.raises(InputError, match=message):
-        compare([tiny_result, traffic_result])
-    with pytest.raises(InputError, match="identities are known here and hidden there"):
-        compare([[traffic_result, tiny_result]])
+    for results, here, there in (
+        ((tiny_result, traffic_result), "hidden", "known"),
+        ((traffic_result, tiny_result), "known", "hidden"),
+    ):
+        with pytest.raises(InputError, match=f"with results 1: identities are {here} here and {there} there"):
+            compare(results)
+
+
+def renamed(result: Result, name: str) -> Result:
+    return result.updated(scenario=result.summary.scenario.model_copy(update={"name": name}))
+
+
+def no_truth(result: Result, name: str) -> Result:
+    return renamed(result, name).updated(truth=result.summary.truth.model_copy(update={"known": False}))
+
+
+def test_scenarios_of_each_kind_are_compared_apart(traffic_result: Result, tiny_result: Result, tmp_path: Path) -> None:
+    both = [traffic_result, renamed(traffic_result, "again"), tiny_result, no_truth(traffic_result, "recorded")]
+    found = compare([both])
+    assert [(group.ranked_by, [scenario.name for scenario in group.scenarios]) for group in found.groups] == [
+        ("gospa", ["three_cars", "again"]),
+        ("position_rmse", ["tiny"]),
+    ]
+    alone = compare([both[:2]]), compare([tiny_result])
+    for group, same in zip(found.groups, alone, strict=True):
+        assert (group.ranking, group.scores, group.rank_differences) == (
+            same.ranking,
+            same.scores,
+            same.rank_differences,
+        )
+        assert [item.difference for item in group.differences] == [item.difference for item in same.differences]
+    page = document(found, times=True)
+    for items in (page.tables, page.figures):
+        assert len({item.name for item in items}) == len(items) > 1
+    shown = text(page)
+    assert "By GOSPA over 2 scenarios" in shown
+    assert "By position RMSE: tiny" in shown
+    assert "recorded not compared: no truth" in shown
+    for file, content in comparison_files(found, tmp_path / "comparison.json"):
+        file.write_bytes(content)
+    assert load(tmp_path / "comparison.json").json() == found.json()
+
+
+def test_nobody_leads_in_a_tie(traffic_result: Result) -> None:
+    found = compare([[traffic_result, renamed(traffic_result, "again")]])
+    tied = [
+        item.model_copy(update={"mean_rank": 1.5 if place < 2 else 3.0}) for place, item in enumerate(found.ranking)
+    ]
+    first, second, *_ = (item.tracker for item in tied)
+    said = document(found.model_copy(update={"ranking": tied})).lead
+    assert said.endswith(f"{first} and {second} share the best mean rank, 1.50.")
+
+
+def test_a_limit_holds_where_its_metric_is(traffic_result: Result, tiny_result: Result) -> None:
+    both = [traffic_result, tiny_result]
+    found = compare([both, both], limits=[Limit("gospa", 5.0)])
+    assert found.passed
+    assert {item.metric for group in found.groups for item in group.gates} == {"gospa"}
+    assert [len(suite.cases) for suite in suites_of_comparison(found)] == [4, 0]
+    assert "no gospa in tiny, so its limit says nothing of it" in found.notes
+    with pytest.raises(InputError, match=r"--metric: 'velocity' is not compared run by run; did you mean"):
+        compare([both], metrics=["velocity"])
+
+
+def test_recordings_alone_are_not_compared(traffic_result: Result) -> None:
+    with pytest.raises(InputError, match="a recording without a truth"):
+        compare([[no_truth(traffic_result, "one"), no_truth(traffic_result, "two")]])
+    with pytest.raises(InputError, match="no truth here and 3 vehicles there"):
+        compare([traffic_result, no_truth(traffic_result, "one")])
 
 
 def test_another_cutoff_is_another_score(traffic_text: str, traffic_folder: Path, tmp_path: Path) -> None:
@@ -73,7 +146,7 @@ def test_another_cutoff_is_another_score(traffic_text: str, traffic_folder: Path
         compare([Result.load(traffic_folder), other])
 
 
-def test_a_batch_of_both_is_run_and_not_compared(
+def test_a_batch_of_both_is_run_and_each_kind_compared(
     cli: Callable[..., Any], tiny: Path, traffic_text: str, tmp_path: Path
 ) -> None:
     (tmp_path / "three_cars.yaml").write_text(traffic_text, encoding="utf-8")
@@ -81,3 +154,10 @@ def test_a_batch_of_both_is_run_and_not_compared(
     assert done.status == 0
     assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["three_cars", "tiny"]
     assert "Comparison of" not in done.out
+    (tmp_path / "more_cars.yaml").write_text(traffic_text.replace("three_cars", "more_cars"), encoding="utf-8")
+    done = cli("run", tiny, "three_cars.yaml", "more_cars.yaml", "--runs", "2", "--no-recording")
+    assert done.status == 0
+    assert done.out.splitlines()[-1] == "Comparison of 3 scenarios: results/comparison.md"
+    page = (tmp_path / "results" / "comparison.md").read_text(encoding="utf-8")
+    assert "## By position RMSE: tiny" in page
+    assert "## By GOSPA over 2 scenarios" in page

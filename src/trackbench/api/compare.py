@@ -26,7 +26,11 @@ class ReportableComparison(comparison.Comparison):
         return Report(document(self, times=True))
 
     def __repr__(self) -> str:
-        found = f"{counted(len(self.scenarios), 'scenario')}, {counted(len(self.differences), 'difference')}"
+        scenarios, differences = (
+            sum(len(items) for items in each)
+            for each in zip(*((group.scenarios, group.differences) for group in self.groups), strict=True)
+        )
+        found = f"{counted(scenarios, 'scenario')}, {counted(differences, 'difference')}"
         return f"<comparison of {' and '.join(self.sets)}: {found}>"
 
     def __str__(self) -> str:

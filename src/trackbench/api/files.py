@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from trackbench import results
 from trackbench.results import Result
 from trackbench.types import Progress
+
+if TYPE_CHECKING:
+    from trackbench.compare import Comparison
 
 Writer = Callable[[Path], None]
 
@@ -64,8 +68,8 @@ def save(
     return result
 
 
-def save_comparison(found: Sequence[Result], out: Path, colours: Mapping[str, str]) -> None:
-    """Write the comparison of several scenarios beside their folders.
+def save_comparison(found: Sequence[Result], out: Path, colours: Mapping[str, str]) -> Comparison:
+    """Write the comparison of several scenarios beside their folders, and return it.
 
     Raises:
         TrackbenchError: a file cannot be written.
@@ -73,8 +77,10 @@ def save_comparison(found: Sequence[Result], out: Path, colours: Mapping[str, st
     from trackbench.compare import compare, results_in
     from trackbench.report.comparison import batch_files
 
-    for file, content in batch_files(compare([results_in(out, found)]), out, colours):
+    comparison = compare([results_in(out, found)])
+    for file, content in batch_files(comparison, out, colours):
         results.write_bytes(file, content)
+    return comparison
 
 
 def _counted(artifacts: Mapping[str, Writer], progress: Progress) -> dict[str, Writer]:

@@ -14,6 +14,7 @@ from trackbench.truth import LoadedTruth
 from trackbench.types import Progress, no_progress
 
 if TYPE_CHECKING:
+    from trackbench.compare import Comparison
     from trackbench.runner.block import OnRecordedRun
 
 
@@ -59,3 +60,6 @@ class Listener:
 
     def end(self, result: Result, folder: Path | None) -> None:
         """A scenario's runs have ended, and its folder is complete if it has one."""
+
+    def compared(self, comparison: Comparison, page: Path) -> None:
+        """Several scenarios are compared, and the page says what was found."""

@@ -10,6 +10,7 @@ from typing import Any
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import scenario_of
+from trackbench.scenario.recorded_checks import same_every_run
 from trackbench.scenario.select import select_trackers
 
 #: A file, a name such as ``highway``, the text of a scenario file, or its keys and values.
@@ -54,6 +55,40 @@ def load(
     else:
         loaded = load_scenario(scenario, overrides)
     return loaded if trackers is None else select_trackers(loaded, listed(trackers))
+
+
+def load_several(
+    scenarios: Iterable[Named],
+    set: Mapping[str, Any] | Iterable[str] = (),
+    *,
+    runs: int | None = None,
+    seed: int | None = None,
+    scenes: int | None = None,
+    trackers: Iterable[str] | None = None,
+) -> tuple[list[Scenario], list[str]]:
+    """As :func:`load` each; what always has one run or one scene keeps it, if another one takes ``runs`` or ``scenes``.
+
+    Returns:
+        The scenarios, and a sentence on those that an option does not change.
+    """
+    named, given = [*scenarios], {"runs": runs, "scenes": scenes}
+    changes: list[dict[str, int]] = [{option: n for option, n in given.items() if n is not None} for _ in named]
+    plain = [load(item, set).config for item in named] if len(named) > 1 and any(changes) else []
+    found = []
+    for option, word, fixed in (
+        ("runs", "run", [same_every_run(config) for config in plain]),
+        ("scenes", "scene", ["seeds" not in type(config.truth).model_fields for config in plain]),
+    ):
+        if given[option] is not None and any(fixed) and not all(fixed):
+            for change, one in zip(changes, fixed, strict=True):
+                if one:
+                    del change[option]
+            names = ", ".join(config.name for config, one in zip(plain, fixed, strict=True) if one)
+            found.append(f"one {word}, whatever --{option} says: {names}")
+    loaded = [
+        load(item, set, seed=seed, trackers=trackers, **change) for item, change in zip(named, changes, strict=True)
+    ]
+    return loaded, found
 
 
 def loaded_scenario(scenario: Scenario | Named) -> Scenario:

@@ -8,8 +8,8 @@ from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
-from trackbench.sensing.detections import of_run, sense_hidden
-from trackbench.types import Scan, Truth
+from trackbench.sensing.detections import sense_hidden
+from trackbench.types import Scan, Truth, scan_of_run
 
 
 def truth(scenario: Scenario | Named) -> Truth:
@@ -53,7 +53,7 @@ def sense(scenario: Scenario | Named, runs: range = range(1)) -> list[Scan]:
     work = work_of(loaded, [found])
     sensors = work.scenes[0].sensors
     if hidden:
-        return [of_run(scan, 0) for scan in sense_hidden(sensors, work.seed, work.scenario, runs).scans]
+        return [scan_of_run(scan, 0) for scan in sense_hidden(sensors, work.seed, work.scenario, runs).scans]
     seen = scans.sense(sensors, work.seed, work.scenario, runs).scans
     shape = (len(found.truth.ids), len(runs))
     return [

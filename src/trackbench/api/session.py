@@ -48,14 +48,15 @@ def run(prepared: Sequence[Prepared], plan: Plan, executor: Executor, listener: 
 
     batch = Batch(prepared, plan, executor, listener)
     found = batch.run()
-    if plan.out is not None and comparable(found):
-        save_comparison(found, plan.out, batch.colours)
+    if plan.out is not None and _comparable(found):
+        listener.compared(save_comparison(found, plan.out, batch.colours), plan.out / "comparison.md")
     return found
 
 
-def comparable(found: Sequence[Result]) -> bool:
-    """Whether there are several results, whose trackers are ranked by the same metric."""
-    return len(found) > 1 and len({item.summary.headline for item in found}) == 1 and found[0].summary.truth.known
+def _comparable(found: Sequence[Result]) -> bool:
+    """Whether the same metric ranks the trackers of several results."""
+    ranked = [item.summary.headline for item in found if item.summary.truth.known]
+    return len(set(ranked)) < len(ranked)
 
 
 def _checked(scenario: Scenario, plan: Plan) -> Scenario:

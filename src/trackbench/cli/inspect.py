@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from rich.console import Console
@@ -52,35 +54,29 @@ def inspect_command(
     from trackbench.recording.reader import read
 
     recorded = read(run)
-    show = _tracks if recorded.result.summary.identities == "hidden" else _estimates
     if recorded.note:
         click.echo(f"{recorded.note}: read from its tables", err=True)
-    show(recorded, at, worst, tracker, vehicle, as_json)
+    json, show = _inspected(recorded, at, worst, tracker, vehicle)
+    if as_json:
+        click.echo(to_json(json()), nl=False)
+    else:
+        show(Console())
     if opened:
         open_viewer((run,), Opening(at, None if at is not None else 1, vehicle, tracker))
 
 
-def _estimates(
-    recorded: Recorded, at: float | None, worst: int | None, tracker: str | None, vehicle: str | None, as_json: bool
-) -> None:
+def _inspected(
+    recorded: Recorded, at: float | None, worst: int | None, tracker: str | None, vehicle: str | None
+) -> tuple[Callable[[], dict[str, Any]], Callable[[Console], None]]:
+    """What gives it as JSON values, and what prints it."""
+    if recorded.result.summary.identities == "hidden":
+        from trackbench.cli.track_inspection import print_tracks
+        from trackbench.recording.tracks.inspection import inspect_tracks
+
+        tracks = inspect_tracks(recorded, at, worst, tracker, vehicle)
+        return tracks.json, partial(print_tracks, tracks)
     from trackbench.cli.inspection import print_inspection
     from trackbench.recording.inspection import inspect
 
-    found = inspect(recorded, at, worst, tracker, vehicle)
-    if as_json:
-        click.echo(to_json(found.json()), nl=False)
-    else:
-        print_inspection(found, Console())
-
-
-def _tracks(
-    recorded: Recorded, at: float | None, worst: int | None, tracker: str | None, vehicle: str | None, as_json: bool
-) -> None:
-    from trackbench.cli.track_inspection import print_tracks
-    from trackbench.recording.tracks.inspection import inspect_tracks
-
-    found = inspect_tracks(recorded, at, worst, tracker, vehicle)
-    if as_json:
-        click.echo(to_json(found.json()), nl=False)
-    else:
-        print_tracks(found, Console())
+    estimates = inspect(recorded, at, worst, tracker, vehicle)
+    return estimates.json, partial(print_inspection, estimates)

@@ -16,8 +16,7 @@ from trackbench.words import counted
 
 if TYPE_CHECKING:
     from trackbench.metrics.moments import EstimateMoment, SceneMoment
-    from trackbench.recording.inspection import Inspection, SensorContents
-    from trackbench.recording.reader import Recorded
+    from trackbench.recording.inspection import Inspection, RecordedContents
 
 #: Scores that differ by less than this share are the same but for rounding.
 ROUNDING = 1e-9
@@ -25,16 +24,16 @@ ROUNDING = 1e-9
 
 def print_inspection(found: Inspection, console: Console) -> None:
     """The contents and scores, or the moments that were asked for."""
-    print_head(found.summary, console)
+    contents = found.contents
+    print_head(contents.summary, console)
     if found.at is not None:
         _scene(found.at, console)
     if found.worst is not None:
         _worst(found.worst, console)
         for tracker in list(found.worst)[:1]:
-            command = f"trackbench view {found.recorded.file} --worst --tracker {tracker}"
-            console.print(Text(f"\n{command}", style="dim"), highlight=False, soft_wrap=True)
+            print_command(contents, tracker, console)
     if found.at is None and found.worst is None:
-        print_contents(found.summary, found.recorded, found.sensors, console)
+        print_contents(contents, console)
         _scores(found, console)
 
 
@@ -45,10 +44,15 @@ def print_head(summary: Summary, console: Console) -> None:
     console.print(Text.assemble((summary.scenario.name, "bold"), line), highlight=False)
 
 
-def print_contents(
-    summary: Summary, recorded: Recorded, sensors: Mapping[str, SensorContents], console: Console
-) -> None:
+def print_command(contents: RecordedContents, tracker: str, console: Console) -> None:
+    """What shows the worst moment of a tracker."""
+    command = f"trackbench view {contents.recorded.file} --worst --tracker {tracker}"
+    console.print(Text(f"\n{command}", style="dim"), highlight=False, soft_wrap=True)
+
+
+def print_contents(contents: RecordedContents, console: Console) -> None:
     """Where it comes from, and how much was measured."""
+    summary, recorded = contents.summary, contents.recorded
     if summary.scenario.description:
         console.print(Text(summary.scenario.description), highlight=False)
     written = f"written by Rerun {recorded.rerun}" if recorded.rerun else "tables and summary of the run"
@@ -58,7 +62,7 @@ def print_contents(
         f"measurements: {summary.fingerprint}",
         *(
             f"{name}: {sensor.kind}, {counted(sensor.measurements, 'measurement')} at {sensor.instants} instants"
-            for name, sensor in sensors.items()
+            for name, sensor in contents.sensors.items()
         ),
         f"made by: {summary.command}",
     ]
@@ -67,7 +71,8 @@ def print_contents(
 
 
 def _scores(found: Inspection, console: Console) -> None:
-    line = f"\nRun {found.summary.recorded_run} alone, scored afresh from what was recorded"
+    summary, sensors = found.contents.summary, found.contents.sensors
+    line = f"\nRun {summary.recorded_run} alone, scored afresh from what was recorded"
     console.print(Text(line), highlight=False)
     names = ("position_rmse", "velocity_rmse", "course_rmse")
     places = {name: decimals([tracker.metrics[name].value for tracker in found.scored]) for name in names}
@@ -75,11 +80,18 @@ def _scores(found: Inspection, console: Console) -> None:
     for tracker in found.scored:
         errors = [fixed(tracker.metrics[name].value, places[name]) for name in names]
         nis = tracker.of_sensors("nis")
-        by_sensor = [fixed(nis[sensor].value if sensor in nis else None, 2) for sensor in found.sensors]
+        by_sensor = [fixed(nis[sensor].value if sensor in nis else None, 2) for sensor in sensors]
         rows.append([tracker.name, *errors, fixed(tracker.nees.value, 2), *by_sensor])
-    heads = ["tracker", "position m", "vel. m/s", "course deg", "NEES", *(f"NIS {name}" for name in found.sensors)]
+    heads = [
+        "tracker",
+        "position m",
+        "vel. m/s",
+        "course deg",
+        "NEES",
+        *(f"NIS {name}" for name in sensors),
+    ]
     console.print(table(heads, rows))
-    for tracker in found.summary.trackers:
+    for tracker in summary.trackers:
         if tracker.failed is not None:
             console.print(Text(f"{tracker.name} failed: {tracker.failed}"), highlight=False)
     if found.checked is not None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,8 @@ import click
 
 from trackbench import results
 from trackbench.api.plan import MAX_RUNS, Plan
-from trackbench.api.scenario import load
-from trackbench.api.session import comparable, prepare, run
+from trackbench.api.scenario import load_several
+from trackbench.api.session import prepare, run
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, require_known, showing
@@ -112,17 +111,17 @@ def run_command(
     plan = Plan(out, workers, cluster, not no_recording, isolation, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
-    changed = partial(load, set=settings, runs=runs, seed=seed, scenes=scenes, trackers=only)
-    loaded = [changed(file) for file in scenario_files(scenarios)]
+    files = scenario_files(scenarios)
+    loaded, unchanged = load_several(files, settings, runs=runs, seed=seed, scenes=scenes, trackers=only)
     if any(live.values()):
         require_known(loaded)
     output = RunOutput(as_json, quiet)
+    for note in unchanged:
+        output.note(note)
     with executor(workers, cluster) as chosen:
         prepared = prepare(loaded, plan, chosen, output)
         with showing(**live) as output.viewer:
             found = run(prepared, plan, chosen, output)
-            if comparable(found):
-                output.compared(len(found), out)
             if junit is not None:
                 _write_junit(found, junit)
             if as_json:

@@ -18,6 +18,7 @@ from trackbench.results import Result
 from trackbench.types import Progress
 
 if TYPE_CHECKING:
+    from trackbench.compare import Comparison
     from trackbench.recording.live import Live
     from trackbench.runner.block import OnRecordedRun
 
@@ -69,10 +70,13 @@ class RunOutput(Listener):
         written = [file for file in result.summary.artifacts.values() if not file.endswith(".parquet")]
         self._say(f"[dim]{folder}/: {', '.join([results.SUMMARY, *written])}[/dim]\n")
 
-    def compared(self, scenarios: int, out: Path) -> None:
-        """Where the comparison of several scenarios is."""
+    def compared(self, comparison: Comparison, page: Path) -> None:
+        """Where the comparison is, and which scenarios are not in it."""
+        from trackbench.report.comparison import without_truth
+
         if not self._as_json and not self._quiet:
-            self._say(f"Comparison of {scenarios} scenarios: {out / 'comparison.md'}")
+            scenarios = sum(len(group.scenarios) for group in comparison.groups)
+            self._say("; ".join([f"Comparison of {scenarios} scenarios: {page}", *without_truth(comparison)]))
 
     def _say(self, text: str) -> None:
         self._console.print(text, highlight=False, soft_wrap=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from trackbench.cli.inspection import print_contents, print_head, table
+from trackbench.cli.inspection import print_command, print_contents, print_head, table
 from trackbench.report.numbers import fixed
 from trackbench.report.traffic.console import values
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 
 def print_tracks(found: TrackInspection, console: Console) -> None:
     """The contents and scores, or the moments that were asked for."""
-    print_head(found.summary, console)
+    contents = found.contents
+    result = contents.recorded.result
+    print_head(contents.summary, console)
     if found.at is not None:
         _moment(found.at, console)
-    if found.worst is not None and not found.summary.truth.known:
+    if found.worst is not None and not contents.summary.truth.known:
         console.print(Text("\nThere is no truth, so no event has a cost."), highlight=False)
     elif found.worst is not None:
         _worst(found.worst, console)
         if found.worst:
-            command = f"trackbench view {found.recorded.file} --worst --tracker {found.worst[0].tracker}"
-            console.print(Text(f"\n{command}", style="dim"), highlight=False, soft_wrap=True)
+            print_command(contents, found.worst[0].tracker, console)
     if found.at is None and found.worst is None:
-        print_contents(found.summary, found.recorded, found.sensors, console)
-        trackers = found.recorded.result.scored
+        print_contents(contents, console)
         console.print(Text("\nAll runs"), highlight=False)
-        columns = values(found.recorded.result)
-        rows = [[t.name, *(cells[i].plain for _, cells in columns)] for i, t in enumerate(trackers)]
+        columns = values(result)
+        rows = [[t.name, *(cells[i].plain for _, cells in columns)] for i, t in enumerate(result.scored)]
         console.print(table(["tracker", *(heading for heading, _ in columns)], rows))
 
 

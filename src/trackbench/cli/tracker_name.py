@@ -7,15 +7,13 @@ from pathlib import Path
 
 from trackbench import input_files
 from trackbench.errors import InputError
-from trackbench.scenario import load_scenario
-from trackbench.scenario.shipped import at_hand
 
 
 def require_tracker(named: str) -> None:
-    """Make sure that a tracker is named, not the file that it is in.
+    """Make sure that a class is named, not the file that it is in.
 
     Raises:
-        InputError: a Python file or a scenario is named; with the trackers in it.
+        InputError: a Python file is named; with the classes in it.
     """
     if ":" in named or "#" in named:
         return
@@ -23,9 +21,6 @@ def require_tracker(named: str) -> None:
     if file.is_file():
         place = "" if file.parent == Path() else f" in the folder {file.parent}"
         raise InputError(f"name the class in it{place}: {' or '.join(_classes(file))}", file=file)
-    if named in at_hand() or (named.endswith((".yaml", ".yml")) and Path(named).is_file()):
-        trackers = [f"{named}#{name}" for name in load_scenario(named).config.trackers]
-        raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=named)
 
 
 def _classes(file: Path) -> list[str]:

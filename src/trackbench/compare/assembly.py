@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.compare.comparability import Comparability, comparability, require_same_metric
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
+from trackbench.compare.groups import Group, ScenarioResults, cells_of, groups_of_cells
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
-from trackbench.compare.metrics import ComparedMetric, compared_metric
+from trackbench.compare.metrics import ComparedMetric
 from trackbench.compare.ranking import Pairings, ranking, scores
 from trackbench.errors import InputError, nearest
 from trackbench.execution import one_blas_thread
 from trackbench.results import Result
-
-
-@dataclass(frozen=True)
-class _Cell:
-    """One scenario, with the result of each set that has it."""
-
-    scenario: str
-    entries: dict[int, Entry]
 
 
 @one_blas_thread()
@@ -37,12 +29,13 @@ def compare(
 
     A set holds the results of different scenarios; one result is a set too. Results of the same scenario are compared
     over the runs with the same measurements, if there are any. Where each of two results has a single tracker, those
-    are compared whatever their names.
+    are compared whatever their names. Scenarios that another metric ranks are compared apart; those without a truth are
+    not.
 
     Args:
         results: the sets; the first is the baseline.
-        metrics: what to compare by, beside those of the limits; unless given ``position_rmse``, or ``gospa`` where
-            identities are hidden.
+        metrics: what to compare by where the scenarios have it, beside those of the limits; else, and unless given,
+            ``position_rmse``, or ``gospa`` where identities are hidden.
         trackers: names of those to compare; all unless given.
         limits: how much worse the trackers of the later sets may be.
 
@@ -50,31 +43,58 @@ def compare(
         InputError: results that cannot be compared, a name that is not there, nothing to compare.
     """
     sets = [_set_of(number, item) for number, item in enumerate(results)]
-    ranked_by = _ranked_by(sets)
-    wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in limits)])) or [ranked_by]
-    for limit in limits:
-        require_directed(_metric(limit.metric, OPTION, sets))
-    known = {path: _metric(path, "--metric", sets) for path in (ranked_by, *wanted)}
+    cells, left_out = cells_of(sets)
+    groups, without_truth = groups_of_cells(cells)
+    wanted = list(dict.fromkeys([*metrics, *(limit.metric for limit in limits)]))
+    known = [group.metrics() for group in groups]
+    _require_metrics(wanted, limits, known)
     _require_known(sets, trackers)
-    cells, notes = _cells(sets)
-    for cell in cells:
-        for entry in cell.entries.values():
-            for path in known:
-                require_same_metric(cell.entries[0], entry, path)
+    compared = [cell for group in groups for cell in group.cells]
     chosen = {
         (cell.scenario, number): [name for name in entry.trackers if trackers is None or name in trackers]
-        for cell in cells
+        for cell in compared
         for number, entry in cell.entries.items()
     }
     if limits:
-        _require_judgeable(sets, cells, chosen)
-    single = len(sets) == 1
+        _require_judgeable(sets, cells, compared, chosen)
+    found, notes = [], [*left_out]
+    what = "only one tracker" if len(sets) == 1 else "no tracker of the same name in the first result and a later one"
+    for group, own in zip(groups, known, strict=True):
+        made = _comparison([item.label for item in sets], group, own, wanted, limits, chosen)
+        if made is not None:
+            found.append(made)
+        else:
+            notes.append(f"{group.scenarios} not compared: {what}")
+        absent = [limit.metric for limit in limits if limit.metric not in own]
+        notes += [f"no {metric} in {group.scenarios}, so its limit says nothing of it" for metric in absent]
+    if not found:
+        raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
+    first, *others = found
+    update = {"other_groups": others, "without_truth": without_truth, "notes": [*notes, *first.notes]}
+    return first.model_copy(update=update)
+
+
+def _comparison(
+    sets: list[str],
+    group: Group,
+    known: Mapping[str, ComparedMetric],
+    wanted: Sequence[str],
+    limits: Sequence[Limit],
+    chosen: Mapping[tuple[str, int], list[str]],
+) -> Comparison | None:
+    """Of the scenarios of one group; None where no two trackers are held against each other."""
+    cells, ranked_by, single = group.cells, group.ranked_by, len(sets) == 1
+    wanted = [path for path in wanted if path in known] or [ranked_by]
+    limits = [limit for limit in limits if limit.metric in known]
+    for cell in cells:
+        for entry in cell.entries.values():
+            for path in (ranked_by, *wanted):
+                require_same_metric(cell.entries[0], entry, path)
     matches = [match for cell in cells for match in _matches(cell, chosen, single)]
     if single and len(cells) > 1:
         wanted = list(dict.fromkeys([ranked_by, *wanted]))
     elif not any(match.pairs for match in matches):
-        what = "only one tracker" if single else "no tracker of the same name in the first result and a later one"
-        raise InputError(f"nothing to compare: {what}", file=sets[-1].label)
+        return None
     allowed = {limit.metric: limit.percent for limit in limits}
     compared = [known[path] for path in wanted]
     found, missing = differences(matches, compared, over_scenarios=not single, limits=allowed)
@@ -87,7 +107,7 @@ def compare(
     ]
     ranked, rank_differences = ranking(scored, pairings) if pairings else ([], [])
     return Comparison(
-        sets=[item.label for item in sets],
+        sets=sets,
         ranked_by=ranked_by,
         scenarios=[_compared(cell, matches) for cell in cells],
         scores=scored,
@@ -97,7 +117,7 @@ def compare(
         rank_differences=rank_differences,
         gates=held(limits, known, found, missing),
         not_compared=missing,
-        notes=[*notes, *_notes(cells, matches, chosen, single)],
+        notes=[*_notes(cells, matches, chosen, single)],
     )
 
 
@@ -105,26 +125,6 @@ def _pairings(found: Sequence[PairDifference], matches: Sequence[Match], metric:
     """Which tracker is better where, whatever metrics are compared."""
     known = any(item.metric == metric.path for item in found)
     return Pairings(found if known else differences(matches, [metric], over_scenarios=False)[0], metric.path)
-
-
-def _ranked_by(sets: Sequence[ResultSet]) -> str:
-    """The metric that trackers are ranked by.
-
-    Raises:
-        InputError: identities are hidden in some results and known in others, or there is no truth.
-    """
-    every = [entry for item in sets for entry in item.entries]
-    for entry in every:
-        if not entry.result.summary.truth.known:
-            raise InputError("a recording without a truth: there are no errors to compare", file=entry.label)
-    first, *others = every
-    ours = first.result.summary
-    for entry in others:
-        theirs = entry.result.summary
-        if theirs.identities != ours.identities:
-            reason = f"identities are {theirs.identities} here and {ours.identities} there"
-            raise InputError(f"cannot be compared with {first.label}: {reason}", file=entry.label)
-    return ours.headline
 
 
 def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultSet:
@@ -141,11 +141,18 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
     return ResultSet(label, tuple(Entry(f"{label}: {result.name}", result) for result in item))
 
 
-def _metric(path: str, key: str, sets: Sequence[ResultSet]) -> ComparedMetric:
-    """A metric by its path, which may be one that is not built in."""
-    hidden = sets[0].entries[0].result.summary.identities == "hidden"
-    own = [metric for item in sets for entry in item.entries for metric in entry.result.summary.score.metrics]
-    return compared_metric(path, key, own, built_in=not hidden)
+def _require_metrics(
+    wanted: Sequence[str], limits: Sequence[Limit], known: Sequence[Mapping[str, ComparedMetric]]
+) -> None:
+    """Make sure that each metric that is named has a value in each run of some scenarios, and limits a direction."""
+    for path in wanted:
+        limited = any(limit.metric == path for limit in limits)
+        metrics = [own[path] for own in known if path in own]
+        if not metrics:
+            hint = nearest(path, {name for own in known for name in own})
+            raise InputError(f"{path!r} is not compared run by run; {hint}", key=OPTION if limited else "--metric")
+        for metric in metrics if limited else ():
+            require_directed(metric)
 
 
 def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) -> None:
@@ -155,28 +162,7 @@ def _require_known(sets: Sequence[ResultSet], trackers: Sequence[str] | None) ->
             raise InputError(f"no tracker {name!r} in these results; {nearest(name, known)}", key="--trackers")
 
 
-def _cells(sets: Sequence[ResultSet]) -> tuple[list[_Cell], list[str]]:
-    """The scenarios that are compared, and which are not."""
-    if all(len(item.entries) == 1 for item in sets):
-        first = sets[0].entries[0].result.name
-        return [_Cell(first, {number: item.entries[0] for number, item in enumerate(sets)})], []
-    by_name: dict[str, dict[int, Entry]] = {}
-    for number, item in enumerate(sets):
-        for entry in item.entries:
-            by_name.setdefault(entry.result.name, {})[number] = entry
-    cells, notes = [], []
-    for name, entries in by_name.items():
-        if len(sets) == 1 or (0 in entries and len(entries) > 1):
-            cells.append(_Cell(name, entries))
-        else:
-            labels = ", ".join(sets[number].label for number in entries)
-            notes.append(f"in {labels} alone, so not compared: scenario {name}")
-    if not cells:
-        raise InputError("nothing to compare: no scenario is in the first folder and a later one", file=sets[-1].label)
-    return cells, notes
-
-
-def _matches(cell: _Cell, chosen: dict[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
+def _matches(cell: ScenarioResults, chosen: Mapping[tuple[str, int], list[str]], single: bool) -> Iterator[Match]:
     baseline = cell.entries[0]
     if single:
         yield within(baseline, chosen[cell.scenario, 0])
@@ -188,7 +174,10 @@ def _matches(cell: _Cell, chosen: dict[tuple[str, int], list[str]], single: bool
 
 
 def _require_judgeable(
-    sets: Sequence[ResultSet], cells: Sequence[_Cell], chosen: dict[tuple[str, int], list[str]]
+    sets: Sequence[ResultSet],
+    cells: Sequence[ScenarioResults],
+    compared: Sequence[ScenarioResults],
+    chosen: Mapping[tuple[str, int], list[str]],
 ) -> None:
     """Make sure that no regression could pass unseen.
 
@@ -198,14 +187,14 @@ def _require_judgeable(
     """
     if len(sets) < 2:
         raise InputError("needs two results: the baseline, and a later one", key=OPTION)
-    compared = {cell.scenario: cell for cell in cells}
+    by_name = {cell.scenario: cell for cell in cells}
     for number, later in enumerate(sets[1:], 1):
         for entry in sets[0].entries:
             name = entry.result.name
-            if name not in compared or number not in compared[name].entries:
+            if name not in by_name or number not in by_name[name].entries:
                 message = f"no result of the scenario {name!r}, which the baseline has"
                 raise InputError(message, file=later.label, key=OPTION)
-    for cell in cells:
+    for cell in compared:
         for number, entry in cell.entries.items():
             if entry.result.summary.runs == 1:
                 message = (
@@ -220,7 +209,7 @@ def _require_judgeable(
                 raise InputError(message, file=entry.label, key=OPTION)
 
 
-def _compared(cell: _Cell, matches: Sequence[Match]) -> ComparedScenario:
+def _compared(cell: ScenarioResults, matches: Sequence[Match]) -> ComparedScenario:
     scenario = cell.entries[0].result.summary.scenario
     how = {match.number: match.how for match in matches if match.scenario == cell.scenario and match.number > 0}
     return ComparedScenario(
@@ -245,7 +234,10 @@ def _result(number: int, entry: Entry, how: Comparability | None) -> ComparedRes
 
 
 def _notes(
-    cells: Sequence[_Cell], matches: Sequence[Match], chosen: dict[tuple[str, int], list[str]], single: bool
+    cells: Sequence[ScenarioResults],
+    matches: Sequence[Match],
+    chosen: Mapping[tuple[str, int], list[str]],
+    single: bool,
 ) -> Iterator[str]:
     """What a reader must know beside the differences."""
     if any(entry.result.summary.runs == 1 for cell in cells for entry in cell.entries.values()):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from trackbench.errors import InputError
 from trackbench.input_files import read_bytes
@@ -198,7 +198,10 @@ class GateResult(Part):
 
 
 class Comparison(Part):
-    """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline."""
+    """Entrants over scenarios. An entrant is a tracker in a set of results; the first set is the baseline.
+
+    The fields are of the scenarios that the same metric ranks; ``groups`` has those of every such metric.
+    """
 
     schema_version: int = SCHEMA_VERSION
     sets: list[str]
@@ -219,16 +222,26 @@ class Comparison(Part):
     not_compared: list[NotCompared]
     notes: list[str]
     """What a reader must know beside the numbers."""
+    without_truth: list[str] = Field(default_factory=list)
+    """Scenarios that are not compared, for they have no truth."""
+    other_groups: list[Comparison] = Field(default_factory=list)
+    """Of the same sets, the scenarios that another metric ranks, each metric's apart; these have no other groups."""
+
+    @property
+    def groups(self) -> list[Comparison]:
+        """The scenarios of each metric that ranks, apart."""
+        return [self.model_copy(update={"other_groups": []}), *self.other_groups]
 
     @property
     def passed(self) -> bool:
-        """Whether every limit is kept, as far as is known."""
-        return all(item.outcome not in ("failed", "error") for item in self.gates)
+        """Whether every limit is kept in every group, as far as is known."""
+        gates = [item for group in self.groups for item in group.gates]
+        return all(item.outcome not in ("failed", "error") for item in gates)
 
     @property
     def trackers(self) -> list[str]:
-        """Every tracker, in the order in which they first appear."""
-        return list(dict.fromkeys(score.entrant.tracker for score in self.scores))
+        """Every tracker of every group, in the order in which they first appear."""
+        return list(dict.fromkeys(score.entrant.tracker for group in self.groups for score in group.scores))
 
     def by_metric(self) -> Iterator[tuple[str, list[PairDifference]]]:
         """The differences of each metric."""
@@ -238,8 +251,9 @@ class Comparison(Part):
     def json(self) -> dict[str, Any]:  # type: ignore[override]
         """The comparison as JSON values: four significant digits and no times, so it can be kept as a reference."""
         found = _rounded(self.model_dump(mode="json"))
-        for score in found["scores"]:
-            score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
+        for group in (found, *found["other_groups"]):
+            for score in group["scores"]:
+                score["metrics"] = {name: entry for name, entry in score["metrics"].items() if name not in TIMES}
         return {**found, "passed": self.passed}
 
 

@@ -20,8 +20,6 @@ from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
 from trackbench.types import Array
 
-#: Columns of the tables that hold text.
-TEXT = {"tracker", "object", "role"}
 #: What a comparison does not read of a scenario, and may be code that is not here.
 LEFT_OUT = ("trackers={raw: {use: raw}}", "score.metrics=[]", "expect=[]")
 #: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
@@ -61,13 +59,11 @@ class Entry:
         """A table of the result.
 
         Raises:
-            InputError: it is missing or damaged, or holds text where a run leaves numbers.
+            InputError: it is missing or damaged.
         """
         if name not in self.result.tables:
             raise InputError(f"no {name}.parquet beside {results.SUMMARY}, which a comparison reads", file=self.label)
-        found = self.result.tables[name]
-        _require_columns(found, f"{self.label}/{name}.parquet")
-        return found
+        return self.result.tables[name]
 
     def failure(self, tracker: str) -> str | None:
         """Why a tracker is not held against others, if it is not."""
@@ -149,18 +145,3 @@ class ResultSet:
 
     label: str
     entries: tuple[Entry, ...]
-
-
-def _require_columns(table: pa.Table, file: str) -> None:
-    """A table is empty where there is nothing to keep; else its text is text and everything else numbers."""
-    for field in table.schema if len(table) else ():
-        kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
-        fits = pa.types.is_string if field.name in TEXT else _is_number
-        if not fits(kind):
-            raise InputError(f"{field.name} is a column of {kind}: not the table of a run", file=file)
-    if len(table) and not TEXT & set(table.column_names):
-        raise InputError(f"no column {' or '.join(sorted(TEXT))}: not the table of a run", file=file)
-
-
-def _is_number(kind: pa.DataType) -> bool:
-    return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.errors import InputError, nearest
 from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction
 from trackbench.results.summary import OwnMetricSummary
+from trackbench.traffic_metrics import METRICS, TrafficMetric
 from trackbench.types import Array
 
 #: Metrics that are another one over that of the reference, and the column of the reference.
@@ -33,6 +33,8 @@ class ComparedMetric:
     """Which values are better; None where neither is."""
     own: bool = False
     """Whether it is not built in: the mean of its column is the metric."""
+    of_tracks: TrafficMetric | None = None
+    """Where identities are hidden, how its totals and counts combine."""
 
     @property
     def over(self) -> str:
@@ -42,6 +44,8 @@ class ComparedMetric:
     @property
     def column(self) -> str:
         """Of its values."""
+        if self.of_tracks:
+            return stored.sum_columns(self.path)[0]
         if self.own:
             return stored.own_column(self.path)
         return "nees_mean" if self.path == _NEES else stored.run_column(self._numerator)
@@ -49,6 +53,8 @@ class ComparedMetric:
     @property
     def count(self) -> str | None:
         """Column of the number of terms of each; None where every run counts alike."""
+        if self.of_tracks:
+            return stored.sum_columns(self.path)[1]
         if self.own:
             return None
         return "count" if self.path == _NEES else stored.count_column(self._numerator)
@@ -65,6 +71,11 @@ class ComparedMetric:
             count: ``(runs,)`` the number of terms of each.
             reference: ``(runs,)`` what it is divided by; None where it is by none.
         """
+        if self.of_tracks:
+            of, rooted = self.of_tracks, self.of_tracks.combine == "root"
+            if not count.any():
+                return None
+            return stored.from_sums(values, count, at_least=of.at_least, at_most=of.at_most, rooted=rooted)
         if self.own:
             return ratio(values, np.ones(len(values))) if np.isfinite(values).all() else None
         if self.path == _NEES:
@@ -75,17 +86,12 @@ class ComparedMetric:
         return stored.from_runs(self._numerator, values, count)
 
 
-def compared_metric(
-    path: str, key: str, own: Sequence[OwnMetricSummary] = (), *, built_in: bool = True
-) -> ComparedMetric:
-    """A metric by its path; ``own`` are those that are not built in, beside which there may be none.
-
-    Raises:
-        InputError: it has no value in each run; ``key`` is the option that names it.
-    """
-    found = {item.path: ComparedMetric(item.path, item.unit, item.better) for item in registry.known()}
-    known = {name: metric for name, metric in found.items() if name in BUILT_IN and built_in}
-    known |= {item.name: ComparedMetric(item.name, item.unit, item.better, True) for item in own if not item.per_sensor}
-    if path not in known:
-        raise InputError(f"{path!r} is not compared run by run; {nearest(path, known)}", key=key)
-    return known[path]
+def compared_metrics(own: Sequence[OwnMetricSummary], *, built_in: bool) -> dict[str, ComparedMetric]:
+    """Those that have a value in each run, by path: the results' own, and beside them the built-in ones or none."""
+    found = [ComparedMetric(item.path, item.unit, item.better) for item in registry.known()]
+    found = [metric for metric in found if metric.path in BUILT_IN and built_in]
+    for item in own:
+        if not item.per_sensor:
+            of_tracks = None if built_in else METRICS.get(item.name)
+            found.append(ComparedMetric(item.name, item.unit, item.better, of_tracks is None, of_tracks))
+    return {metric.path: metric for metric in found}

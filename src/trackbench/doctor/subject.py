@@ -10,6 +10,7 @@ from typing import Any
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import load_scenario
+from trackbench.scenario.shipped import at_hand
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.stepping.remote import fresh, start_tracks
 from trackbench.trackers.base import Tracker
@@ -59,9 +60,9 @@ def subject(
         TrackFault: its process ended while it started.
     """
     file, mark, name = target.rpartition("#")
-    if not mark and Path(target).suffix in (".yaml", ".yml"):
-        names = list(load_scenario(Path(target)).config.trackers)
-        raise InputError(f"say which of its trackers: {target}#{names[0]} ({', '.join(names)})", file=target)
+    if not mark and (Path(target).suffix in (".yaml", ".yml") or target in at_hand()):
+        trackers = [f"{target}#{name}" for name in load_scenario(target).config.trackers]
+        raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
     sensors = SENSORS if scenario is None else load_scenario(scenario).config.sensors
     if mark:
         return _of_scenario(Path(file), name, options, None if scenario is None else sensors, isolation)

@@ -216,6 +216,19 @@ def every(blocks: Sequence[Block]) -> Iterator[Block]:
             yield from every(block.blocks)
 
 
+def named_apart(blocks: Sequence[Block], part: str) -> tuple[Block, ...]:
+    """The blocks of one part of a document, the names of whose tables and figures begin with that of the part."""
+    found: list[Block] = []
+    for block in blocks:
+        if isinstance(block, (Row, Section)):
+            found.append(replace(block, blocks=named_apart(block.blocks, part)))
+        elif isinstance(block, (Table, Figure)):
+            found.append(replace(block, name=f"{part.replace('_', '-')}-{block.name}"))
+        else:
+            found.append(block)
+    return tuple(found)
+
+
 def without_figures(blocks: Sequence[Block]) -> tuple[Block, ...]:
     """The blocks for a format that shows no figure; a row or section that held nothing else is left out."""
     found: list[Block] = []

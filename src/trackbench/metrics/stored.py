@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.metrics.builtin import BUILT_IN, RootMeanSquare
-from trackbench.metrics.intervals import Interval, ratio
+from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.types import Array
 
 ROOT_MEAN_SQUARES = {metric.name: metric for metric in BUILT_IN if isinstance(metric, RootMeanSquare)}
@@ -19,6 +19,17 @@ def run_column(path: str) -> str:
 def own_column(path: str) -> str:
     """The same of a metric that is not built in; the mean of the column is the metric."""
     return f"{path}_per_run"
+
+
+def sum_columns(path: str) -> tuple[str, str]:
+    """Where it holds the total and the count of a metric of tracking in traffic."""
+    return f"{path}_total", f"{path}_count"
+
+
+def from_sums(total: Array, count: Array, *, at_least: float, at_most: float, rooted: bool) -> Interval:
+    """Such a metric from the total and the count of each run: their ratio, or its root."""
+    found = ratio(total, count, at_least=at_least, at_most=at_most)
+    return root(found) if rooted else found
 
 
 def count_column(path: str) -> str | None:

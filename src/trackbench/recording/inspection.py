@@ -29,28 +29,24 @@ class SensorContents:
 
 
 @dataclass(frozen=True)
-class ScoreCheck:
-    """How the scores computed afresh compare with those that the run itself wrote beside the recording."""
-
-    file: str
-    largest_relative_difference: float
-
-
-@dataclass(frozen=True)
-class Inspection:
-    """Everything about a recording or the folder of a run that can be read without a viewer."""
+class RecordedContents:
+    """What every recording has: which run it is of, and how much."""
 
     recorded: Recorded
     rows: dict[str, int]
     """Of each table."""
     sensors: dict[str, SensorContents]
-    scored: list[TrackerResult]
-    """The trackers that did not fail, with the scores of the recorded run alone."""
-    checked: ScoreCheck | None
-    """None where there is nothing to compare with."""
-    at: SceneMoment | None
-    worst: dict[str, list[EstimateMoment]] | None
-    """By tracker, the largest error first."""
+
+    @classmethod
+    def of(cls, recorded: Recorded) -> RecordedContents:
+        """What is in it."""
+        tables = recorded.result.tables
+        measured = split(tables.measurements, "sensor").items()
+        return cls(
+            recorded=recorded,
+            rows={name: table.num_rows for name, table in sorted(tables.items())},
+            sensors={name: _sensor(rows) for (name,), rows in measured},
+        )
 
     @property
     def summary(self) -> Summary:
@@ -58,10 +54,9 @@ class Inspection:
         return self.recorded.result.summary
 
     def json(self) -> dict[str, Any]:
-        """Everything as JSON values; moments that were not asked for are left out."""
+        """All of it as JSON values."""
         summary = self.summary
-        scored = {tracker.name: tracker for tracker in self.scored}
-        found = {
+        return {
             "file": str(self.recorded.file),
             "rerun": self.recorded.rerun,
             "note": self.recorded.note,
@@ -77,7 +72,37 @@ class Inspection:
             "versions": summary.versions,
             "rows": self.rows,
             "sensors": {name: asdict(sensor) for name, sensor in self.sensors.items()},
-            "trackers": [_tracker_json(scored.get(tracker.name, tracker)) for tracker in summary.trackers],
+        }
+
+
+@dataclass(frozen=True)
+class ScoreCheck:
+    """How the scores computed afresh compare with those that the run itself wrote beside the recording."""
+
+    file: str
+    largest_relative_difference: float
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Everything about a recording or the folder of a run that can be read without a viewer."""
+
+    contents: RecordedContents
+    scored: list[TrackerResult]
+    """The trackers that did not fail, with the scores of the recorded run alone."""
+    checked: ScoreCheck | None
+    """None where there is nothing to compare with."""
+    at: SceneMoment | None
+    worst: dict[str, list[EstimateMoment]] | None
+    """By tracker, the largest error first."""
+
+    def json(self) -> dict[str, Any]:
+        """Everything as JSON values; moments that were not asked for are left out."""
+        scored = {tracker.name: tracker for tracker in self.scored}
+        trackers = [scored.get(tracker.name, tracker) for tracker in self.contents.summary.trackers]
+        found = {
+            **self.contents.json(),
+            "trackers": [_tracker_json(tracker) for tracker in trackers],
             "checked": self.checked and asdict(self.checked),
         }
         if self.at is not None:
@@ -107,15 +132,13 @@ def inspect(
         InputError: it cannot be read, or has no such time, tracker or vehicle.
     """
     found = path if isinstance(path, Recorded) else read(path)
-    run, tables = recorded_run(found.result), found.result.tables
+    run = recorded_run(found.result)
     scored = rescored(found.result, run)
     trackers = list(run.tracks) if tracker is None else [require_name(tracker, run.tracks, "tracker")]
     if vehicle is not None:
         require_name(vehicle, run.objects, "vehicle")
     return Inspection(
-        recorded=found,
-        rows={name: table.num_rows for name, table in sorted(tables.items())},
-        sensors={name: sensor_contents(rows) for (name,), rows in split(tables.measurements, "sensor").items()},
+        contents=RecordedContents.of(found),
         scored=scored,
         checked=_checked(found, scored),
         at=None if at is None else scene_at(found.result, run, at),
@@ -130,7 +153,7 @@ def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:
     return tracker.model_dump(mode="json", include=included)
 
 
-def sensor_contents(rows: Columns) -> SensorContents:
+def _sensor(rows: Columns) -> SensorContents:
     """Of the rows of a sensor."""
     return SensorContents(str(rows["kind"][0]), len(np.unique(rows["time_s"])), int(rows["valid"].sum()))
 

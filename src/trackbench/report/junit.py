@@ -59,7 +59,8 @@ def suite_of_run(result: Result) -> Suite:
 def suites_of_comparison(comparison: Comparison) -> list[Suite]:
     """The limits held against each later result, a suite each."""
     suites = []
-    for scenario in comparison.scenarios:
+    gates = [item for group in comparison.groups for item in group.gates]
+    for scenario in (scenario for group in comparison.groups for scenario in group.scenarios):
         baseline, *later = scenario.results
         for result in later:
             cases = [
@@ -69,7 +70,7 @@ def suites_of_comparison(comparison: Comparison) -> list[Suite]:
                     item.outcome,
                     item.text,
                 )
-                for item in comparison.gates
+                for item in gates
                 if item.scenario == scenario.name and item.entrant.set == result.set
             ]
             suites.append(Suite(f"{result.label} against {baseline.label}", cases))

@@ -284,15 +284,9 @@ class TrackerRun:
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
         at = None if fault.member is None else divmod(fault.member, len(self._runs))
-        self.failure = Failure(
-            cause=fault.cause,
-            place=fault.place,
-            step=instant,
-            time_s=float(self._target.time[instant]),
-            sensor=sensor,
-            run=None if at is None else self._work.number(self._piece.scene, self._runs.start + at[1]),
-            object=None if at is None else self._scene.truth.ids[at[0]],
-        )
+        object, run = (None, None) if at is None else (self._scene.truth.ids[at[0]], at[1])
+        where = {"step": instant, "time_s": float(self._target.time[instant]), "sensor": sensor, "object": object}
+        self.failure = self._work.failure(self._piece, fault, run, **where)
 
 
 def _of_run(scan: Scan, objects: int, run: int) -> Scan:

@@ -8,9 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from trackbench.metrics.consistency import normalised_square
-from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.block import RecordedEstimates
-from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
 from trackbench.types import Array, Indices, Scan, Truth
 
 
@@ -72,8 +71,6 @@ def measurements_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
     rows = len(ids)
     parts: list[Columns] = []
     for scan in scans:
-        position = SENSOR_MODELS[scan.kind].position(scan).mean
-        third = scan.measurement[2] if len(scan.measurement) > 2 else np.full(rows, np.nan)
         parts.append(
             {
                 "sensor": [scan.sensor] * rows,
@@ -82,14 +79,7 @@ def measurements_table(scans: Sequence[Scan], ids: Sequence[str]) -> pa.Table:
                 "time_s": np.full(rows, scan.time),
                 "arrival_time_s": np.full(rows, scan.arrival_time),
                 "valid": scan.valid.astype(float),
-                "z0": scan.measurement[0],
-                "z1": scan.measurement[1],
-                "z2": third,
-                "x_m": position[0],
-                "y_m": position[1],
-                "sensor_x_m": np.full(rows, scan.sensor_pose[0]),
-                "sensor_y_m": np.full(rows, scan.sensor_pose[1]),
-                "sensor_yaw_rad": np.full(rows, scan.sensor_pose[2]),
+                **measurement_columns(scan),
             }
         )
     table = stacked(parts)
@@ -106,14 +96,12 @@ def estimates_table(recorded: Mapping[str, RecordedEstimates], truth: Truth, ins
         error = of.mean - state
         nees = normalised_square(error, of.covariance)[0]
         for i, target in enumerate(truth.ids):
-            mean, covariance = of.mean[:, :, i], of.covariance[:, :, :, i]
             parts.append(
                 {
                     "tracker": [name] * rows,
                     "object": [target] * rows,
                     "time_s": truth.time[instants],
-                    **dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True)),
-                    **{f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)},
+                    **state_columns(of.mean[:, :, i], of.covariance[:, :, :, i]),
                     "position_error_m": np.hypot(error[0, :, i], error[1, :, i]),
                     "velocity_error_mps": np.hypot(error[2, :, i], error[3, :, i]),
                     "nees": nees[:, i],

@@ -15,8 +15,8 @@ from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.sensing.detections import HiddenMeasurements, of_run, sense_hidden
-from trackbench.sensing.due import Due, find_due
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.due import Due
 from trackbench.stepping.faults import TrackFault, fault_of
 from trackbench.stepping.remote import start_tracks
 from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
@@ -30,7 +30,7 @@ from trackbench.traffic_metrics import (
 )
 from trackbench.traffic_metrics.histories import NO_DETECTION
 from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
-from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, T, Tracks, no_progress, of_runs
+from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
 
 
 @dataclass
@@ -81,7 +81,7 @@ def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_prog
     keep_freed_memory()
     scene, runs = work.scenes[piece.scene], piece.runs
     hidden = sense_hidden(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
-    due = find_due(scene.truth, scene.sensors)
+    due = scene.due
     kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
     scores = {}
     for number, name in enumerate(work.trackers):
@@ -89,10 +89,10 @@ def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_prog
         progress((number + 1) / len(work.trackers) * len(runs), len(runs))
     found = TrafficBlock(piece, scores, hidden.digests, _counts(hidden), np.zeros((0, 0), dtype=np.int8))
     if kept is not None:
-        found.scans = [of_run(scan, kept) for scan in hidden.scans]
+        found.scans = [scan_of_run(scan, kept) for scan in hidden.scans]
         pairs = zip(hidden.scans, hidden.origins, strict=True)
         found.origins = [origins[scan.valid[:, kept], kept] for scan, origins in pairs]
-        found.status = _one(of_runs(due.status, runs), kept)
+        found.status = of_runs(due.status, range(work.recorded_run, work.recorded_run + 1))[..., 0]
     return found
 
 
@@ -159,11 +159,11 @@ class _Passage:
         runs = self._piece.runs
         tracks = _stacked(self._instants)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
-        state, status = of_runs(state, runs), of_runs(self._due.status, runs)
         found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
         taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):
-            truth = TruthHistory(self._time, _one(state, run), _one(status, run))
+            one = range(runs.start + run, runs.start + run + 1)
+            truth = TruthHistory(self._time, of_runs(state, one)[..., 0], of_runs(self._due.status, one)[..., 0])
             history = _of_run(tracks, run)
             own = None if taken is None else _associations_of(taken, run)
             if self._truth.known:
@@ -204,7 +204,7 @@ class _Passage:
         sensors = {sensor.name: sensor.config for sensor in self._work.scenes[self._piece.scene].sensors}
         found = []
         for _, tracks, number in self._taken:
-            scan = of_run(self._hidden.scans[number], run)
+            scan = scan_of_run(self._hidden.scans[number], run)
             own_track = self._hidden.origins[number][: len(scan.valid), run]
             predicted = self._predicted[run].get(number)
             found.append(judged_scan(scan, own_track, sensors[scan.sensor], predicted, tracks_of_run(tracks, run)))
@@ -220,21 +220,8 @@ class _Passage:
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
-        run = None if fault.member is None else self._piece.runs.start + fault.member
-        return Failure(
-            cause=fault.cause,
-            place=fault.place,
-            step=instant,
-            time_s=float(self._time[instant]),
-            sensor=sensor,
-            run=None if run is None else self._work.number(self._piece.scene, run),
-            object=None,
-        )
-
-
-def _one(values: npt.NDArray[T], run: int) -> npt.NDArray[T]:
-    """One run of an array whose last axis is the runs, or has length 1 where all are alike."""
-    return values[..., min(run, values.shape[-1] - 1)]
+        where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": None}
+        return self._work.failure(self._piece, fault, fault.member, **where)
 
 
 def reused(ids: Indices) -> int:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 
 from trackbench.metrics.differences import differences
-from trackbench.metrics.intervals import Interval, clustered, ratio, root, variance_shares
+from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
+from trackbench.metrics.stored import from_sums
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
-from trackbench.results.summary import MarginSummary, OwnMetricSummary, ScenarioSummary, ScoreSummary, Summary
+from trackbench.results.summary import MarginSummary, OwnMetricSummary
 from trackbench.runner import traffic_tables
-from trackbench.runner.assemble import PACKAGES, sensor_summary, truth_summary
 from trackbench.runner.describe import describe
 from trackbench.runner.expectations import judge
+from trackbench.runner.summary import summarised
 from trackbench.runner.traffic import TrafficBlock, TrafficScores
 from trackbench.runner.traffic_sums import PATHS, TrafficSums
 from trackbench.runner.work import Work
@@ -39,8 +38,6 @@ class TrafficEvaluation:
     blocks: list[TrafficSums]
     intervals: dict[str, Interval]
     """By metric, clustered by scene."""
-    per_run: dict[str, Array]
-    """By metric ``(runs,)`` values whose mean is the metric's."""
     reused_ids: int
     step_time: float
     """Microseconds for a scan of one run."""
@@ -86,47 +83,24 @@ def assemble_traffic(
         differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
     )
     trackers = [_tracker(work, name, failures, found) for name in work.trackers]
-    expectations = judge(scenario.expect, trackers, pairs, 0.0)
-    instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
-    summary = Summary(
-        identities="hidden",
-        scenario=ScenarioSummary(
-            name=scenario.name,
-            description=scenario.description,
-            file=loaded.path.name,
-            text=loaded.text,
-            overrides=list(loaded.overrides),
-        ),
-        seed=work.seed,
-        runs=work.runs * len(work.scenes),
-        versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
-        command=command,
-        fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
-        truth=truth_summary(truths, work, scenario.truth.scenes(), _by_scene(work, found)),
-        sensors={
-            sensor.name: sensor_summary(sensor, _detection_rate(work, blocks, number))
-            for number, sensor in enumerate(work.scenes[0].sensors)
+    summary = summarised(
+        loaded,
+        truths,
+        work,
+        blocks,
+        command,
+        errors=_by_scene(work, found),
+        detected={
+            sensor.name: sum(block.detections.get(sensor.name, (0.0, 0.0))[0] for block in blocks)
+            for sensor in work.scenes[0].sensors
         },
         reference=None,
-        score=ScoreSummary(
-            settle_s=work.settle,
-            divergence_m=work.divergence,
-            lost_after_s=work.lost_after,
-            min_coverage=0.0,
-            common_share=None,
-            cutoff_m=work.cutoff,
-            from_s=min(float(time[0]) for time in instants),
-            to_s=max(float(time[-1]) for time in instants),
-            margin=margin,
-            metrics=summaries,
-        ),
-        recorded_run=work.number(work.recorded_scene, work.recorded_run),
+        common_share=None,
+        metrics=summaries,
         trackers=trackers,
         ranking=[*ranked, *failures],
         differences=pairs,
-        expectations=expectations,
-        passed=all(item.passed for item in expectations),
-        artifacts={},
+        expectations=judge(scenario.expect, trackers, pairs, 0.0),
     )
     return Result(summary, Tables(traffic_tables.tables(work, blocks, found)))
 
@@ -148,21 +122,15 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
     seconds, steps = sum(block.seconds for block in blocks), sum(block.steps for block in blocks)
     reused = int(sum(block.reused_ids.sum() for block in blocks))
     known = _known(work)
-    found = TrafficEvaluation([block.sums for block in blocks], {}, {}, reused, 1e6 * seconds / max(steps, 1), known)
+    found = TrafficEvaluation([block.sums for block in blocks], {}, reused, 1e6 * seconds / max(steps, 1), known)
     for path, metric in _metrics(known).items():
         total, count = found.sums(path)
         if not count.any():
             continue
-        interval = interval_of(metric, total, count)
-        found.per_run[path] = interval.value + interval.influence
+        rooted = metric.combine == "root"
+        interval = from_sums(total, count, at_least=metric.at_least, at_most=metric.at_most, rooted=rooted)
         found.intervals[path] = clustered(interval, work.scene_of_run)
     return found
-
-
-def interval_of(metric: TrafficMetric, total: Array, count: Array) -> Interval:
-    """A metric from its ``(runs,)`` sums."""
-    found = ratio(total, count, at_least=metric.at_least, at_most=metric.at_most)
-    return root(found) if metric.combine == "root" else found
 
 
 def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
@@ -221,11 +189,3 @@ def _by_scene(work: Work, found: dict[str, TrafficEvaluation]) -> dict[str, Arra
         sums = [np.bincount(work.scene_of_run, each) for each in evaluation.sums(HEADLINE)]
         by_scene[name] = np.sqrt(sums[0] / np.where(sums[1] > 0, sums[1], np.nan))
     return by_scene
-
-
-def _detection_rate(work: Work, blocks: Sequence[TrafficBlock], number: int) -> float | None:
-    """Share of the objects in view that gave a detection."""
-    name = work.scenes[0].sensors[number].name
-    detected = sum(block.detections.get(name, (0.0, 0.0))[0] for block in blocks)
-    seen = sum(float(scene.sensors[number].visible.mean(axis=-1).sum()) * work.runs for scene in work.scenes)
-    return float(detected / seen) if seen > 0 else None

@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from trackbench.metrics.stored import own_column
-from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.metrics.stored import sum_columns
 from trackbench.results import Failure
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
-from trackbench.runner.columns import Columns, stacked
+from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
 from trackbench.runner.recorded_gates import gates_table
 from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic import TrafficBlock
@@ -75,13 +74,15 @@ def _steps(found: Mapping[str, TrafficEvaluation], time: Array) -> pa.Table:
 
 
 def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
-    """Of each run what it has of each metric, for paired comparisons."""
+    """Of each run the total and the count of each metric, for paired comparisons."""
     scene = work.scene_of_run.astype(float)
     rows = len(scene)
-    paths = list(dict.fromkeys(path for item in found.values() for path in item.per_run))
+    paths = list(dict.fromkeys(path for item in found.values() for path in item.intervals))
     parts: list[Columns] = []
     for name, item in found.items():
-        values = {own_column(path): item.per_run.get(path, np.full(rows, np.nan)) for path in paths}
+        values = {
+            column: sums for path in paths for column, sums in zip(sum_columns(path), item.sums(path), strict=True)
+        }
         run = np.arange(rows, dtype=float)
         parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})
     return stacked(parts)
@@ -97,8 +98,6 @@ def _measurements(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices
     parts: list[Columns] = []
     for number, (scan, origin) in enumerate(zip(scans, origins, strict=True)):
         rows = len(origin)
-        position = SENSOR_MODELS[scan.kind].position(scan).mean
-        third = scan.measurement[2] if len(scan.measurement) > 2 else np.full(rows, np.nan)
         parts.append(
             {
                 "sensor": [scan.sensor] * rows,
@@ -108,14 +107,7 @@ def _measurements(truth: Truth, scans: Sequence[Scan], origins: Sequence[Indices
                 "detection": np.arange(rows, dtype=float),
                 "time_s": np.full(rows, scan.time),
                 "valid": np.ones(rows, dtype=bool),
-                "z0": scan.measurement[0],
-                "z1": scan.measurement[1],
-                "z2": third,
-                "x_m": position[0],
-                "y_m": position[1],
-                "sensor_x_m": np.full(rows, scan.sensor_pose[0]),
-                "sensor_y_m": np.full(rows, scan.sensor_pose[1]),
-                "sensor_yaw_rad": np.full(rows, scan.sensor_pose[2]),
+                **measurement_columns(scan),
                 **({} if truth.known else {"own_track": np.where(origin >= 0, origin, np.nan)}),
             }
         )
@@ -127,8 +119,6 @@ def _tracks(recorded: Mapping[str, TrackHistory], time: Array) -> pa.Table:
     parts: list[Columns] = []
     for name, history in recorded.items():
         instant, column = np.nonzero(history.ids != NO_TRACK)
-        mean = history.mean[:, instant, column]
-        covariance = history.covariance[:, :, instant, column]
         existence = history.existence
         rows = len(instant)
         parts.append(
@@ -136,8 +126,7 @@ def _tracks(recorded: Mapping[str, TrackHistory], time: Array) -> pa.Table:
                 "tracker": [name] * rows,
                 "time_s": time[instant],
                 "track": history.ids[instant, column].astype(float),
-                **dict(zip(("px_m", "py_m", "vx_mps", "vy_mps"), mean, strict=True)),
-                **{f"p_{a}{b}": covariance[a, b] for a in range(4) for b in range(a, 4)},
+                **state_columns(history.mean[:, instant, column], history.covariance[:, :, instant, column]),
                 "existence": np.full(rows, np.nan) if existence is None else existence[instant, column],
             }
         )

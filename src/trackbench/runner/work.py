@@ -6,14 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
+from trackbench.results import Failure
 from trackbench.scenario import Scenario
+from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
+from trackbench.stepping.faults import TrackFault
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
@@ -39,6 +42,11 @@ class Scene:
     def information(self) -> dict[str, Information]:
         """By sensor, what its measurements tell of the targets."""
         return {sensor.name: information(sensor, self.truth) for sensor in self.sensors}
+
+    @cached_property
+    def due(self) -> Due:
+        """Where identities are hidden, which objects should be tracked when."""
+        return find_due(self.truth, self.sensors)
 
 
 class BlockRuns(NamedTuple):
@@ -104,6 +112,11 @@ class Work:
     def noise_of(self, scene: int) -> str:
         """What the random numbers of a scene are drawn by, beside the seed, the run and the sensor."""
         return self.scenario if scene == 0 else f"{self.scenario}, scene {scene}"
+
+    def failure(self, piece: BlockRuns, fault: TrackFault, run: int | None, **where: Any) -> Failure:
+        """That a tracker cannot go on; ``run`` is counted from the first of its block."""
+        number = None if run is None else self.number(piece.scene, piece.runs.start + run)
+        return Failure(cause=fault.cause, place=fault.place, run=number, **where)
 
     def of_scene(self, scene: int) -> Work:
         """What the blocks of one scene need: of the others, no more than how many there are."""

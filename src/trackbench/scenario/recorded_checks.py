@@ -30,7 +30,7 @@ def problems(scenario: ScenarioConfig, truth: RecordingTruth) -> Iterator[Proble
         yield from _one_of_each(fed)
     for name in fed:
         yield from _synthetic(scenario, name)
-    if len(fed) == len(kinds) and scenario.monte_carlo.runs > 1 and not _random_starts(scenario):
+    if scenario.monte_carlo.runs > 1 and same_every_run(scenario):
         message = (
             f"must be 1, not {scenario.monte_carlo.runs}: all measurements are recorded, so every run would be the same"
         )
@@ -95,5 +95,12 @@ def _synthetic(scenario: ScenarioConfig, name: str) -> Iterator[Problem]:
             )
 
 
-def _random_starts(scenario: ScenarioConfig) -> bool:
-    return any(isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values())
+def same_every_run(scenario: ScenarioConfig) -> bool:
+    """Whether all measurements are recorded, and no tracker's start is drawn."""
+    if not isinstance(scenario.truth, RecordingTruth):
+        return False
+    kinds: dict[str, str] = {name: sensor.type for name, sensor in scenario.sensors.items()}
+    drawn = any(
+        isinstance(item, FilterConfig) and item.initial.source == "truth" for item in scenario.trackers.values()
+    )
+    return len(scenario.truth.feeds(kinds)) == len(kinds) and not drawn

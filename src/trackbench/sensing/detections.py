@@ -80,14 +80,6 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     )
 
 
-def of_run(scan: Scan, run: int) -> Scan:
-    """The scan of one run of a block, counted from its first, without padding."""
-    there = scan.valid[:, run]
-    measurement, valid = scan.measurement[:, there, run], there[there]
-    _freeze(measurement, valid)
-    return scan._replace(measurement=measurement, valid=valid)
-
-
 def stated_detection_probability(config: Sensor) -> float:
     """What the sensor says of its detection probability."""
     stated = config.states.detection_probability

@@ -65,7 +65,9 @@ def ideal_sensors(
     """
     known = recorded or {}
     return [
-        _as_recorded(truth, name, config, known[name]) if name in known else _ideal(truth, name, config)
+        _as_recorded(truth, name, config, known[name])
+        if name in known
+        else _ideal(truth, name, config, firing_steps(config, truth.time))
         for name, config in sensors.items()
     ]
 
@@ -113,8 +115,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
     return Measurements(scans, detections, [run.digest() for run in hashes])
 
 
-def _ideal(truth: Truth, name: str, config: Sensor) -> IdealSensor:
-    steps = firing_steps(config, truth.time)
+def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:
     motion = _motion(truth, config, steps)
     pose, velocity = motion
     target = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, steps]
@@ -147,34 +148,21 @@ def _as_recorded(truth: Truth, name: str, config: Sensor, measurements: Recorded
         objectless = _as_recorded(truth, name, config, RecordedMeasurements(measurements.steps, *none))
         return replace(objectless, detections=measurements)
     steps, valid = measurements.steps, measurements.valid
-    motion = _motion(truth, config, steps)
-    pose, velocity = motion
     cycle = np.arange(len(steps)) if measurements.cycle is None else measurements.cycle
     _, first, number = np.unique(cycle, return_index=True, return_inverse=True)
     in_cycle = np.logical_or.reduceat(valid, first, axis=0)[number] if len(steps) else valid
     # An object that a cycle detected at another of its instants was not missed at this one.
     missed = ~in_cycle & np.isin(np.arange(len(steps)), first)[:, None]
     silenced = silent(config, truth.time[steps])[:, None, None]
-    seen = polar(truth, steps, motion)
-    within = in_view(truth, steps, config, motion, seen)
-    visible = (valid[:, :, None] | (missed[:, :, None] & within)) & ~silenced
-    within = within | valid[:, :, None]
-    probability = np.broadcast_to(1.0, within.shape)
-    noise = config.noise_covariance()
-    measurement = measurements.measurement[..., None]
-    time = truth.time[steps]
-    return IdealSensor(
-        name,
-        config,
-        steps,
-        time,
-        measurement,
-        visible,
-        within,
-        probability,
-        pose,
-        velocity,
-        noise,
+    ideal = _ideal(truth, name, config, steps)
+    within = ideal.in_view | valid[:, :, None]
+    return replace(
+        ideal,
+        measurement=measurements.measurement[..., None],
+        visible=(valid[:, :, None] | (missed[:, :, None] & ideal.in_view)) & ~silenced,
+        in_view=within,
+        probability=np.broadcast_to(1.0, within.shape),
+        polar=None,
         cycle_starts=first,
         recorded=True,
     )

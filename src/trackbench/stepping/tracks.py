@@ -13,7 +13,7 @@ from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import ASYMMETRY, NOT_FINITE, TrackerFault, array_of, described, unpack
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import create
-from trackbench.types import Indices, Scan, Tracks
+from trackbench.types import Indices, Scan, Tracks, scan_of_run
 
 NO_TRACK = -1
 
@@ -104,12 +104,6 @@ def unread(scan: Scan) -> Scan:
     return scan._replace(
         measurement=scan.measurement[:, :0], valid=scan.valid[:0], detection_probability=0.0, clutter_density=0.0
     )
-
-
-def scan_of_run(scan: Scan, run: int) -> Scan:
-    """The detections of one run, without padding: ``measurement`` ``(m, D)``."""
-    count = int(np.count_nonzero(scan.valid[:, run]))
-    return scan._replace(measurement=scan.measurement[:, :count, run], valid=scan.valid[:count, run])
 
 
 def tracks_of_run(tracks: Tracks, run: int) -> Tracks:

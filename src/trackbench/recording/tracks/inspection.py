@@ -11,9 +11,9 @@ import pyarrow.compute as pc
 
 from trackbench.metrics.moments import require_name, require_time
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.recording.inspection import SensorContents, sensor_contents
+from trackbench.recording.inspection import RecordedContents
 from trackbench.recording.reader import Recorded
-from trackbench.results import Result, Summary
+from trackbench.results import Result
 from trackbench.results.columns import split
 
 
@@ -55,38 +55,16 @@ class TracksMoment:
 class TrackInspection:
     """Everything about a recording of tracks that can be read without a viewer."""
 
-    recorded: Recorded
-    rows: dict[str, int]
-    """Of each table."""
-    sensors: dict[str, SensorContents]
+    contents: RecordedContents
     at: TracksMoment | None
     worst: list[TrackEvent] | None
     """The costliest first."""
 
-    @property
-    def summary(self) -> Summary:
-        """That of the run."""
-        return self.recorded.result.summary
-
     def json(self) -> dict[str, Any]:
         """Everything as JSON values; moments that were not asked for are left out."""
-        summary = self.summary
         found = {
-            "file": str(self.recorded.file),
-            "rerun": self.recorded.rerun,
-            "note": self.recorded.note,
-            "scenario": summary.scenario.name,
-            "command": summary.command,
-            "seed": summary.seed,
-            "runs": summary.runs,
-            "recorded_run": summary.recorded_run,
-            "objects": summary.truth.objects,
-            "duration_s": summary.truth.duration_s,
-            "fingerprint": summary.fingerprint,
-            "versions": summary.versions,
-            "rows": self.rows,
-            "sensors": {name: asdict(sensor) for name, sensor in self.sensors.items()},
-            "trackers": [tracker.model_dump(mode="json") for tracker in summary.trackers],
+            **self.contents.json(),
+            "trackers": [tracker.model_dump(mode="json") for tracker in self.contents.summary.trackers],
         }
         if self.at is not None:
             found["at"] = asdict(self.at)
@@ -124,9 +102,7 @@ def inspect_tracks(
         events = events_of(result, tracker, result.summary.recorded_run, vehicle)
         worst = [event for event in events if event.cost_m2 > 0][:count]
     return TrackInspection(
-        recorded=recorded,
-        rows={name: table.num_rows for name, table in sorted(result.tables.items())},
-        sensors={name: sensor_contents(rows) for (name,), rows in split(result.tables.measurements, "sensor").items()},
+        contents=RecordedContents.of(recorded),
         at=None if at is None else _moment(result, at),
         worst=worst,
     )

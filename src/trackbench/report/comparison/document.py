@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 from trackbench.compare import Comparison
-from trackbench.document import Block, Document, Item, Items, Section
+from trackbench.document import Block, Document, Item, Items, Paragraph, Section
+from trackbench.document.model import named_apart
 from trackbench.document.styles import tracker_styles
 from trackbench.palette import tracker_colours
 from trackbench.report.comparison import differences, ranking
+
+_APART = "Scenarios that different metrics rank are compared apart: their trackers do not answer the same question."
 
 
 def document(
@@ -27,28 +31,60 @@ def document(
         times: whether times of computing are in it, which are others on each machine.
     """
     colours = colours or tracker_colours(comparison.trackers)
-    if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
-        blocks = [*ranking.blocks(comparison, colours, reports or {}, times=times)]
-        title, lead = "Comparison of trackers", ranking.lead(comparison)
-    else:
-        blocks = [*differences.blocks(comparison, colours, reports or {})]
-        names = [scenario.name for scenario in comparison.scenarios]
-        over = f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
-        title, lead = f"Comparison{over}", differences.lead(comparison)
-    styles = tracker_styles(colours)
+    parts = [_group(group, colours, reports or {}, times=times) for group in comparison.groups]
+    title, lead, blocks = parts[0]
+    if len(parts) > 1:
+        title = f"Comparison over {sum(len(group.scenarios) for group in comparison.groups)} scenarios"
+        lead, blocks = _APART, tuple(map(_section, comparison.groups, parts))
     return Document(
         kind="comparison",
         title=title,
         lead=lead,
         blocks=(*blocks, *_notes(comparison)),
-        trackers=tuple(styles.values()),
+        trackers=tuple(tracker_styles(colours).values()),
     )
+
+
+class _GroupText(NamedTuple):
+    """What the document says of scenarios that the same metric ranks."""
+
+    title: str
+    lead: str
+    blocks: tuple[Block, ...]
+
+
+def _group(
+    comparison: Comparison, colours: Mapping[str, str], reports: Mapping[str, str], *, times: bool
+) -> _GroupText:
+    if len(comparison.sets) == 1 and len(comparison.scenarios) > 1:
+        blocks = ranking.blocks(comparison, colours, reports, times=times)
+        return _GroupText("Comparison of trackers", ranking.lead(comparison), tuple(blocks))
+    blocks = differences.blocks(comparison, colours, reports)
+    return _GroupText(f"Comparison{_over(comparison)}", differences.lead(comparison), tuple(blocks))
+
+
+def _over(comparison: Comparison) -> str:
+    names = [scenario.name for scenario in comparison.scenarios]
+    return f": {names[0]}" if len(names) == 1 else f" over {len(names)} scenarios"
+
+
+def _section(comparison: Comparison, part: _GroupText) -> Section:
+    """One part of several; its tables and figures are named after what ranks."""
+    blocks = named_apart(part.blocks, comparison.ranked_by)
+    return Section(f"By {ranking.NAMES[comparison.ranked_by]}{_over(comparison)}", (Paragraph(part.lead), *blocks))
 
 
 def _notes(comparison: Comparison) -> Iterator[Block]:
     """What a reader must know beside the numbers, and what could not be compared."""
-    found = [Item(note) for note in comparison.notes]
-    missing = dict.fromkeys((item.metric, item.reason) for item in comparison.not_compared)
+    notes = [note for group in comparison.groups for note in group.notes]
+    found = [Item(note) for note in (*without_truth(comparison), *notes)]
+    missing = dict.fromkeys((item.metric, item.reason) for group in comparison.groups for item in group.not_compared)
     found += [Item(reason, label=f"{metric} not compared", tone="warn") for metric, reason in missing]
     if found:
         yield Section("Notes", (Items(tuple(found)),))
+
+
+def without_truth(comparison: Comparison) -> Iterator[str]:
+    """Which scenarios are not compared for want of a truth."""
+    if comparison.without_truth:
+        yield f"{', '.join(comparison.without_truth)} not compared: no truth"

@@ -43,7 +43,8 @@ def comparison_files(
 def _reports(comparison: Comparison, folder: Path) -> dict[str, str]:
     """Where each result's report is, relative to a folder; those that have none are left out."""
     found = {}
-    for label in {result.label for scenario in comparison.scenarios for result in scenario.results}:
+    scenarios = [scenario for group in comparison.groups for scenario in group.scenarios]
+    for label in {result.label for scenario in scenarios for result in scenario.results}:
         run = Path(label).parent if label.endswith(".json") else Path(label)
         if (run / "report.html").is_file():
             found[label] = Path(os.path.relpath(run / "report.html", folder)).as_posix()

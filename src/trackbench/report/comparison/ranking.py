@@ -29,7 +29,7 @@ _TIME = "Of one predict and update of one run, on this machine."
 
 _ToCell = Callable[[EntrantScore, int], Cell]
 #: The metrics that rank, in words.
-_NAMES = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
+NAMES = {"position_rmse": "position RMSE", "gospa": "GOSPA"}
 _Matrix = Callable[[str, str, _ToCell], Table]
 #: Where identities are hidden, what is shown beside GOSPA: title, metric.
 _OF_TRACKS = {
@@ -48,6 +48,11 @@ def lead(comparison: Comparison) -> str:
     if len(ranking) < 2:
         return compared
     first, second = ranking[:2]
+    if first.mean_rank == second.mean_rank:
+        ahead = [item.tracker for item in ranking if item.mean_rank == first.mean_rank]
+        return (
+            f"{compared}{', '.join(ahead[:-1])} and {ahead[-1]} share the best mean rank, {fixed(first.mean_rank, 2)}."
+        )
     ranks = f"{fixed(first.mean_rank, 2)} against {fixed(second.mean_rank, 2)} of {second.tracker}"
     return f"{compared}{first.tracker} has the best mean rank, {ranks}. {_certainty(comparison)}"
 
@@ -74,7 +79,7 @@ def blocks(
         "Overall",
         (
             _overall(comparison),
-            Paragraph(_METHOD.format(metric=_NAMES[comparison.ranked_by])),
+            Paragraph(_METHOD.format(metric=NAMES[comparison.ranked_by])),
             rank_figure(comparison, colours),
         ),
     )

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from trackbench.document import (
     Block,
-    Code,
     Document,
     Figure,
     Item,
@@ -14,31 +13,27 @@ from trackbench.document import (
     Paragraph,
     Row,
     Section,
-    Status,
     Table,
     TrackerStyle,
 )
-from trackbench.document.styles import tracker_styles
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
-from trackbench.palette import tracker_colours
 from trackbench.report.calibration import LIMITS, QUANTITIES
 from trackbench.report.conditions import BY, TITLE, classes
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import percent
 from trackbench.report.run import tables
-from trackbench.report.run.audit import audit_sentences
-from trackbench.report.run.breakdown import after_jumps, calibrations, errors, shares
+from trackbench.report.run.breakdown import calibrations, errors, shares
 from trackbench.report.run.figures.autocorrelation import autocorrelation
 from trackbench.report.run.figures.breakdown import errors_by_class
 from trackbench.report.run.figures.consistency import nees_over_time, nis_over_time
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
 from trackbench.report.run.figures.map import map_of_run, mapped
+from trackbench.report.run.frame import framed
 from trackbench.report.run.moments import moments_section, worst_moments
 from trackbench.report.run.scenes import basis_of_intervals, scenes
-from trackbench.report.run.sentences import common, expectations_met, facts, failure, headline, verdict
+from trackbench.report.run.sentences import common, headline, verdict
 from trackbench.results import Result
-from trackbench.words import counted
 
 DIFFERENCES = (
     "Differences of {metric}, paired: every tracker saw the same truth and the same noise. Negative means smaller "
@@ -75,33 +70,20 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
         result: what was found.
         colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
     """
+
+    def sections(styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
+        yield from _scores(result, styles)
+        if result.summary.truth.scenes:
+            yield Section("Scene by scene", tuple(scenes(result)))
+        yield from _accuracy(result, shown)
+        yield from _breakdown(result, styles)
+        yield from _consistency(result, shown)
+
+    return framed(result, colours, Paragraph(headline(result), strong=True), _standings(result), sections)
+
+
+def _standings(result: Result) -> Iterator[Block]:
     summary = result.summary
-    styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
-    shown = [styles[tracker.name] for tracker in result.drawn]
-    sections = [
-        Section("Verdict", tuple(_verdict(result))),
-        *_scores(result, styles),
-        *([Section("Scene by scene", tuple(scenes(result)))] if summary.truth.scenes else []),
-        *_accuracy(result, shown),
-        *_breakdown(result, styles),
-        *_consistency(result, shown),
-        *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
-        Section("Truth and sensors", tuple(truth_and_sensors(result))),
-        Section("How to reproduce it", tuple(reproduction(result))),
-    ]
-    return Document(
-        "report", summary.scenario.name, tuple(sections), summary.scenario.description, facts(result), tuple(shown)
-    )
-
-
-def _verdict(result: Result) -> Iterator[Block]:
-    summary, missing = result.summary, result.unscored
-    yield Paragraph(headline(result), strong=True)
-    yield Status(
-        expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
-    )
-    if missing:
-        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
     if result.scored:
         yield Items(
             tuple(
@@ -110,9 +92,6 @@ def _verdict(result: Result) -> Iterator[Block]:
             ),
             numbered=True,
         )
-    if missing:
-        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
-        yield Section("Not ranked", (Items(failures),))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -206,22 +185,3 @@ def _figures(
     if any(rows):
         begin = [Paragraph(text)] if text else []
         yield Section(title, (*begin, *(Row(blocks) for blocks in rows if blocks)))
-
-
-def truth_and_sensors(result: Result) -> Iterator[Block]:
-    for sentence in audit_sentences(result.summary.truth):
-        yield Paragraph(sentence)
-    if shares_of_jumps := after_jumps(result.scored):
-        yield Paragraph(shares_of_jumps)
-    yield tables.sensors(result)
-
-
-def reproduction(result: Result) -> Iterator[Block]:
-    summary, scenario = result.summary, result.summary.scenario
-    if summary.command:
-        yield Code(summary.command, "sh")
-    versions = ", ".join(f"{name} {number}" for name, number in summary.versions.items())
-    yield Paragraph(f"{versions}; {summary.engine} engine.")
-    yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
-    overrides = [Paragraph(f"Changed by the command: {', '.join(scenario.overrides)}.")] if scenario.overrides else []
-    yield Section(f"Scenario {scenario.file}", (Code(scenario.text, "yaml"), *overrides), folded=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 from trackbench.document import (
     Block,
@@ -15,20 +16,18 @@ from trackbench.document import (
     Paragraph,
     Row,
     Section,
-    Status,
     Table,
     TrackerStyle,
 )
-from trackbench.document.styles import tracker_styles
-from trackbench.palette import tracker_colours
 from trackbench.report.margin import margin_words
 from trackbench.report.run import tables
 from trackbench.report.run.cells import INTERVAL, TRACKER, names, values
-from trackbench.report.run.document import DIFFERENCES, reproduction, truth_and_sensors
+from trackbench.report.run.document import DIFFERENCES
 from trackbench.report.run.figures.cost import cost_against_accuracy
+from trackbench.report.run.frame import framed
 from trackbench.report.run.pairs import Pairs, groups
 from trackbench.report.run.scenes import basis_of_intervals, scenes
-from trackbench.report.run.sentences import expectations_met, facts, failure, headline
+from trackbench.report.run.sentences import headline
 from trackbench.report.traffic import without_truth
 from trackbench.report.traffic.events import events_section
 from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
@@ -37,7 +36,6 @@ from trackbench.report.traffic.sentences import association_against_filtering, v
 from trackbench.report.traffic.strips import strip_chart
 from trackbench.results import Result, TrackerResult
 from trackbench.traffic_metrics import METRICS
-from trackbench.words import counted
 
 RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "idf1", "mota")
 #: The other tables: title, and the metrics that are their columns.
@@ -64,34 +62,11 @@ def traffic_document(result: Result, colours: Mapping[str, str] | None = None) -
         result: what was found.
         colours: of every tracker of a batch of scenarios; of those of this one, in its order, unless given.
     """
-    summary = result.summary
-    styles = tracker_styles(colours or tracker_colours(tracker.name for tracker in summary.trackers))
-    shown = [styles[tracker.name] for tracker in result.drawn]
-    sections = [
-        Section("Verdict", tuple(_verdict(result))),
-        *(_of_truth(result, styles, shown) if summary.truth.known else without_truth.sections(result)),
-        *([Section("Expectations", (tables.expectations(result),))] if summary.expectations else []),
-        Section("Truth and sensors", tuple(truth_and_sensors(result))),
-        Section("How to reproduce it", tuple(reproduction(result))),
-    ]
-    return Document(
-        "report", summary.scenario.name, tuple(sections), summary.scenario.description, facts(result), tuple(shown)
+    if not result.summary.truth.known:
+        return framed(result, colours, without_truth.statement(), (), lambda *_: without_truth.sections(result))
+    return framed(
+        result, colours, Paragraph(headline(result), strong=True), _standings(result), partial(_of_truth, result)
     )
-
-
-def _verdict(result: Result) -> Iterator[Block]:
-    summary, missing = result.summary, result.unscored
-    yield without_truth.statement() if not summary.truth.known else Paragraph(headline(result), strong=True)
-    yield Status(
-        expectations_met(summary.expectations), "" if not summary.expectations else "good" if summary.passed else "bad"
-    )
-    if missing:
-        yield Status(f"{counted(len(missing), 'tracker')} not ranked", "bad")
-    if summary.truth.known:
-        yield from _standings(result)
-    if missing:
-        failures = tuple(Item(failure(result, tracker), tracker.name, tone="bad") for tracker in missing)
-        yield Section("Not ranked", (Items(failures),))
 
 
 def _standings(result: Result) -> Iterator[Block]:
