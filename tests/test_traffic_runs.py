@@ -139,17 +139,29 @@ FAULTS = {
         "return 0, (np.arange(2), np.zeros((3, 2)), np.eye(4)[:, :, None] * [1, 1])",
         "the mean has the shape (3, 2)",
     ),
-    "nan": ("return 0, (np.arange(1), np.full((4, 1), np.nan), np.eye(4)[:, :, None])", "the estimate is not finite"),
+    "nan": ("return 0, (np.arange(1), np.full((4, 1), np.nan), np.eye(4)[:, :, None])", "the estimate is not finite: track 0 has the mean [nan, nan, nan, nan]"),
+    "too_few_ids": (
+        "return 0, (np.arange(1), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, 1])",
+        "the ids are of 1 tracks, the mean of 2, the covariance of 2",
+    ),
+    "indefinite": (
+        "return 0, (np.array([3, 7]), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, -1])",
+        "the covariance is not positive definite: that of track 7 has the eigenvalue -1",
+    ),
+    "no_state": (
+        "return trackbench.types.Tracks(np.arange(1), np.zeros((4, 1)), np.eye(4)[:, :, None])",
+        "step must return (state, Tracks), not Tracks",
+    ),
     "ids": ("return 0, (np.array([.5]), np.zeros((4, 1)), np.eye(4)[:, :, None])", "the ids are not whole numbers"),
     "existence": (
         "return 0, (np.arange(1), np.zeros((4, 1)), np.eye(4)[:, :, None], np.array([2.]))",
-        "an existence probability is not between 0 and 1",
+        "the existence probability of track 0 is 2, which is not between 0 and 1",
     ),
     "used": (
         "return 0, (np.arange(1), np.zeros((4, 1)), np.eye(4)[:, :, None], None, np.array([99]))",
         "used names detection 99",
     ),
-    "single": ("return 0, (np.zeros(4), np.eye(4))", "the answer must be Tracks(ids, mean, covariance"),
+    "single": ("return 0, (np.zeros(4), np.eye(4))", "it gave an estimate of one object"),
     "raises": ("return 1 / 0", "ZeroDivisionError"),
 }
 
@@ -158,7 +170,7 @@ FAULTS = {
 def test_what_is_no_tracks_fails_alone(
     scenario: Path, write_module: Any, cli: Callable[..., Any], in_process: bool
 ) -> None:
-    code = "import numpy as np\n"
+    code = "import numpy as np\nimport trackbench.types\n"
     for name, (body, _) in FAULTS.items():
         code += f"class {name}:\n    def step(self, state, scan):\n        {body}\n"
     module = write_module(scenario.parent, code)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.stepping.tracks import checked_tracks
+from trackbench.stepping.tracks import TRACKS, checked_tracks
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
 from trackbench.trackers.answers import unpack
 from trackbench.types import Array, FieldOfView, Scan, Tracks
@@ -65,7 +65,7 @@ def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
     state: Any = None
     for scan in scans:
         given = _as_batch([scan]) if batched else scan
-        state, answer = unpack(tracker.step(state, given))
+        state, answer = unpack(tracker.step(state, given), TRACKS)
         tracks = checked_tracks(answer, given)
         yield _of_run(tracks, 0) if batched else tracks
 
@@ -164,8 +164,8 @@ def _keeps_state(make: Make) -> None:
     batched = bool(getattr(tracker, "batched", False))
     for scan in hidden_drive()[:40]:
         given = _as_batch([scan]) if batched else scan
-        after, first = unpack(tracker.step(state, given))
-        again = unpack(tracker.step(state, given))[1]
+        after, first = unpack(tracker.step(state, given), TRACKS)
+        again = unpack(tracker.step(state, given), TRACKS)[1]
         one, two = checked_tracks(first, given), checked_tracks(again, given)
         if not np.array_equal(one.mean, two.mean, equal_nan=True):
             raise TrackerCheckError(
@@ -183,7 +183,7 @@ def _batch_is_loop(make: Make) -> None:
     alone = [list(_answers(make, drive)) for drive in drives]
     for number, scans in enumerate(zip(*drives, strict=True)):
         given = _as_batch(scans)
-        state, answer = unpack(tracker.step(state, given))
+        state, answer = unpack(tracker.step(state, given), TRACKS)
         tracks = checked_tracks(answer, given)
         for run, single in enumerate(alone):
             one, two = _of_run(tracks, run), single[number]
