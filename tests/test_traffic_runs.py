@@ -139,7 +139,10 @@ FAULTS = {
         "return 0, (np.arange(2), np.zeros((3, 2)), np.eye(4)[:, :, None] * [1, 1])",
         "the mean has the shape (3, 2)",
     ),
-    "nan": ("return 0, (np.arange(1), np.full((4, 1), np.nan), np.eye(4)[:, :, None])", "the estimate is not finite: track 0 has the mean [nan, nan, nan, nan]"),
+    "nan": (
+        "return 0, (np.arange(1), np.full((4, 1), np.nan), np.eye(4)[:, :, None])",
+        "the estimate is not finite: track 0 has the mean [nan, nan, nan, nan]",
+    ),
     "too_few_ids": (
         "return 0, (np.arange(1), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, 1])",
         "the ids are of 1 tracks, the mean of 2, the covariance of 2",
@@ -234,6 +237,16 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
     ("old", "new", "message"),
     [
         ("associate: {method: gnn}", "", "trackers.gnn.filter: follows one object each"),
+        ("trackers:\n", "trackers:\n  raw: {use: raw}\n", "trackers.raw.use: raw follows one object each"),
+        ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
+        ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
+        ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], or score is needed, not 3/5\n"),
+        ("method: gnn", "method: gnn, gate: 9.21", "gate: a probability, such as 0.9999, is needed, not 9.21\n"),
+        (
+            "method: gnn",
+            "method: gnn, detection_probability: 0.9",
+            "one for each sensor's name, such as {radar: 0.9}, is needed, not 0.9\n",
+        ),
         ("identities: hidden", "identities: known", "the measurements say of which object they are"),
         ("method: gnn", "method: gmn", "did you mean 'gnn'?"),
         ("method: gnn", "method: gnn, confirm: [5, 3]", "[M, N] needs M from 1 to N"),
