@@ -65,7 +65,10 @@ class AssociateConfig(Config):
         description="gnn, jpda, oracle, naive. A confirmed track is deleted after this many scans in a row without a "
         "detection, of sensors in whose field of view it was; no such rule unless given.",
     )
-    delete_after_s: Positive = Field(1, description="A track is deleted this long after its latest detection, s; several periods of the slowest sensor.")
+    delete_after_s: Positive = Field(
+        1,
+        description="A track is deleted this long after its latest detection, s; several periods of the slowest sensor.",
+    )
     confirm_existence: Fraction = Field(
         0.95, description="jipda and pmb. A track is reported once its probability of existence has reached this."
     )
