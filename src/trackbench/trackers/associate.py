@@ -92,7 +92,11 @@ class AssociateConfig(Config):
         description="gnn, jpda, oracle, naive. A confirmed track is deleted after this many scans in a row without a "
         "detection, of sensors in whose field of view it was; no such rule unless given.",
     )
-    delete_after_s: Positive = Field(1, description="A track is deleted this long after its latest detection, s.")
+    delete_after_s: Positive = Field(
+        1,
+        description="A track is deleted this long after its latest detection, s; several periods of the slowest "
+        "sensor.",
+    )
     confirm_existence: Fraction = Field(
         0.95, description="jipda and pmb. A track is reported once its probability of existence has reached this."
     )
@@ -112,11 +116,11 @@ class AssociateConfig(Config):
     )
     hidden_s: Positive = Field(1, description="jipda and pmb. Mean time that a hidden object stays so, s.")
     birth_rate_hz: Positive = Field(
-        1,
-        description="jipda and pmb. Expected number of objects per second that come into the field of view.",
+        0.2,
+        description="jipda and pmb. Expected number of objects per second that come into the view of each sensor.",
     )
     undetected: NonNegative = Field(
-        10, description="jipda and pmb. Expected number of objects in the field of view before the first scan."
+        10, description="jipda and pmb. Expected number of objects in the view of a sensor before its first scan."
     )
     max_cluster: int = Field(
         6,
