@@ -166,6 +166,10 @@ FAULTS = {
     ),
     "single": ("return 0, (np.zeros(4), np.eye(4))", "it gave an estimate of one object"),
     "raises": ("return 1 / 0", "ZeroDivisionError"),
+    "of_one": (
+        "return scan.measurement[0, 99]",
+        "is it of one object? With hidden identities a scan has detections of",
+    ),
 }
 
 

@@ -33,6 +33,9 @@ from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_witho
 from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
 
 
+NO_TRACKS_YET = "it had given no tracks; is it of one object? With hidden identities a scan has detections of all"
+
+
 @dataclass
 class TrafficScores:
     """What a block leaves of one tracker."""
@@ -137,7 +140,7 @@ class _Passage:
         except (KeyboardInterrupt, GeneratorExit):
             raise
         except BaseException as error:
-            return self._failure(fault_of(error), instant, scan.sensor)
+            return self._failure(self._explained(fault_of(error)), instant, scan.sensor)
         finally:
             stepper.close()
         return self._scored()
@@ -218,6 +221,12 @@ class _Passage:
             for column in np.flatnonzero(tracks.used[:, run] >= 0)
         ]
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
+
+    def _explained(self, fault: TrackFault) -> TrackFault:
+        """An error before the first track may be that of a tracker of one object."""
+        if fault.kind == "raised" and not any(len(tracks.ids) for tracks in self._instants):
+            return TrackFault(f"{fault.cause} ({NO_TRACKS_YET})", fault.kind, fault.place, fault.member)
+        return fault
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
         where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": None}
