@@ -37,6 +37,8 @@ class Focus:
     """A position error that the plot of the vehicle has to show."""
     tracker: str | None = None
     """Where identities are hidden, the one whose tracks are shown."""
+    beside: tuple[float, float] = (0.0, 0.0)
+    """Where identities are hidden, the place of the event from the vehicle in the middle, m in x and y."""
 
 
 def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
@@ -50,7 +52,8 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
         require_name(opening.vehicle, summary.truth.objects, "vehicle")
     if opening.worst is not None and summary.identities == "hidden":
         event = nth_event(results[0], opening.worst, opening.tracker, opening.vehicle)
-        return Focus(event.object or _nearest(results[0], event), event.time_s, tracker=event.tracker)
+        vehicle, beside = _vehicle_at(results[0], event)
+        return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
     if opening.worst is not None:
         moment = _worst([recorded_run(result) for result in results], opening.worst, opening)
         return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
@@ -77,14 +80,15 @@ def nth_event(result: Result, number: int, tracker: str | None, vehicle: str | N
     return found[number - 1]
 
 
-def _nearest(result: Result, event: TrackEvent) -> str:
-    """The vehicle that is nearest to an event."""
+def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
+    """The vehicle of an event, or the nearest to it, and where the event is from there, m."""
     away = {}
     for (_, name), rows in split(result.tables.truth, "role", "object").items():
         step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))
         if rows["alive"][step]:
-            away[name] = float(np.hypot(rows["px_m"][step] - event.x_m, rows["py_m"][step] - event.y_m))
-    return min(away, key=away.__getitem__)
+            away[name] = (float(event.x_m - rows["px_m"][step]), float(event.y_m - rows["py_m"][step]))
+    found = event.object if event.object in away else min(away, key=lambda name: np.hypot(*away[name]))
+    return found, away[found]
 
 
 def _worst(runs: Sequence[RecordedRun], number: int, opening: Opening) -> EstimateMoment:
