@@ -220,6 +220,26 @@ def test_inspect_shows_a_moment(cli: Callable[..., Any], traffic_folder: Path) -
     assert (done.status, done.err) == (2, "--at: 99 s is not in the recording, which goes from 0 s to 6 s\n")
 
 
+def test_a_tracker_that_failed_says_so(cli: Callable[..., Any], failing_folder: Path) -> None:
+    for arguments in ((), ("--worst", "2"), ("--at", "1")):
+        done = cli("inspect", failing_folder, *arguments)
+        assert done.status == 0
+        assert "failing failed: ValueError: out of order" in done.out.replace("\n", " ")
+    for command in (("inspect", failing_folder), ("snapshot", failing_folder, "worst.png")):
+        done = cli(*command, "--worst", "1", "--tracker", "failing")
+        assert (done.status, done.out) == (2, "")
+        assert done.err.startswith("--tracker: failing failed, so it has no tracks: ValueError: out of order")
+
+
+def test_a_tracker_is_chosen_at_a_time(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
+    focus = focus_of([traffic_result], Opening(at_s=3.1, tracker="naive"))
+    assert (focus.time_s, focus.tracker) == (3.1, "naive")
+    found = json.loads(cli("inspect", traffic_folder, "--at", "5", "--tracker", "naive", "--json").out)["at"]
+    assert {track["tracker"] for track in found["tracks"]} == {"naive"}
+    with pytest.raises(InputError, match="did you mean 'naive'"):
+        focus_of([traffic_result], Opening(at_s=3.1, tracker="naiv"))
+
+
 def test_inspect_reads_a_folder_without_a_recording(
     cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path
 ) -> None:

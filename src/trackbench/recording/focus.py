@@ -24,7 +24,7 @@ class Opening:
     """At the moment of the largest position error, the second largest, and so on."""
     vehicle: str | None = None
     tracker: str | None = None
-    """Whose error is the worst; unless stated, any tracker's."""
+    """Whose error is the worst; unless stated, any tracker's. With hidden identities also whose tracks are shown."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,8 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
         InputError: a vehicle, tracker, time or moment that they do not have.
     """
     summary = results[0].summary
+    for result in results:
+        require_worst(result, opening.worst, opening.tracker)
     if opening.vehicle is not None:
         require_name(opening.vehicle, summary.truth.objects, "vehicle")
     if opening.worst is not None and summary.identities == "hidden":
@@ -62,17 +64,31 @@ def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
             require_time(0.0, result.summary.truth.duration_s, opening.at_s)
         if opening.vehicle is not None:
             _require_presence(results[0], opening.vehicle, opening.at_s)
-    return Focus(opening.vehicle, opening.at_s)
+    return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
+
+
+def require_worst(result: Result, worst: int | None, tracker: str | None) -> None:
+    """Make sure that a tracker is named for its worst moments, or, where identities are hidden, for its tracks.
+
+    Raises:
+        InputError: it is not, or with hidden identities there is no such tracker or it failed.
+    """
+    if tracker is None:
+        return
+    if result.summary.identities == "hidden":
+        failed = result[require_name(tracker, list(result), "tracker")].failed
+        if failed is not None:
+            raise InputError(f"{tracker} failed, so it has no tracks: {failed}", key="--tracker")
+    elif worst is None:
+        raise InputError("names whose worst moments are meant: give --worst with it", key="--tracker")
 
 
 def nth_event(result: Result, number: int, tracker: str | None, vehicle: str | None) -> TrackEvent:
     """The event of the recorded run that is the Nth in the order of cost.
 
     Raises:
-        InputError: there is no such tracker, or there are fewer events that cost something.
+        InputError: there are fewer events that cost something.
     """
-    if tracker is not None:
-        require_name(tracker, list(result), "tracker")
     every = events_of(result, tracker, result.summary.recorded_run, vehicle)
     found = [event for event in every if event.cost_m2 > 0]
     if len(found) < number:
