@@ -75,9 +75,7 @@ def test_a_track_on_an_optional_object_is_neither_right_nor_wrong() -> None:
     status = np.tile([DUE, OPTIONAL, ABSENT], (12, 1))
     truth = truth_of(x, status)
     without = score_run(truth, tracks_of(x[:, :1] + 0.5))
-    # Two tracks near the optional object, one of which wanders around it.
-    wander = 30.0 + np.linspace(-4, 4, 12)[:, None]
-    with_it = score_run(truth, tracks_of(np.hstack([x[:, :1] + 0.5, x[:, 1:2], wander])))
+    with_it = score_run(truth, tracks_of(np.hstack([x[:, :1] + 0.5, x[:, 1:2] + 2])))
     assert with_it.values == without.values
     assert {event.kind for event in with_it.events} == {"born", "confirmed"}
     # Where nothing is, a track is wrong.
@@ -91,13 +89,33 @@ def test_a_track_on_an_optional_object_is_neither_right_nor_wrong() -> None:
     assert (found["gospa"], found["lost_time_share"], found["fragmentations"]) == (0, 0, 0)
 
 
-def test_a_track_nearer_to_an_optional_object_is_on_that_one() -> None:
+def test_an_optional_object_takes_no_track_from_a_due_one() -> None:
     truth = truth_of([[0.0, 4.0]] * 3, [[DUE, OPTIONAL]] * 3)
-    found = ratios(score_run(truth, tracks_of([[3.5]] * 3)))
-    assert (found["matched_share"], found["gospa_false"]) == (0, 0)
-    assert found["gospa_missed"] == pytest.approx(12.5**0.5)
-    # With a track each, the nearer one counts.
+    found = ratios(score_run(truth, tracks_of([[2.4]] * 3)))
+    assert (found["matched_share"], found["gospa"]) == (1, pytest.approx(2.4))
+    # Further than half of the cutoff it is not on the due object any more: there it is missed, and no track is false.
+    further = ratios(score_run(truth, tracks_of([[3.5]] * 3)))
+    assert (further["matched_share"], further["mota"], further["gospa"]) == (0, 0, pytest.approx(3.5))
+    # With a track each, both are where they belong.
     assert ratios(score_run(truth, tracks_of([[0.5, 3.5]] * 3)))["gospa"] == pytest.approx(0.5)
+
+
+def test_an_optional_object_excuses_one_track_alone() -> None:
+    truth = truth_of([[0.0]] * 4, [[OPTIONAL]] * 4)
+    scores = score_run(truth, tracks_of([[-1.0, -0.5, 0.0, 0.5, 1.0, 1.5]] * 4))
+    assert ratios(scores)["gospa_false"] == pytest.approx((5 * 12.5) ** 0.5)
+    assert scores.values["siap_spuriousness"] == (20, 20)
+    assert sum(event.kind == "false" for event in scores.events) == 5
+    assert scores.values["false_tracks"][0] == 5
+
+
+def test_a_second_track_on_a_due_object_is_false_though_a_hidden_one_is_seven_metres_away() -> None:
+    truth = truth_of([[0.0, 7.0]] * 4, [[DUE, OPTIONAL]] * 4)
+    found = ratios(score_run(truth, tracks_of([[0.0, 1.9]] * 4)))
+    assert found["gospa_false"] == pytest.approx(12.5**0.5)
+    # Within the cutoff of the hidden one GOSPA excuses it; CLEAR, up to half of it, does not.
+    found = ratios(score_run(truth, tracks_of([[0.0, 2.1]] * 4)))
+    assert (found["gospa_false"], found["mota"], found["idf1"]) == (0, 0, pytest.approx(2 / 3))
 
 
 def test_a_switch() -> None:

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.assignment import Counted
 from trackbench.traffic_metrics.clear import NO_TRACK, NOBODY, Switches, object_of_each
 from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
 from trackbench.traffic_metrics.strips import stretches
@@ -48,11 +48,12 @@ class _Timeline(NamedTuple):
     truth: TruthHistory
     tracks: TrackHistory
     counted: Counted
-    near: NearPairs
     track_of: Indices
     """``(T, N)``."""
     object_of: Indices
-    """``(T, tracks)``."""
+    """``(T, tracks)`` the due object of each."""
+    optional_of: Indices
+    """``(T, tracks)`` the optional object of each."""
     column_of: Indices
     """``(T, tracks)``, -1 where the track is not there."""
 
@@ -81,8 +82,6 @@ def events(
     truth: TruthHistory,
     tracks: TrackHistory,
     counted: Counted,
-    near: NearPairs,
-    matched: NearPairs,
     track_of: Indices,
     changes: Switches,
     switch: float,
@@ -92,9 +91,7 @@ def events(
     Args:
         truth: objects.
         tracks: tracks.
-        counted: what counts of both.
-        near: pairs that may be matched.
-        matched: those that are, by :func:`clear_matches`.
+        counted: what counts of both, matched by :func:`clear_matches`.
         track_of: of the same.
         changes: of the same.
         switch: m that a switch costs.
@@ -103,8 +100,8 @@ def events(
     column_of = np.full((steps, numbers), NO_TRACK)
     instant, column = np.nonzero(counted.track >= 0)
     column_of[instant, counted.track[instant, column]] = column
-    object_of = object_of_each(matched, steps, numbers)
-    line = _Timeline(truth, tracks, counted, near, track_of, object_of, column_of)
+    object_of, optional_of = (object_of_each(pairs, steps, numbers) for pairs in (counted.matched, counted.excused))
+    line = _Timeline(truth, tracks, counted, track_of, object_of, optional_of, column_of)
     found = [*_births(line), *_of_objects(line), *_of_tracks(line), *_switched(line, changes, switch**2)]
     return tuple(sorted(found, key=lambda event: event.instant))
 
@@ -112,8 +109,8 @@ def events(
 def _births(line: _Timeline) -> Iterator[TrafficEvent]:
     for track, instant in enumerate((line.column_of != NO_TRACK).argmax(axis=0).tolist()):
         item = int(line.object_of[instant, track])
-        excused = line.counted.excused[instant, line.column_of[instant, track]]
-        why = "on an object" if item != NOBODY else "on an optional object" if excused else "on no object"
+        optional = line.optional_of[instant, track] != NOBODY
+        why = "on an object" if item != NOBODY else "on an optional object" if optional else "on no object"
         yield line.event("born", instant, track, item, why)
 
 
@@ -139,17 +136,17 @@ def _of_objects(line: _Timeline) -> Iterator[TrafficEvent]:
 
 
 def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) -> TrafficEvent:
-    column = line.column_of[instant, former]
-    if column == NO_TRACK:
+    if line.column_of[instant, former] == NO_TRACK:
         return line.event("lost", instant, former, item, "its track ended", cost)
     now_on = int(line.object_of[instant, former])
     if now_on != NOBODY:
         return line.event("lost", instant, former, item, "its track went to another object", cost, other_object=now_on)
-    if line.counted.excused[instant, column]:
+    if line.optional_of[instant, former] != NOBODY:
         return line.event("lost", instant, former, item, "its track went to an optional object", cost)
-    pairs = line.near
+    pairs = line.counted.pairs
     start, end = np.searchsorted(pairs.instant, [instant, instant + 1])
-    near = start + np.flatnonzero(pairs.track[start:end] == former)
+    own = (pairs.track[start:end] == former) & (pairs.distance[start:end] <= line.counted.reach)
+    near = start + np.flatnonzero(own)
     if not len(near):
         return line.event("lost", instant, former, item, "its track left it", cost)
     other = int(pairs.object[near[np.argmin(pairs.distance[near])]])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.assignment import Counted
 from trackbench.traffic_metrics.clear import NO_TRACK
 from trackbench.types import Array, Indices, Mask
 
@@ -31,16 +31,17 @@ def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
     return float((since & ~tracked).sum()), float(since.sum())
 
 
-def purity(matched: NearPairs, objects: int, tracks: int) -> tuple[float, float]:
+def purity(counted: Counted) -> tuple[float, float]:
     """Instants that each track spends on the object it is on most, of all that it spends on any."""
+    matched, objects, tracks = counted.matched, counted.due.shape[1], len(counted.ids)
     together = np.bincount(matched.object * tracks + matched.track, minlength=objects * tracks)
     most = together.reshape(objects, tracks).max(axis=0, initial=0)
     return float(most.sum()), float(together.sum())
 
 
-def false_tracks(counted: Counted, matched: NearPairs) -> Indices:
+def false_tracks(counted: Counted) -> Indices:
     """Numbers of the tracks that never are on any object, due or optional."""
     real = np.zeros(len(counted.ids), dtype=bool)
-    real[matched.track] = True
-    real[counted.track[counted.excused]] = True
+    real[counted.matched.track] = True
+    real[counted.excused.track] = True
     return np.flatnonzero(~real)
