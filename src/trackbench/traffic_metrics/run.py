@@ -112,7 +112,7 @@ def score_run(
         gospa=parts,
         latencies=waited,
         existence=bins,
-        events=events(truth, tracks, counted, track_of, changes, options.switch),
+        events=events(truth, tracks, counted, of_gospa, track_of, changes, options.switch),
         strips=strips(track_of, counted.due, changes),
         tgospa_exact=trajectory.exact,
     )
