@@ -58,7 +58,8 @@ def _last_of_chain(instant: Indices, item: Indices, partner: Indices, owner: Ind
     item, moving = item.copy(), np.arange(len(item))
     while len(moving):
         other = partner[instant[moving], item[moving]]
-        following = np.where(other == NONE, NONE, owner[instant[moving], other])
+        moving, other = moving[other != NONE], other[other != NONE]
+        following = owner[instant[moving], other]
         moving, following = moving[following != NONE], following[following != NONE]
         item[moving] = following
     return item
