@@ -8,6 +8,7 @@ from tests.traffic_metrics.histories import STEP, random_histories, tracks_of, t
 
 from trackbench.traffic_metrics import METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
 from trackbench.traffic_metrics.histories import NO_DETECTION
+from trackbench.traffic_metrics.lifetimes import confirmation
 from trackbench.traffic_metrics.strips import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
 from trackbench.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL
 
@@ -16,7 +17,7 @@ NAN = np.nan
 
 def ratios(scores: RunScores) -> dict[str, float]:
     """The values as they stand in a result of this one run."""
-    found = {path: total / count for path, (total, count) in scores.values.items()}
+    found = {path: total / count for path, (total, count) in scores.values.items() if count}
     return {path: value**0.5 if METRICS[path].combine == "root" else value for path, value in found.items()}
 
 
@@ -48,12 +49,19 @@ def test_an_object_that_is_never_tracked() -> None:
     found = ratios(scores)
     assert found["gospa"] == found["gospa_missed"] == found["tgospa"] == pytest.approx((5.0**2 / 2) ** 0.5)
     assert found["ospa"] == found["ospa2"] == 5.0
-    assert found["confirm_latency"] == 8 * STEP
+    assert scores.values["confirm_latency"] == (8 * STEP, 0)
+    assert found["never_confirmed"] == 1
+    assert np.isinf(scores.latencies).all()
     assert (found["matched_share"], found["hota"], found["idf1"], found["mota"]) == (0, 0, 0, 0)
     assert not {"motp", "position_rmse", "nees", "track_purity", "lost_time_share"} & set(found)
     (event,) = scores.events
     assert (event.kind, event.why, event.cost) == ("lost", "it never had a track", 8 * 12.5)
     assert np.all(scores.strips == WAITING)
+
+
+def test_a_run_without_any_column_of_tracks_is_missed_altogether() -> None:
+    scores = score_run(truth_of([[0.0]] * 8), tracks_of(np.zeros((8, 0))))
+    assert [(event.kind, event.cost) for event in scores.events] == [("lost", 8 * 12.5)]
 
 
 @pytest.mark.parametrize(("objects", "columns"), [(0, 0), (0, 2), (2, 0), (1, 1)])
@@ -153,7 +161,7 @@ def test_latency_loss_and_fragmentation() -> None:
     np.testing.assert_allclose(scores.latencies, [4 * STEP, 0.0])
     found = ratios(scores)
     assert found["confirm_latency"] == pytest.approx(2 * STEP)
-    assert found["confirm_latency_95"] == pytest.approx(0.95 * 4 * STEP)
+    assert found["never_confirmed"] == 0
     assert found["lost_time_share"] == pytest.approx(2 / (12 + 14))
     assert found["matched_share"] == pytest.approx((10 + 14) / (16 + 14))
     assert found["fragmentations"] == pytest.approx(1 / (30 * STEP / 60))
@@ -169,6 +177,30 @@ def test_latency_loss_and_fragmentation() -> None:
         ("lost", 10, 2 * 12.5),
         ("fragmented", 12, 0.0),
     ]
+
+
+def test_an_object_that_is_never_tracked_adds_its_waiting_and_no_confirmation() -> None:
+    # The second object is due for a quarter of the run, shorter than the first one waits, and is never tracked.
+    x = np.tile([0.0, NAN], (16, 1))
+    x[:4, 1] = 30.0
+    first = np.full((16, 1), NAN)
+    first[6:] = 0.0
+    scores = score_run(truth_of(x), tracks_of(first))
+    assert scores.values["confirm_latency"] == ((6 + 4) * STEP, 1)
+    assert scores.values["never_confirmed"] == (1, 2)
+    np.testing.assert_array_equal(scores.latencies, [6 * STEP, np.inf])
+
+
+def test_the_latency_is_that_of_a_constant_rate_however_short_objects_are_due() -> None:
+    rng = np.random.default_rng(0)
+    for longest in (5, 20, 200):
+        waits, lasts = rng.geometric(0.1, 3000) - 1, rng.integers(1, longest, 3000)
+        step = np.arange(longest)[:, None]
+        there = step < lasts
+        track = np.where((step >= waits) & there, 0, -1)
+        total, count = confirmation(track, there, np.ones(longest))
+        # Nine failures to each success on average.
+        assert total / count == pytest.approx(9, abs=4 * 9.5 / count**0.5)
 
 
 def test_two_objects_with_one_track_between_them_are_merged() -> None:

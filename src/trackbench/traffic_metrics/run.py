@@ -24,7 +24,7 @@ from trackbench.traffic_metrics.gospa import GospaParts, gospa
 from trackbench.traffic_metrics.histories import Associations, TrackHistory, TruthHistory
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
-from trackbench.traffic_metrics.lifetimes import durations, false_tracks, latencies, lost, purity
+from trackbench.traffic_metrics.lifetimes import confirmation, durations, false_tracks, latencies, lost, purity
 from trackbench.traffic_metrics.matched import matched_errors
 from trackbench.traffic_metrics.ospa import ospa, ospa2
 from trackbench.traffic_metrics.siap import siap
@@ -52,11 +52,12 @@ class RunScores(NamedTuple):
     """The scores of one run."""
 
     values: Sums
-    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out."""
+    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out; of
+    waiting in vain ``confirm_latency`` has a total and no count."""
     gospa: GospaParts
     """``(T,)`` each, m^2."""
     latencies: Array
-    """``(N,)`` s until each object was tracked, NaN for those that never were due."""
+    """``(N,)`` s until each object was tracked, infinite for those never tracked, NaN for those never due."""
     existence: ExistenceBins | None
     """None where the tracks have no existence probability."""
     events: tuple[TrafficEvent, ...]
@@ -97,7 +98,8 @@ def score_run(
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
         **_detection_and_association(counted),
         **_counts(counted, changes, duration, int(resumptions(track_of, counted.due).sum())),
-        **_latency(waited),
+        "confirm_latency": confirmation(track_of, counted.due, duration),
+        "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
         "lost_time_share": lost(track_of, counted.due),
         "track_purity": purity(counted),
         **{f"siap_{name}": sums for name, sums in siap(truth, tracks, of_gospa)._asdict().items()},
@@ -108,7 +110,7 @@ def score_run(
         values |= {f"association_{name}": (float(share), float(sum(found))) for name, share in found._asdict().items()}
     bins = None if tracks.existence is None else existence_bins(counted, tracks.existence)
     return RunScores(
-        values={path: sums for path, sums in values.items() if sums[1] > 0},
+        values={path: sums for path, sums in values.items() if any(sums)},
         gospa=parts,
         latencies=waited,
         existence=bins,
@@ -156,14 +158,6 @@ def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) 
         "fragmentations": (float(resumed), object_minutes),
         "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
     }
-
-
-def _latency(waited: Array) -> Sums:
-    known = waited[np.isfinite(waited)]
-    if not len(known):
-        return {}
-    median, most = np.quantile(known, [0.5, 0.95])
-    return {"confirm_latency": (float(median), 1.0), "confirm_latency_95": (float(most), 1.0)}
 
 
 def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> Sums:
