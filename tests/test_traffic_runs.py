@@ -261,3 +261,23 @@ def test_mistakes_are_located(scenario: Path, cli: Callable[..., Any], old: str,
     done = cli("check", scenario)
     assert done.status == 2
     assert message in done.err
+
+
+#: A tracker that never gives a track.
+BLIND = """
+import numpy as np
+class T:
+    def step(self, state, scan):
+        return 0, (np.zeros(0, int), np.zeros((4, 0)), np.zeros((4, 4, 0)), None, np.zeros(0, int))
+"""
+
+
+def test_a_blind_tracker_has_no_latency_and_is_not_compared_by_it(scenario: Path, write_module: Any) -> None:
+    found = result(scenario, f"trackers.blind.use={write_module(scenario.parent, BLIND)}:T")
+    blind = found["blind"].metrics
+    assert (blind["confirm_latency"].value, blind["confirm_latency"].reason) == (None, "no object was ever tracked")
+    assert blind["never_confirmed"].value == 1
+    assert found["gnn"].metrics["never_confirmed"].value == 0
+    pairs = {(d.a, d.b) for d in found.summary.differences if d.metric == "confirm_latency"}
+    assert pairs
+    assert not any("blind" in pair for pair in pairs)
