@@ -32,7 +32,6 @@ from trackbench.traffic_metrics.histories import NO_DETECTION
 from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
 
-
 NO_TRACKS_YET = "it had given no tracks; is it of one object? With hidden identities a scan has detections of all"
 
 
