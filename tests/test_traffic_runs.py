@@ -281,3 +281,12 @@ def test_a_blind_tracker_has_no_latency_and_is_not_compared_by_it(scenario: Path
     pairs = {(d.a, d.b) for d in found.summary.differences if d.metric == "confirm_latency"}
     assert pairs
     assert not any("blind" in pair for pair in pairs)
+
+
+def test_what_a_tracker_loads_at_first_is_not_timed(scenario: Path, write_module: Any, cli: Callable[..., Any]) -> None:
+    code = "import time\nclass Loads:\n    def step(self, state, scan):\n        state or time.sleep(0.3)\n"
+    module = write_module(scenario.parent, f"{code}        return True, None\n")
+    done = cli("run", scenario, "--json", "--no-recording", "--set", f"trackers.loads.use={module}:Loads")
+    found = next(tracker for tracker in json.loads(done.out)["trackers"] if tracker["name"] == "loads")
+    # Over all 90 scans it would be 3333 us.
+    assert found["metrics"]["step_time"]["value"] < 1000
