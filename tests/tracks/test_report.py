@@ -15,6 +15,7 @@ from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
 from trackbench.document.model import Document, Figure, Section, every
+from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
 from trackbench.report.console import print_summary
 from trackbench.report.result import ranking_table, result_document
@@ -44,6 +45,13 @@ def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traf
     best = traffic_result.contenders[0].name
     assert best != "oracle"
     assert f"{best} has the smallest GOSPA" in text(document)
+
+
+def test_a_metric_of_another_name_has_the_nearest(traffic_result: Result) -> None:
+    with pytest.raises(InputError, match="no metric 'gopsa' of this tracker; did you mean 'gospa'"):
+        traffic_result["gnn"].metrics["gopsa"]
+    assert "gopsa" not in traffic_result["gnn"].metrics
+    assert traffic_result["gnn"].metrics.get("gopsa") is None
 
 
 def test_a_reference_is_marked_and_next_to_nobody(document: Document, traffic_result: Result) -> None:
