@@ -6,16 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
+from matplotlib.text import Annotation
+from rich.console import Console
 
 import trackbench as tb
 from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
-from trackbench.document.model import Document, Section, every
+from trackbench.document.model import Document, Figure, Section, every
+from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
+from trackbench.report.console import print_summary
 from trackbench.report.result import ranking_table, result_document
+from trackbench.report.run.figures.ground import draw_surroundings
 from trackbench.report.traffic.sentences import association_against_filtering, verdict
-from trackbench.results import MetricValue, Result
+from trackbench.results import MetricValue, Result, TrackerResult
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +45,63 @@ def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traf
     best = traffic_result.contenders[0].name
     assert best != "oracle"
     assert f"{best} has the smallest GOSPA" in text(document)
+
+
+def test_a_metric_of_another_name_has_the_nearest(traffic_result: Result) -> None:
+    with pytest.raises(InputError, match="no metric 'gopsa' of this tracker; did you mean 'gospa'"):
+        traffic_result["gnn"].metrics["gopsa"]
+    assert "gopsa" not in traffic_result["gnn"].metrics
+    assert traffic_result["gnn"].metrics.get("gopsa") is None
+
+
+def test_a_reference_is_marked_and_next_to_nobody(document: Document, traffic_result: Result) -> None:
+    (table,) = (table for table in document.tables if table.name == "differences")
+    *others, last = table.rows
+    assert [row[0].text for row in others] == [tracker.name for tracker in traffic_result.contenders[1:]]
+    assert (last[0].text, last[0].details, last[2].text) == ("oracle", ("reference",), "")
+    (table,) = (table for table in document.tables if table.name == "ranking")
+    marked = {row[0].text for row in table.rows if row[0].details == ("reference",)}
+    assert marked == {"oracle"}
+    assert "oracle (reference)" in text(document)
+    assert "share a letter under" in text(document)
+
+
+@pytest.mark.parametrize("nees", [3.0, 12345.6])
+def test_the_terminal_has_room(traffic_result: Result, nees: float, capsys: pytest.CaptureFixture[str]) -> None:
+    def with_nees(tracker: TrackerResult) -> TrackerResult:
+        found = tracker.metrics["nees"].model_copy(update={"value": nees})
+        return tracker.model_copy(update={"metrics": {**tracker.metrics, "nees": found}})
+
+    changed = traffic_result.updated(trackers=[with_nees(tracker) for tracker in traffic_result.summary.trackers])
+    print_summary(changed, Console(width=80))
+    lines = capsys.readouterr().out.splitlines()
+    assert all(len(line) <= 80 and line == line.rstrip() and line for line in lines)
+    names = [line.split()[0] for line in lines[2:6]]
+    assert sorted(names) == ["gnn", "naive", "oracle*", "pmb"]
+    assert all(len(line.split()) == 11 for line in lines[2:6])
+    assert lines[-1] == "group: no difference over 1 % or 5 mm shown between those that share a letter"
+
+
+def test_marks_of_the_figures_are_those_of_their_legends(document: Document) -> None:
+    marks = {figure.name: {entry.label: entry.mark for entry in figure.legend} for figure in document.figures}
+    assert marks["objects"]["switch"] == "upright"
+    assert marks["objects"]["tracked"] == "box"
+    assert marks["map"]["false track begins"] == "triangle"
+    (found,) = (figure for figure in document.figures if figure.name == "map")
+    assert "the recording has all" in found.caption
+
+
+def test_names_on_a_map_do_not_cover_each_other(traffic_result: Result) -> None:
+    paths = {name: (np.array([0.0, end]), np.zeros(2)) for name, end in (("lorry", 300.0), ("second", 310.0))}
+    found: list[float] = []
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        draw_surroundings(axes, traffic_result.tables.roads, [], paths, (1.0, 10.0))
+        found.extend(note.xyann[1] for note in axes.texts if isinstance(note, Annotation))
+
+    svg_file(Figure("map", "Map", "", "", paint, 100))
+    assert abs(found[0] - found[1]) >= 10
 
 
 def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:

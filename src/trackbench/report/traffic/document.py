@@ -73,8 +73,11 @@ def _standings(result: Result) -> Iterator[Block]:
     for sentence in association_against_filtering(result):
         yield Paragraph(sentence)
     if result.scored:
-        items = (Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.scored)
+        items = [Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.contenders]
         yield Items(tuple(items), numbered=True)
+        beside = [t for t in result.scored if t not in result.contenders]
+        if beside:
+            yield Items(tuple(Item(f"{verdict(t)}.", f"{t.name} (reference)", about(t), t.name) for t in beside))
 
 
 def _of_truth(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
@@ -91,10 +94,14 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     trackers = result.scored
     if not trackers:
         return
-    note = Paragraph(f"Small print is the 95 % interval, {basis_of_intervals(result)}.")
+    margin = margin_words(result.summary.score.margin, "m")
+    said = f"Small print is the 95 % interval, {basis_of_intervals(result)}. No difference of GOSPA over {margin} was "
+    said += "shown between trackers that share a letter under “group”."
+    if any(tracker.is_reference for tracker in trackers):
+        said += " A reference knows which detection is whose: it is no competitor."
+    note = Paragraph(said)
     yield Section("Ranking", (note, ranking(result)))
     if len(trackers) > 1:
-        margin = margin_words(result.summary.score.margin, "m")
         cost = cost_against_accuracy(result.drawn, styles, "gospa")
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
         pairs = Section("All pairs", (tables.all_differences(result, result.drawn),), folded=True)
