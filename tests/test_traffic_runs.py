@@ -252,3 +252,17 @@ def test_a_blind_tracker_has_no_latency_and_is_not_compared_by_it(scenario: Path
     pairs = {(d.a, d.b) for d in found.summary.differences if d.metric == "confirm_latency"}
     assert pairs
     assert not any("blind" in pair for pair in pairs)
+
+
+def test_where_nothing_was_due_nobody_is_ranked(scenario: Path, cli: Callable[..., Any]) -> None:
+    done = cli("run", scenario, "--set", "sensors.radar.max_range_m=2", "--set", "sensors.lidar.max_range_m=2")
+    assert "NOT RANKED gnn: no object was ever due" in done.out
+    assert "GOSPA" not in done.out
+    page = Path("results/lanes/report.md").read_text(encoding="utf-8")
+    assert "**No object was ever due: none came into a sensor's view" in page
+    assert "interval" not in page
+    found = json.loads(Path("results/lanes/result.json").read_text(encoding="utf-8"))
+    assert found["differences"] == []
+    assert {tracker["metrics"]["gospa"]["value"] for tracker in found["trackers"]} == {None}
+    compared = cli("compare", "results/lanes")
+    assert "gospa not compared: gnn in results/lanes: no object was ever due" in compared.out.replace("\n", " ")
