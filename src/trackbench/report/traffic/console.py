@@ -51,10 +51,10 @@ def notes(result: Result) -> list[str]:
     """What the headings mean."""
     if not result.summary.truth.known:
         return notes_without_truth()
-    cutoff = result.summary.score.cutoff_m
+    cutoff = result.summary.score.cutoff_m or 0.0
     return [
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
-        "pos. m, NEES (4 expected): of matched tracks alone",
+        f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
         f"intervals are in the report, {basis_of_intervals(result)}",
     ]
 

@@ -32,7 +32,7 @@ from trackbench.report.traffic import without_truth
 from trackbench.report.traffic.events import events_section
 from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
 from trackbench.report.traffic.map import map_of_tracks
-from trackbench.report.traffic.sentences import association_against_filtering, verdict
+from trackbench.report.traffic.sentences import association_against_filtering, censored, verdict
 from trackbench.report.traffic.strips import strip_chart
 from trackbench.results import Result, TrackerResult
 from trackbench.traffic_metrics import METRICS
@@ -42,7 +42,7 @@ RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota",
 GROUPS: dict[str, tuple[str, ...]] = {
     "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
     "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
-    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "motp", "matched_share"),
+    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "nees_inside", "motp", "matched_share"),
     "Association": (
         "association_right", "association_wrong_object", "association_clutter", "association_missed",
     ),
@@ -143,8 +143,9 @@ def _named(path: str) -> str:
 
 
 def _details(result: Result) -> Iterator[Section]:
+    notes = {"Errors of matched tracks": (Paragraph(censored(result)),)}
     for title, paths in GROUPS.items() if result.scored else ():
-        yield Section(title, (_table(title, result.scored, paths),))
+        yield Section(title, (_table(title, result.scored, paths), *notes.get(title, ())))
 
 
 def about(tracker: TrackerResult) -> str:
