@@ -7,6 +7,7 @@ from rich.text import Text
 from trackbench.report.numbers import decimals, fixed
 from trackbench.report.run.cells import metric_of
 from trackbench.report.run.scenes import basis_of_intervals
+from trackbench.report.traffic.sentences import reused_identities
 from trackbench.results import Result
 
 #: The columns: heading, metric, significant digits, and the factor of its unit in the heading.
@@ -56,6 +57,7 @@ def notes(result: Result) -> list[str]:
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
         f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
         f"intervals are in the report, {basis_of_intervals(result)}",
+        *([reused] if (reused := reused_identities(result)) else []),
     ]
 
 

@@ -32,7 +32,7 @@ from trackbench.report.traffic import without_truth
 from trackbench.report.traffic.events import events_section
 from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
 from trackbench.report.traffic.map import map_of_tracks
-from trackbench.report.traffic.sentences import association_against_filtering, censored, verdict
+from trackbench.report.traffic.sentences import association_against_filtering, censored, reused_identities, verdict
 from trackbench.report.traffic.strips import strip_chart
 from trackbench.results import Result, TrackerResult
 from trackbench.traffic_metrics import METRICS
@@ -48,6 +48,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 
+SAME_ID = "Tracks of one identity are scored as one track: a second track of it on the same object is no switch."
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
@@ -144,6 +145,8 @@ def _named(path: str) -> str:
 
 def _details(result: Result) -> Iterator[Section]:
     notes = {"Errors of matched tracks": (Paragraph(censored(result)),)}
+    if reused := reused_identities(result):
+        notes["Identity"] = (Paragraph(f"{reused[0].upper()}{reused[1:]}. {SAME_ID}"),)
     for title, paths in GROUPS.items() if result.scored else ():
         yield Section(title, (_table(title, result.scored, paths), *notes.get(title, ())))
 

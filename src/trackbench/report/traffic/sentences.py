@@ -52,6 +52,16 @@ def censored(result: Result) -> str:
     )
 
 
+def reused_identities(result: Result) -> str:
+    """Which trackers gave an identity to a second track; empty where none did."""
+    found = [
+        f"{tracker.name} {counted(tracker.health.reused_ids, 'time')}"
+        for tracker in result.scored
+        if tracker.health.reused_ids
+    ]
+    return f"identities used again after their track had ended: {', '.join(found)}" if found else ""
+
+
 def association_against_filtering(result: Result) -> Iterator[str]:
     """What the oracles say: how much of the error is left when it is known which detection is whose.
 
