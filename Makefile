@@ -65,6 +65,7 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 reference: $(VENV)/.installed $(GENERATED)
 	# What is expected of one scene need not hold over ten.
 	-$(BIN)/trackbench run scenarios/ --scenes 10 --runs 20 --workers 2 --no-recording
+	$(BIN)/trackbench run scenarios/traffic --workers 2 --no-recording --out results/traffic
 	$(BIN)/python docs/projects/range_3km.py
 
 # The tables of the Udacity pages; needs TRACKBENCH_DATA.

@@ -38,7 +38,7 @@ def test_options_that_do_not_go_together(associate: dict[str, Any], key: str, me
     assert found[1].startswith(message)
 
 
-@pytest.mark.parametrize("initial", ["two_readings", "truth", {"sensors": ["lidar"]}])
+@pytest.mark.parametrize("initial", ["two_readings", "truth"])
 def test_a_track_starts_from_one_detection(initial: Any) -> None:
     (found,) = messages({"method": "gnn"}, initial=initial)
     assert found == ("initial.from", "with associate a track starts from one detection: use from: first_reading")
@@ -49,9 +49,10 @@ def test_what_tracks_of_one_object_wait_for() -> None:
     assert found == ("initial.skip", "not used with associate, which has confirm; remove it")
 
 
-def test_tracks_start_with_the_range_rate_unless_said_otherwise() -> None:
-    config = FilterConfig.model_validate({**EKF, "associate": {"method": "gnn"}})
+@pytest.mark.parametrize("initial", [{}, "first_reading", {"sensors": ["lidar"]}, {"velocity_sigma_mps": 5}])
+def test_tracks_start_with_the_range_rate_unless_said_otherwise(initial: Any) -> None:
+    config = FilterConfig.model_validate({**EKF, "associate": {"method": "gnn"}, "initial": initial})
     assert (config.initial.source, config.initial.velocity) == ("first_reading", "range_rate")
-    given = FilterConfig.model_validate({**EKF, "initial": "first_reading", "associate": {"method": "gnn"}})
-    assert given.initial.velocity == "zero"
+    resting = {**EKF, "initial": {"velocity": "zero"}, "associate": {"method": "gnn"}}
+    assert FilterConfig.model_validate(resting).initial.velocity == "zero"
     assert FilterConfig.model_validate(EKF).initial.source == "two_readings"

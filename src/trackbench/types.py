@@ -54,6 +54,9 @@ class FieldOfView(NamedTuple):
     """To either side of the boresight, rad."""
     max_range: float
     """m; infinite where there is no limit."""
+    volume: float | None = None
+    """Of the part of the measurement space that is in view, in the units of a measurement: the expected number of false
+    alarms in a scan is the clutter density times this. None where it has no end."""
 
 
 class Scan(NamedTuple):

@@ -90,6 +90,10 @@ def section(seen: Sequence[TrafficSeen]) -> list[str]:
         "the checks were finished: one made of Stone Soup's parts, one like those of computer vision, and other",
         "wrappers of the built-in ones. Each is examined with a lidar and a radar.",
         "",
+        "When the held-out ones were first tried, 48 of 50 faults (96 %) had the right name first, and nothing was",
+        "found in 15 of 16 sound ones. The three others made the check of the gate look at the noise that a tracker",
+        "reckons with, and at all tracks of an object; so the counts below are no test of that check any more.",
+        "",
         *table(seen),
     ]
     for held_out, words in ((False, "that the checks were made with"), (True, "held out")):

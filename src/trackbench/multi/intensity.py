@@ -9,11 +9,10 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.multi.undetected import UNLIMITED_RANGE
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.types import FieldOfView, Scan
 
-#: A field of view without a limit of range is taken to end here, m.
-UNLIMITED_RANGE = 200.0
 #: Fewest false alarms in a scan that a tracker reckons with: "never" would let it take any detection for an object.
 FEWEST_FALSE_ALARMS = 1e-3
 
@@ -31,20 +30,24 @@ def intensity(
 ) -> Intensity:
     """What is expected in a scan.
 
-    False alarms and objects without a track are taken to be uniform over the measurement space.
+    False alarms and objects without a track are taken to be uniform over the field of view. A filter that compares
+    positions takes all false alarms in view, spread over its area.
 
     Args:
         scan: says what the sensor states.
         components: of what the filter compares: fewer than the scan has where it converts them to a position.
         config: may override what the sensor states.
-        undetected: expected number of objects in the field of view that have no track.
+        undetected: expected number of objects in view that no scan has found.
         velocity_sigma: standard deviation of an object's velocity, m/s.
     """
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
     measured, positions = volumes(scan.kind, view, velocity_sigma)
     stated = config.clutter_density.get(scan.sensor, scan.clutter_density or 0.0)
-    volume = measured if components == len(scan.measurement) else positions
-    return Intensity(max(stated * measured, FEWEST_FALSE_ALARMS) / volume, undetected / volume)
+    volume = view.volume or measured
+    false_alarms = max(stated * volume, FEWEST_FALSE_ALARMS)
+    if components == len(scan.measurement):
+        return Intensity(false_alarms / volume, undetected / measured)
+    return Intensity(false_alarms / positions, undetected / positions)
 
 
 @lru_cache(maxsize=64)

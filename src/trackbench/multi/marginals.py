@@ -69,12 +69,15 @@ def enumeration(weight: Array) -> Array:
     if len(weight) < weight.shape[1]:
         return np.swapaxes(enumeration(np.swapaxes(weight, 0, 1)), 0, 1)
     tracks, detections = weight.shape[:2]
+    # Likelihood ratios may be huge, and their products no number: what counts is each against the largest of its track.
+    none = 1.0 / (1.0 + weight.max(axis=1))
+    weight = weight * none[:, None]
     free, used = (_with_detection(detections, state) for state in (0, 1))
     before = np.zeros((*(2,) * detections, *weight.shape[2:]))
     before[(0,) * detections] = 1.0
     forward = [before]
     for t in range(tracks):
-        after = forward[-1].copy()
+        after = forward[-1] * none[t]
         for d in range(detections):
             after[used[d]] += forward[-1][free[d]] * weight[t, d]
         forward.append(after)
@@ -83,7 +86,7 @@ def enumeration(weight: Array) -> Array:
     found = np.empty_like(weight)
     backward = np.ones_like(before)
     for t in reversed(range(tracks)):
-        earlier = backward.copy()
+        earlier = backward * none[t]
         for d in range(detections):
             rest = backward[used[d]]
             found[t, d] = weight[t, d] * (forward[t][free[d]] * rest).sum(axis=every[:-1]) / total

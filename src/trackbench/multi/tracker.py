@@ -20,6 +20,7 @@ from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
+from trackbench.multi.undetected import Undetected
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import require_in_sequence
@@ -29,6 +30,8 @@ from trackbench.types import Array, Indices, Mask, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
 CLAIMED = 0.5
+#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+SAME_TIME = 1e-6
 #: Smallest detection probability that a tracker reckons with where there is a detection.
 LEAST_DETECTION = 1e-3
 
@@ -41,8 +44,7 @@ class MultiObjectState(NamedTuple):
     table: TrackTable
     next_id: Indices
     """``(runs,)``"""
-    undetected: float
-    """Expected number of objects in the field of view that have no track."""
+    undetected: Undetected
 
 
 @dataclass(frozen=True)
@@ -107,13 +109,14 @@ class MultiObjectTracker:
 
     def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
         table = empty(len(self.filter.motion.components), self._logic.size)
-        return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), self.associate.undetected)
+        undetected = Undetected(self.associate.undetected, {})
+        return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), undetected)
 
     def _predicted(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Belief]:
         """The state at a later time, and the belief with what the filter can reuse for its update."""
         elapsed, table, config = time - state.time, state.table, self.associate
         survival = float(np.exp(-elapsed / config.lifetime_s))
-        undetected = state.undetected * survival + config.birth_rate_hz * elapsed
+        undetected = state.undetected.after_time(survival, config.birth_rate_hz * elapsed)
         belief = Belief(table.mean, table.covariance)
         if len(table.run):
             belief = self.filter.predict(belief, elapsed)
@@ -134,7 +137,9 @@ class MultiObjectTracker:
             table = joined(table, self._begun(at, found.unclaimed, origin), runs)
         confirmed = (table.id != NONE) | self._logic.confirms(table.evidence)
         table, next_id = numbered(table, confirmed, ahead.next_id)
-        undetected = ahead.undetected * (1.0 - self._stated_probability(scan))
+        undetected = ahead.undetected
+        if config.method in EXISTENCE:
+            undetected = undetected.after_scan(scan, self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
     def _situation(self, ahead: MultiObjectState, belief: Belief, detections: RunDetections) -> Situation:
@@ -142,7 +147,11 @@ class MultiObjectTracker:
         position = self.filter.motion.to_cartesian(belief.mean)[:2]
         predicted = self.filter.predict_measurement(belief, scan)
         expected = intensity(
-            scan, len(predicted.mean), self.associate, ahead.undetected, self.initial.velocity_sigma_mps
+            scan,
+            len(predicted.mean),
+            self.associate,
+            ahead.undetected.in_view(scan.sensor),
+            self.initial.velocity_sigma_mps,
         )
         probability = np.where(in_view(position, scan), self._stated_probability(scan), 0.0)
         return Situation(self.filter, belief, predicted, detections, run, probability, self.associate.gate, expected)
@@ -202,7 +211,7 @@ class MultiObjectTracker:
         used[hit] = detections.column[found.detection[hit]]
         seen = np.where(hit, time, before.seen)
         confirmed = before.id != NONE
-        ends = self._logic.deletes(evidence, confirmed) | (time - seen >= self.associate.delete_after_s)
+        ends = self._logic.deletes(evidence, confirmed) | (time - seen > self.associate.delete_after_s - SAME_TIME)
         if self.associate.method in SHARING:
             ends |= duplicates(found.detection, confirmed, found.mean, found.covariance, self.filter.motion.angular)
         after = before._replace(mean=found.mean, covariance=found.covariance, evidence=evidence, used=used, seen=seen)

@@ -107,6 +107,10 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
                 yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
         if isinstance(tracker, FilterConfig):
             yield from _assumed_noise(scenario, name, tracker)
+        for key in ("detection_probability", "clutter_density"):
+            for sensor in getattr(getattr(tracker, "associate", None), key, {}):
+                if sensor not in scenario.sensors:
+                    yield Problem(("trackers", name, "associate", key, sensor), _no_sensor(scenario, sensor))
 
 
 def _assumed_noise(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:

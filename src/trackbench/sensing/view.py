@@ -20,8 +20,10 @@ MARGIN_M = 10.0
 
 def field_of_view(config: Sensor) -> FieldOfView:
     """Where a sensor can detect anything."""
-    limit = np.inf if config.max_range_m is None else config.max_range_m
-    return FieldOfView(float(np.deg2rad(config.fov_deg) / 2), float(limit))
+    half_angle = float(np.deg2rad(config.fov_deg) / 2)
+    if config.max_range_m is None:
+        return FieldOfView(half_angle, np.inf)
+    return FieldOfView(half_angle, config.max_range_m, config.volume() if config.has_volume() else None)
 
 
 def reach(sensors: Iterable[Sensor]) -> float:

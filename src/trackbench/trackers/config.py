@@ -179,17 +179,21 @@ class FilterConfig(OptionsBeside):
     associate: AssociateConfig | None = Field(
         None,
         description="Follows several objects from detections of hidden identities: how it associates them, and when "
-        "its tracks begin and end. Tracks then start from one detection, with initial: {from: first_reading, velocity: "
-        "range_rate} unless given.",
+        "its tracks begin and end. Tracks then start from one detection: in initial, from is first_reading and "
+        "velocity range_rate unless given.",
     )
     sweep: Sweep = None
 
     @model_validator(mode="before")
     @classmethod
     def _one_detection(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("associate") is not None:
-            return {"initial": {"from": "first_reading", "velocity": "range_rate"}, **data}
-        return data
+        if not isinstance(data, dict) or data.get("associate") is None:
+            return data
+        given = data.get("initial", {})
+        given = {"from": given} if isinstance(given, str) else given
+        if not isinstance(given, dict) or given.get("from", "first_reading") != "first_reading":
+            return data
+        return {**data, "initial": {"from": "first_reading", "velocity": "range_rate", **given}}
 
     @property
     def sensors_used(self) -> list[str] | None:

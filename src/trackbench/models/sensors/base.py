@@ -118,7 +118,7 @@ class Sensor(Config, ABC):
 
     def problems(self) -> Iterator[Problem]:
         for at in self._needs_volume():
-            if type(self).uniform is Sensor.uniform:
+            if not self.has_volume():
                 yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
             elif self.max_range_m is None:
                 yield Problem(("max_range_m",), "missing: uniform clutter needs a field of view that ends")
@@ -150,6 +150,11 @@ class Sensor(Config, ABC):
         What clutter is uniform in; a sensor without it has no uniform clutter.
         """
         raise NotImplementedError
+
+    @classmethod
+    def has_volume(cls) -> bool:
+        """Whether it says in what its clutter is uniform."""
+        return cls.uniform is not Sensor.uniform
 
     def volume(self) -> float:
         """Volume of the field of view in the space of measurements, in SI units and radians."""
