@@ -21,7 +21,7 @@ from trackbench.report.console import print_summary
 from trackbench.report.result import ranking_table, result_document
 from trackbench.report.run.figures.ground import draw_surroundings
 from trackbench.report.traffic.sentences import association_against_filtering, verdict
-from trackbench.results import MetricValue, Result, TrackerResult
+from trackbench.results import Difference, MetricValue, Result, TrackerResult
 
 
 @pytest.fixture(scope="module")
@@ -117,17 +117,46 @@ def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
     assert said.startswith(start + "localisation 36\N{NO-BREAK SPACE}%")
 
 
-def test_the_oracle_is_held_against_the_best_of_its_filter(traffic_result: Result) -> None:
+def test_the_largest_part_may_be_less_than_half(traffic_result: Result) -> None:
+    parts = {"gospa_localisation": 5.0, "gospa_missed": 4.5, "gospa_false": 3.0}
+    metrics = {path: MetricValue(value=value, unit="m") for path, value in parts.items()}
+    said = verdict(traffic_result["gnn"].model_copy(update={"metrics": {**traffic_result["gnn"].metrics, **metrics}}))
+    assert ", the largest part localisation (46\N{NO-BREAK SPACE}% of its square; missed objects" in said
+
+
+def test_the_oracle_is_held_against_the_best_that_counts_as_it_does(traffic_result: Result) -> None:
     (said,) = association_against_filtering(traffic_result)
-    metric = traffic_result["oracle"].metrics["gospa"].value
     assert said.startswith("oracle knows which detection is whose: its GOSPA of ")
-    assert metric is not None
-    assert traffic_result.contenders[0].name in said
-    alone = traffic_result.updated(
-        trackers=[tracker for tracker in traffic_result.summary.trackers if tracker.name == "oracle"],
-        ranking=["oracle"],
-    )
-    assert list(association_against_filtering(alone)) == []
+    best = next(tracker.name for tracker in traffic_result.scored if tracker.name in ("gnn", "naive"))
+    assert best in said
+    assert "pmb" not in said
+    for names in (["oracle"], ["pmb", "oracle"]):
+        trackers = [tracker for tracker in traffic_result.summary.trackers if tracker.name in names]
+        assert list(association_against_filtering(traffic_result.updated(trackers=trackers, ranking=names))) == []
+
+
+@pytest.mark.parametrize(
+    ("ci95", "expected"),
+    [
+        (
+            (-0.16, -0.04),
+            "0.04 m): the interval is of this pair alone, and Holm's correction",
+        ),
+        ((0.004, 0.2), "): it is not shown to be more than 1 % or 5 mm."),
+        ((-0.1, 0.2), "0.2 m)."),
+    ],
+)
+def test_an_undecided_difference_says_what_leaves_it_so(
+    traffic_result: Result, ci95: tuple[float, float], expected: str
+) -> None:
+    best = next(tracker.name for tracker in traffic_result.scored if tracker.name in ("gnn", "naive"))
+    item = Difference(
+        a=best, b="oracle", metric="gospa", unit="m", value=sum(ci95) / 2, ci95=ci95, margin=0.02, p_value=0.06,
+        better=None, verdict="undecided",
+    )  # fmt: skip
+    (said,) = association_against_filtering(traffic_result.updated(differences=[item]))
+    assert expected in said
+    assert said.endswith(".")
 
 
 def test_the_costliest_events_are_listed_with_the_commands_that_show_them(
@@ -189,3 +218,21 @@ def test_a_scene_in_which_nothing_is_due(traffic_text: str, tmp_path: Path) -> N
     document = result_document(tb.run(file, out=tmp_path / "out"))
     assert "objects" not in {figure.name for figure in document.figures}
     assert (tmp_path / "out" / "three_cars" / "recording.rrd").is_file()
+
+
+def test_nees_is_said_with_its_interval_and_the_share_within_the_bound(traffic_result: Result) -> None:
+    gnn = traffic_result["gnn"]
+    metrics = {
+        **gnn.metrics,
+        "nees": MetricValue(value=9.94, unit="1", ci95=(3.1, 30.2)),
+        "nees_inside": MetricValue(value=0.954, unit="1"),
+    }
+    said = verdict(gnn.model_copy(update={"metrics": metrics})).replace("\N{NO-BREAK SPACE}", " ")
+    expected = "NEES of matched tracks 9.9 (4 when consistent, 95 % interval 3.1 to 30.2), 95.4 % within the 95 % bound"
+    assert expected in said
+
+
+def test_errors_of_matched_tracks_say_from_where_on_a_track_is_matched(document: Document) -> None:
+    assert "Errors and NEES are of tracks within 2.5 m of their object" in text(document)
+    (table,) = (table for table in document.tables if table.name == "errors-of-matched-tracks")
+    assert "NEES inside" in [column.heading for column in table.columns]

@@ -7,6 +7,7 @@ from rich.text import Text
 from trackbench.report.numbers import decimals, fixed
 from trackbench.report.run.cells import metric_of
 from trackbench.report.run.scenes import basis_of_intervals
+from trackbench.report.traffic.sentences import reused_identities
 from trackbench.results import Result
 
 #: The columns: heading, metric, significant digits, and the factor of its unit in the heading.
@@ -59,14 +60,15 @@ def notes(result: Result) -> list[str]:
     """What the headings mean."""
     if not result.summary.truth.known:
         return notes_without_truth()
-    cutoff = result.summary.score.cutoff_m
+    cutoff = result.summary.score.cutoff_m or 0.0
     any_reference = any(tracker.is_reference for tracker in result.scored)
     return [
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
-        "pos. m, NEES (4 expected): of matched tracks alone",
+        f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
         *(["*: a reference, which knows which detection is whose; no competitor"] if any_reference else []),
         "intervals are in the report; they are",
         basis_of_intervals(result),
+        *([reused] if (reused := reused_identities(result)) else []),
     ]
 
 

@@ -32,7 +32,7 @@ from trackbench.report.traffic import without_truth
 from trackbench.report.traffic.events import events_section
 from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
 from trackbench.report.traffic.map import map_of_tracks
-from trackbench.report.traffic.sentences import association_against_filtering, verdict
+from trackbench.report.traffic.sentences import association_against_filtering, censored, reused_identities, verdict
 from trackbench.report.traffic.strips import strip_chart
 from trackbench.results import Result, TrackerResult
 from trackbench.traffic_metrics import METRICS
@@ -42,12 +42,13 @@ RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota",
 GROUPS: dict[str, tuple[str, ...]] = {
     "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
     "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
-    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "motp", "matched_share"),
+    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "nees_inside", "motp", "matched_share"),
     "Association": (
         "association_right", "association_wrong_object", "association_clutter", "association_missed",
     ),
 }  # fmt: skip
 
+SAME_ID = "Tracks of one identity are scored as one track: a second track of it on the same object is no switch."
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
@@ -150,8 +151,11 @@ def _named(path: str) -> str:
 
 
 def _details(result: Result) -> Iterator[Section]:
+    notes = {"Errors of matched tracks": (Paragraph(censored(result)),)}
+    if reused := reused_identities(result):
+        notes["Identity"] = (Paragraph(f"{reused[0].upper()}{reused[1:]}. {SAME_ID}"),)
     for title, paths in GROUPS.items() if result.scored else ():
-        yield Section(title, (_table(title, result.scored, paths),))
+        yield Section(title, (_table(title, result.scored, paths), *notes.get(title, ())))
 
 
 def about(tracker: TrackerResult) -> str:
