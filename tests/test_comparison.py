@@ -190,7 +190,7 @@ def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, clai
 def test_equal_trackers_have_no_lead() -> None:
     found = compare([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
     assert [item.mean_rank for item in found.ranking] == [1.5, 1.5]
-    assert "That lead is not shown (p = 1.000)." in markdown(found)
+    assert "fair and good share the best mean rank, 1.50." in markdown(found)
 
 
 def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:

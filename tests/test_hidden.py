@@ -91,8 +91,9 @@ def test_what_the_sensor_states() -> None:
     stated = {scan.sensor: scan for scan in hidden().scans}
     assert stated["radar"].detection_probability == 0.6
     assert stated["radar"].clutter_density == 0.0
-    assert stated["radar"].field_of_view == (np.deg2rad(60), 80)
-    assert stated["lidar"].field_of_view == (np.pi, np.inf)
+    low, high = SENSORS["radar"].clutter.range_rate_mps
+    assert stated["radar"].field_of_view == (np.deg2rad(60), 80, pytest.approx(80 * np.deg2rad(120) * (high - low)))
+    assert stated["lidar"].field_of_view == (np.pi, np.inf, None)
 
 
 def test_the_scans_cannot_be_written_into() -> None:

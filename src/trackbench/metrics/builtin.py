@@ -11,7 +11,7 @@ import numpy as np
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.metrics.intervals import TOO_SHORT, Interval, ratio, root, scaled
+from trackbench.metrics.intervals import Interval, ratio, root, scaled
 from trackbench.metrics.protocol import Accumulator, Field, Metric, Outcome
 from trackbench.metrics.sums import ERROR, NIS, NisScores, Scores
 from trackbench.metrics.verdicts import (
@@ -277,15 +277,10 @@ def _number(metric: Metric, value: float, reason: str) -> Outcome:
 
 
 def _chi_square(mean: Interval, dof: int, steps_inside: float) -> MetricValue:
-    return MetricValue(
-        value=mean.value,
-        unit="1",
-        dof=dof,
-        ci95=mean.ci95,
-        reason=None if mean.ci95 else TOO_SHORT,
-        steps_inside_bounds=steps_inside,
-        verdict=verdict(mean.ci95, dof),
-    )
+    found = mean.as_value("1")
+    # Innovations that are zero in every run are too small, whatever is not known of other runs.
+    certain = (mean.value, mean.value) if mean.constant and len(mean.influence) > 1 else found.ci95
+    return found.model_copy(update={"dof": dof, "steps_inside_bounds": steps_inside, "verdict": verdict(certain, dof)})
 
 
 def _inside(count: Array, total: Array, dof: int) -> float:
