@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from trackbench.trackers.associate import AssociateConfig
+from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 from trackbench.types import Array, Mask
 
 
@@ -160,7 +160,7 @@ class ExistenceLogic:
 
 def track_logic(config: AssociateConfig) -> TrackLogic:
     """The rule that the options describe."""
-    if config.method in ("jipda", "pmb"):
+    if config.method in EXISTENCE:
         hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
         limits = config.confirm_existence, config.end_existence, config.delete_existence
         return ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)

@@ -145,7 +145,8 @@ def _scans(sensor: IdealSensor, drawn: Sequence[_Detections]) -> list[tuple[Scan
         origins[at], merged[at] = one.origin, one.merged
     valid = origins != PADDING
     _freeze(measurement, valid, origins, merged, sensor.noise_covariance, sensor.pose, sensor.velocity)
-    quiet = silent(config, sensor.time)
+    quiet, view = silent(config, sensor.time), field_of_view(config)
+    probability, density = stated_detection_probability(config), stated_clutter_density(config)
     found = []
     for k, time in enumerate(sensor.time):
         here = slice(int(most[k]))
@@ -160,9 +161,9 @@ def _scans(sensor: IdealSensor, drawn: Sequence[_Detections]) -> list[tuple[Scan
             sensor_velocity=sensor.velocity[:, k],
             arrival_time=float(time) + config.latency_s,
             # A silent sensor says so: that it detects nothing tells nothing of the objects.
-            detection_probability=0.0 if quiet[k] else stated_detection_probability(config),
-            clutter_density=0.0 if quiet[k] else stated_clutter_density(config),
-            field_of_view=field_of_view(config),
+            detection_probability=0.0 if quiet[k] else probability,
+            clutter_density=0.0 if quiet[k] else density,
+            field_of_view=view,
         )
         found.append((scan, origins[k, here], merged[k, here]))
     return found
