@@ -1,6 +1,16 @@
 """Filters: pure predict and update on a belief."""
 
-from trackbench.filters.base import Belief, Filter, Measured, PredictedMeasurement, Update
+from trackbench.filters.base import (
+    Belief,
+    Filter,
+    Measured,
+    Modes,
+    PredictedMeasurement,
+    SingleModelFilter,
+    Update,
+    choose,
+)
+from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import ExtendedKalmanFilter, IteratedExtendedKalmanFilter, KalmanFilter
 from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, SymmetricSet, classic, scaled
 
@@ -9,13 +19,17 @@ __all__ = [
     "Belief",
     "ExtendedKalmanFilter",
     "Filter",
+    "InteractingMultipleModel",
     "IteratedExtendedKalmanFilter",
     "KalmanFilter",
     "Measured",
+    "Modes",
     "PredictedMeasurement",
     "SigmaPointFilter",
+    "SingleModelFilter",
     "SymmetricSet",
     "Update",
+    "choose",
     "classic",
     "scaled",
 ]

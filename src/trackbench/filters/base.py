@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from trackbench import linalg
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array, Mask, Scan
-from trackbench.units import difference
+from trackbench.types import Array, Gaussian, Mask, Scan
+from trackbench.units import TWO_PI, difference
 
 
 class Belief(NamedTuple):
@@ -25,6 +28,18 @@ class Belief(NamedTuple):
     """``(n, s, ...)`` sigma points that a prediction has moved."""
     repaired: Mask | None = None
     """``(...)`` True where the covariance had to be made positive definite again."""
+    modes: Modes | None = None
+    """Of a filter with several motion models: what it believes of the state under each. The mean and the covariance
+    are then those of px, py, vx, vy under their mixture."""
+
+
+class Modes(NamedTuple):
+    """What a filter with several motion models believes of the state under each of them."""
+
+    probability: Array
+    """``(M, ...)`` that the motion is that of each model."""
+    beliefs: tuple[Belief, ...]
+    """``(M,)`` each in the state of its model."""
 
 
 class Update(NamedTuple):
@@ -37,6 +52,15 @@ class Update(NamedTuple):
     """``(m, m, ...)``"""
     whitened_innovation: Array
     """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
+    innovation_factor: linalg.Cholesky
+    """``L``"""
+
+    @property
+    def log_likelihood(self) -> Array:
+        """``(...)`` logarithm of the density of the measurement, ``N(y; 0, S)``."""
+        y = self.whitened_innovation
+        normalised = np.prod(np.stack(self.innovation_factor.inverse_diagonal), axis=0) * TWO_PI ** (-len(y) / 2)
+        return np.asarray(np.log(normalised) - 0.5 * np.einsum("i...,i...->...", y, y))
 
 
 class Measured(NamedTuple):
@@ -65,26 +89,64 @@ class Filter(Protocol):
     """A recursive Bayesian filter on beliefs with any batch axes."""
 
     @property
-    def motion(self) -> MotionModel: ...
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The motion models that it runs."""
+        ...
+
+    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
+        """The belief of a track that starts; ``state_of`` says where, in the state of a motion model."""
+        ...
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         """The belief after ``dt`` seconds (zero or more)."""
         ...
 
+    def update(self, belief: Belief, scan: Scan) -> Update:
+        """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
+        ...
+
+    def cartesian(self, belief: Belief) -> Gaussian:
+        """px, py, vx, vy under the belief."""
+        ...
+
+
+@dataclass(frozen=True)
+class SingleModelFilter(ABC):
+    """A filter with one motion model."""
+
+    motion: MotionModel
+
+    @property
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The motion model."""
+        return (self.motion,)
+
+    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
+        """The belief of a track that starts where ``state_of`` says."""
+        return Belief(*state_of(self.motion))
+
+    def cartesian(self, belief: Belief) -> Gaussian:
+        """px, py, vx, vy under the belief."""
+        return self.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
+
+    @abstractmethod
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        """The belief after ``dt`` seconds (zero or more)."""
+
+    @abstractmethod
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filter compares them with its predictions."""
-        ...
 
+    @abstractmethod
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         """What the belief expects of a scan, whose measurements are not looked at."""
-        ...
 
+    @abstractmethod
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
         """The belief after a scan; where the scan is not valid, the mean and covariance stay.
 
         ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
         """
-        ...
 
 
 def correct(
@@ -116,9 +178,9 @@ def correct(
         used, gain = np.where(valid, whitened, 0.0), np.where(valid, gain, 0.0)
     mean = belief.mean + linalg.apply_transposed(gain, used)
     covariance = belief.covariance - linalg.gram(gain)
-    repaired = _either(belief.repaired, s.repaired)
+    repaired = either(belief.repaired, s.repaired)
     corrected = Belief(wrap_components(mean, angular), covariance, repaired=repaired)
-    return Update(corrected, innovation, s.covariance, whitened)
+    return Update(corrected, innovation, s.covariance, whitened, s.factor)
 
 
 def take_in(
@@ -141,11 +203,30 @@ def guarded(belief: Belief) -> Belief:
     return belief._replace(
         covariance=definite.covariance,
         factor=definite.factor.lower(),
-        repaired=_either(belief.repaired, definite.repaired),
+        repaired=either(belief.repaired, definite.repaired),
     )
 
 
-def _either(a: Mask | None, b: Mask | None) -> Mask | None:
+def either(a: Mask | None, b: Mask | None) -> Mask | None:
+    """Where one of two marks is set."""
     if a is None or b is None:
         return b if a is None else a
     return a | b
+
+
+def choose(where: Mask, a: Belief, b: Belief) -> Belief:
+    """``a`` where it holds, ``b`` elsewhere.
+
+    Sigma points are kept if ``a`` has them; if ``b`` has none, it is a placeholder whose points do not count.
+    """
+    points, repaired, modes = a.points, None, None
+    if a.points is not None and b.points is not None:
+        points = np.where(where, a.points, b.points)
+    if a.repaired is not None or b.repaired is not None:
+        repaired = np.where(where, *(False if part is None else part for part in (a.repaired, b.repaired)))
+    if a.modes is not None and b.modes is not None:
+        pairs = zip(a.modes.beliefs, b.modes.beliefs, strict=True)
+        probability = np.where(where, a.modes.probability, b.modes.probability)
+        modes = Modes(probability, tuple(choose(where, one, other) for one, other in pairs))
+    mean, covariance = np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance)
+    return Belief(mean, covariance, points=points, repaired=repaired, modes=modes)

@@ -12,6 +12,7 @@ from trackbench.filters.base import (
     Belief,
     Measured,
     PredictedMeasurement,
+    SingleModelFilter,
     Update,
     correct,
     guarded,
@@ -43,13 +44,11 @@ def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class KalmanFilter:
+class KalmanFilter(SingleModelFilter):
     """The Kalman filter: a linear motion model, and measurements converted to a position with its covariance.
 
     Source: Kalman (1960). The range rate of a radar is not linear in the state and is left out.
     """
-
-    motion: MotionModel
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
@@ -71,13 +70,11 @@ class KalmanFilter:
 
 
 @dataclass(frozen=True)
-class ExtendedKalmanFilter:
+class ExtendedKalmanFilter(SingleModelFilter):
     """The extended Kalman filter of first order.
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
-
-    motion: MotionModel
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
@@ -95,13 +92,12 @@ class ExtendedKalmanFilter:
 
 
 @dataclass(frozen=True)
-class IteratedExtendedKalmanFilter:
+class IteratedExtendedKalmanFilter(SingleModelFilter):
     """The extended Kalman filter, its measurement linearised again at each corrected state (Gauss-Newton).
 
     Source: Bell and Cathey (1993), "The iterated Kalman filter update as a Gauss-Newton method", equation 22.
     """
 
-    motion: MotionModel
     iterations: int = 5
 
     def predict(self, belief: Belief, dt: float) -> Belief:

@@ -7,9 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, Measured, PredictedMeasurement, Update, guarded, take_in, wrap_components
+from trackbench.filters.base import (
+    Belief,
+    Measured,
+    PredictedMeasurement,
+    SingleModelFilter,
+    Update,
+    guarded,
+    take_in,
+    wrap_components,
+)
 from trackbench.filters.kalman import as_measured
-from trackbench.models.motion import MotionModel, process_noise
+from trackbench.models.motion import process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Scan
 from trackbench.units import difference
@@ -47,7 +56,7 @@ CUBATURE = SymmetricSet(1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class SigmaPointFilter:
+class SigmaPointFilter(SingleModelFilter):
     """The unscented Kalman filter, and with ``CUBATURE`` the cubature Kalman filter.
 
     ``augmented``: the driving noise is part of the state whose points go through the transition, and the points that
@@ -55,7 +64,6 @@ class SigmaPointFilter:
     points are drawn anew. Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
     """
 
-    motion: MotionModel
     rule: SymmetricSet
     augmented: bool = True
 

@@ -32,6 +32,7 @@ HEADINGS = {
     "SpeedRadar": "Speed radar",
     "Lidar": "Lidar",
     "FilterConfig": "A built-in filter",
+    "ImmConfig": "`motion` with several models",
     "PluginConfig": "Your own tracker",
 }
 
