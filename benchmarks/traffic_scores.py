@@ -21,13 +21,13 @@ from stonesoup.types.state import State
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory, score_run
-from trackbench.traffic_metrics.assignment import Counted, count, similarity
-from trackbench.traffic_metrics.clear import clear_matches, switches, track_of_each
+from trackbench.traffic_metrics.assignment import nearby, similarity
+from trackbench.traffic_metrics.clear import switches, track_of_each
 from trackbench.traffic_metrics.gospa import gospa_of_sets
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
 from trackbench.traffic_metrics.ospa import ospa_of_parts
-from trackbench.traffic_metrics.run import LEAST_SIMILARITY
+from trackbench.traffic_metrics.run import LEAST_SIMILARITY, count_by_clear
 from trackbench.types import DUE
 
 CUTOFF = 5.0
@@ -133,13 +133,12 @@ def _identities() -> list[dict[str, Any]]:
 
 def our_scores(truth: TruthHistory, tracks: TrackHistory) -> list[float]:
     """HOTA, MOTA and IDF1."""
-    counted: Counted = count(truth, tracks, CUTOFF)
+    counted = count_by_clear(nearby(truth, tracks, CUTOFF))
     alike = similarity(counted.pairs.distance, CUTOFF)
     found = hota(counted.pairs, alike, counted.object_counts, counted.track_counts)
     near = counted.pairs.where(alike >= LEAST_SIMILARITY)
-    chosen = clear_matches(near, alike[alike >= LEAST_SIMILARITY], counted.due, counted.present)
-    changes = switches(track_of_each(near.where(chosen), counted.due.shape))
-    due, matched = counted.due.sum(), chosen.sum()
+    changes = switches(track_of_each(counted.matched, counted.due.shape))
+    due, matched = counted.due.sum(), len(counted.matched.instant)
     mota = (2 * matched - counted.present.sum() - len(changes.instant)) / due
     true, missed, false = identity(near, counted.object_counts, counted.track_counts)
     return [float(found.hota.mean()), float(mota), 2 * true / (2 * true + missed + false)]

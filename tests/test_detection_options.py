@@ -10,7 +10,9 @@ import pytest
 
 from trackbench.scenario.examples import OTHER_EXAMPLES
 
-SCENARIO = """\
+TRACKERS = 'trackers: {any: {use: "any_tracker:Any"}}\n'
+SCENARIO = (
+    """\
 name: options
 truth: {source: highway-env, env: highway-v0, duration_s: 2, rate_hz: 10}
 sensing: {identities: hidden}
@@ -18,8 +20,9 @@ sensors:
   front: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
   roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, max_range_m: 80}
   odd: {type: speed_radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, speed_sigma_mps: 0.1}
-trackers: {raw: {use: raw}}
 """
+    + TRACKERS
+)
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 BAD = [
     ("front", "clutter: {per_scan: 5}", "5: sensors.front.max_range_m: missing: uniform clutter needs a field of view"
@@ -55,6 +58,7 @@ ONLY_HIDDEN = [
 @pytest.fixture
 def check(tmp_path: Path, cli: Callable[..., Any]) -> Callable[[str], str]:
     def call(text: str) -> str:
+        (tmp_path / "any_tracker.py").write_text("class Any:\n    def step(self, state, scan): ...\n")
         file = tmp_path / "options.yaml"
         file.write_text(text, encoding="utf-8")
         done = cli("check", file)
@@ -99,4 +103,4 @@ def test_shares_of_sizes_add_up_to_at_most_one(check: Callable[[str], str]) -> N
 
 def test_the_example_of_the_reference_is_valid(check: Callable[[str], str]) -> None:
     truth = "truth: {source: highway-env, env: highway-v0, duration_s: 2, rate_hz: 20}\n"
-    assert check(f"name: page\n{truth}{OTHER_EXAMPLES['Clutter']}trackers: {{raw: {{use: raw}}}}\n") == ""
+    assert check(f"name: page\n{truth}{OTHER_EXAMPLES['Clutter']}{TRACKERS}") == ""

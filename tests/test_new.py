@@ -40,18 +40,20 @@ def run_pytest(folder: Path, *files: str) -> subprocess.CompletedProcess[str]:
 
 def test_what_is_written_passes_its_own_tests(tmp_path: Path, cli: Cli) -> None:
     kinds = {"tracker": "gains", "motion-model": "fading", "sensor": "sonar", "truth": "ring", "metric": "offset"}
+    kinds["multi-tracker"] = "several"
     for kind, name in kinds.items():
         done = cli("new", kind, name)
         assert done.status == 0, done.err
         assert f"  python -m pytest test_{name}.py\n" in done.out
     done = run_pytest(tmp_path)
     assert done.returncode == 0, done.stdout
-    assert "5 passed" in done.stdout
+    assert "6 passed" in done.stdout
 
 
 @pytest.mark.slow
-def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackbench: str) -> None:
-    cli("new", "tracker", "gains_scenario", "--out", "deep/folder")
+@pytest.mark.parametrize("kind", ["tracker", "multi-tracker"])
+def test_a_new_tracker_has_a_scenario_that_runs(tmp_path: Path, cli: Cli, trackbench: str, kind: str) -> None:
+    cli("new", kind, "gains_scenario", "--out", "deep/folder")
     command = [trackbench, "run", "gains_scenario.yaml", "--runs", "2", "--json", "--no-recording"]
     done = subprocess.run(command, cwd=tmp_path / "deep/folder", capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from trackbench.palette import SENSOR_COLOURS, TRACKER_COLOURS, tracker_colours
+from trackbench.palette import IDENTITY_COLOURS, SENSOR_COLOURS, TRACKER_COLOURS, tracker_colours
 from trackbench.types import Array
 
 # Linear sRGB to cone responses and to OKLab: Ottosson, "A perceptual color space for image processing", 2020.
@@ -56,7 +56,7 @@ def contrast(colour: str, ground: str) -> float:
     return float(high / low)
 
 
-@pytest.mark.parametrize("colours", [TRACKER_COLOURS, SENSOR_COLOURS])
+@pytest.mark.parametrize("colours", [TRACKER_COLOURS, SENSOR_COLOURS, IDENTITY_COLOURS])
 def test_colours_are_told_apart(colours: tuple[str, ...]) -> None:
     assert min(difference(a, b) for a, b in combinations(colours, 2)) > APART
 
@@ -65,6 +65,12 @@ def test_colours_are_told_apart(colours: tuple[str, ...]) -> None:
 def test_colours_are_seen_on_both_grounds(colour: str) -> None:
     assert contrast(colour, "#101216") > 2.5
     assert contrast(colour, "#FFFFFF") > 2.0
+
+
+@pytest.mark.parametrize("colour", IDENTITY_COLOURS)
+def test_identities_are_no_tracker_or_sensor(colour: str) -> None:
+    assert min(difference(colour, other) for other in (*TRACKER_COLOURS, *SENSOR_COLOURS)) > 0.06
+    assert contrast(colour, "#101216") > 9
 
 
 def test_two_runs_of_nine_trackers_have_eighteen_colours() -> None:

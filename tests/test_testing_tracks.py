@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trackbench.errors import InputError
 from trackbench.testing import TrackerCheckError, check_tracker
 from trackbench.types import Scan, Tracks
 
@@ -77,6 +78,30 @@ class Twice(Nearest):
         return found._replace(ids=np.zeros(len(found.ids), dtype=int))
 
 
+class Waits(Nearest):
+    """Says at an empty scan what it said last."""
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Tracks]:
+        if state is not None and not scan.measurement.size:
+            return state, self.said(state[0])
+        return super().step(state, scan)
+
+
+class Indefinite(Nearest):
+    def said(self, tracks: Any) -> Tracks:
+        found = super().said(tracks)
+        return found._replace(covariance=-found.covariance)
+
+
+class OfOne:
+    """A tracker of a single object."""
+
+    def step(self, state: Any, scan: Scan) -> Any:
+        place = positions(scan._replace(measurement=scan.measurement[:, None]))[0] if scan.valid else state
+        assert scan.measurement.shape in ((2,), (3,))
+        return place, (np.array([*place, 0.0, 0.0]), np.eye(4))
+
+
 class Remembers(Nearest):
     """Keeps its tracks beside the state."""
 
@@ -107,6 +132,9 @@ def test_a_sound_tracker_passes() -> None:
         (NeedsDetections, "takes scans without a detection"),
         (Forgetful, "is used again after its track had ended"),
         (Twice, "two tracks have the id 0"),
+        (Waits, "predicts its tracks to scans without a detection: at an empty scan 0.05 s after"),
+        (Indefinite, "not positive definite"),
+        (OfOne, 'it follows one object: leave identities="hidden" out'),
         (Remembers, "leaves the state that it is given as it is"),
         (lambda: None, "'NoneType' object has no attribute 'step'"),
     ],
@@ -114,3 +142,19 @@ def test_a_sound_tracker_passes() -> None:
 def test_a_fault_is_named(tracker: Any, problem: str) -> None:
     with pytest.raises(TrackerCheckError, match=problem):
         check_tracker(tracker, identities="hidden")
+
+
+def test_one_cause_is_told_once() -> None:
+    with pytest.raises(TrackerCheckError) as caught:
+        check_tracker(Twice, identities="hidden")
+    assert str(caught.value).count("two tracks have the id 0") == 1
+
+
+def test_a_tracker_of_several_objects_is_known_as_one() -> None:
+    with pytest.raises(TrackerCheckError, match='it follows several objects: say identities="hidden"'):
+        check_tracker(Nearest)
+
+
+def test_identities_are_one_of_two_words() -> None:
+    with pytest.raises(InputError, match="'hiden' is not known; did you mean 'hidden'"):
+        check_tracker(Nearest, identities="hiden")  # type: ignore[arg-type]

@@ -139,17 +139,32 @@ FAULTS = {
         "return 0, (np.arange(2), np.zeros((3, 2)), np.eye(4)[:, :, None] * [1, 1])",
         "the mean has the shape (3, 2)",
     ),
-    "nan": ("return 0, (np.arange(1), np.full((4, 1), np.nan), np.eye(4)[:, :, None])", "the estimate is not finite"),
+    "nan": (
+        "return 0, (np.arange(1), np.full((4, 1), np.nan), np.eye(4)[:, :, None])",
+        "the estimate is not finite: track 0 has the mean [nan, nan, nan, nan]",
+    ),
+    "too_few_ids": (
+        "return 0, (np.arange(1), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, 1])",
+        "the ids are of 1 tracks, the mean of 2, the covariance of 2",
+    ),
+    "indefinite": (
+        "return 0, (np.array([3, 7]), np.zeros((4, 2)), np.eye(4)[:, :, None] * [1, -1])",
+        "the covariance is not positive definite: that of track 7 has the eigenvalue -1",
+    ),
+    "no_state": (
+        "return trackbench.types.Tracks(np.arange(1), np.zeros((4, 1)), np.eye(4)[:, :, None])",
+        "step must return (state, Tracks), not Tracks",
+    ),
     "ids": ("return 0, (np.array([.5]), np.zeros((4, 1)), np.eye(4)[:, :, None])", "the ids are not whole numbers"),
     "existence": (
         "return 0, (np.arange(1), np.zeros((4, 1)), np.eye(4)[:, :, None], np.array([2.]))",
-        "an existence probability is not between 0 and 1",
+        "the existence probability of track 0 is 2, which is not between 0 and 1",
     ),
     "used": (
         "return 0, (np.arange(1), np.zeros((4, 1)), np.eye(4)[:, :, None], None, np.array([99]))",
         "used names detection 99",
     ),
-    "single": ("return 0, (np.zeros(4), np.eye(4))", "the answer must be Tracks(ids, mean, covariance"),
+    "single": ("return 0, (np.zeros(4), np.eye(4))", "it gave an estimate of one object"),
     "raises": ("return 1 / 0", "ZeroDivisionError"),
 }
 
@@ -158,7 +173,7 @@ FAULTS = {
 def test_what_is_no_tracks_fails_alone(
     scenario: Path, write_module: Any, cli: Callable[..., Any], in_process: bool
 ) -> None:
-    code = "import numpy as np\n"
+    code = "import numpy as np\nimport trackbench.types\n"
     for name, (body, _) in FAULTS.items():
         code += f"class {name}:\n    def step(self, state, scan):\n        {body}\n"
     module = write_module(scenario.parent, code)
@@ -222,6 +237,16 @@ def test_expectations_of_tracks(scenario: Path, cli: Callable[..., Any]) -> None
     ("old", "new", "message"),
     [
         ("associate: {method: gnn}", "", "trackers.gnn.filter: follows one object each"),
+        ("trackers:\n", "trackers:\n  raw: {use: raw}\n", "trackers.raw.use: raw follows one object each"),
+        ("sensing:", "score: {settle_s: 1}\nsensing:", "score.settle_s: not used with identities: hidden; remove it"),
+        ("sensing:", "score: {reference: {}}\nsensing:", "score.reference: not used with identities: hidden; remove"),
+        ("method: gnn", "method: gnn, confirm: 3/5", "[M, N], such as [3, 5], or score is needed, not 3/5\n"),
+        ("method: gnn", "method: gnn, gate: 9.21", "gate: a probability, such as 0.9999, is needed, not 9.21\n"),
+        (
+            "method: gnn",
+            "method: gnn, detection_probability: 0.9",
+            "one for each sensor's name, such as {radar: 0.9}, is needed, not 0.9\n",
+        ),
         ("identities: hidden", "identities: known", "the measurements say of which object they are"),
         ("method: gnn", "method: gmn", "did you mean 'gnn'?"),
         ("method: gnn", "method: gnn, confirm: [5, 3]", "[M, N] needs M from 1 to N"),
@@ -232,3 +257,23 @@ def test_mistakes_are_located(scenario: Path, cli: Callable[..., Any], old: str,
     done = cli("check", scenario)
     assert done.status == 2
     assert message in done.err
+
+
+#: A tracker that never gives a track.
+BLIND = """
+import numpy as np
+class T:
+    def step(self, state, scan):
+        return 0, (np.zeros(0, int), np.zeros((4, 0)), np.zeros((4, 4, 0)), None, np.zeros(0, int))
+"""
+
+
+def test_a_blind_tracker_has_no_latency_and_is_not_compared_by_it(scenario: Path, write_module: Any) -> None:
+    found = result(scenario, f"trackers.blind.use={write_module(scenario.parent, BLIND)}:T")
+    blind = found["blind"].metrics
+    assert (blind["confirm_latency"].value, blind["confirm_latency"].reason) == (None, "no object was ever tracked")
+    assert blind["never_confirmed"].value == 1
+    assert found["gnn"].metrics["never_confirmed"].value == 0
+    pairs = {(d.a, d.b) for d in found.summary.differences if d.metric == "confirm_latency"}
+    assert pairs
+    assert not any("blind" in pair for pair in pairs)

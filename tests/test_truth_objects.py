@@ -40,7 +40,7 @@ truth:
     truck: {start: {x: 20, vx_mps: 5}, length_m: 10, width_m: 2.5, target: false}
 sensors:
   radar: {type: radar, rate_hz: 10, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
-trackers: {raw: {use: raw}}
+trackers: {mine: {use: "any_tracker:Any"}}
 """
 
 
@@ -145,6 +145,7 @@ def test_a_scenario_that_hides_identities_asks_for_every_vehicle_in_reach() -> N
 
 
 def test_a_scripted_object_that_is_no_target(tmp_path: Path, cli: Callable[..., Any]) -> None:
+    (tmp_path / "any_tracker.py").write_text("class Any:\n    def step(self, state, scan): ...\n")
     file = tmp_path / "convoy.yaml"
     file.write_text(SCRIPTED + "sensing: {identities: hidden}\n", encoding="utf-8")
     assert truth_of(load_scenario(file)).truth.target.tolist() == [True, False]

@@ -29,6 +29,8 @@ TRACKER_COLOURS: tuple[str, ...] = (
     "#00963C",
 )
 SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#3CC3D2", "#E1A587", "#6978D2", "#F05A4B", "#5AA5FF")
+#: Of tracks on a dark ground: lighter than all colours of trackers and sensors.
+IDENTITY_COLOURS: tuple[str, ...] = ("#FFFA5F", "#93F4FF", "#F4BB89", "#B1FCA7", "#BECEED", "#FEE7D8", "#E5DB76")
 #: From small errors to large ones.
 ERROR_COLOURS: tuple[str, ...] = ("#4A90D9", "#35A79C", "#C9A227", "#E8702A", "#D11F4E")
 TRUTH_COLOUR = "#8A9099"

@@ -64,12 +64,18 @@ def traffic_result(traffic_folder: Path) -> Result:
 
 
 @pytest.fixture(scope="session")
-def failing_result(tmp_path_factory: pytest.TempPathFactory) -> Result:
-    """That of the same scenario with a tracker that fails, and one alone that does not."""
+def failing_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run of the same scenario with a tracker that fails, and one alone that does not."""
     folder = tmp_path_factory.mktemp("failing")
     (folder / "failing_tracks.py").write_text(FAILING, encoding="utf-8")
     begin, end = TRAFFIC.index("  pmb:"), TRAFFIC.index("monte_carlo:")
     text = TRAFFIC[:begin] + '  failing: {use: "failing_tracks:Failing"}\n' + TRAFFIC[end:]
     (folder / "three_cars.yaml").write_text(text, encoding="utf-8")
     tb.run(folder / "three_cars.yaml", out=folder)
-    return Result.load(folder / "three_cars")
+    return folder / "three_cars"
+
+
+@pytest.fixture(scope="session")
+def failing_result(failing_folder: Path) -> Result:
+    """Its result."""
+    return Result.load(failing_folder)

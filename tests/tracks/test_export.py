@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from trackeval.datasets import MotChallenge2DBox
-from trackeval.metrics import CLEAR
+from trackeval.metrics import CLEAR, HOTA
 
+import trackbench as tb
 from trackbench.metrics.track_events import events_of
 from trackbench.results import Result
 
@@ -27,7 +28,7 @@ def exported(cli: Callable[..., Any], traffic_folder: Path, tmp_path: Path) -> P
     return tmp_path / "out" / "mot"
 
 
-def read(folder: Path) -> MotChallenge2DBox:
+def read(folder: Path, name: str = "three_cars") -> MotChallenge2DBox:
     return MotChallenge2DBox(
         {
             **QUIET,
@@ -35,10 +36,21 @@ def read(folder: Path) -> MotChallenge2DBox:
             "TRACKERS_FOLDER": str(folder / "trackers"),
             "OUTPUT_FOLDER": str(folder / "scores"),
             "BENCHMARK": "MOT17",
-            "SEQ_INFO": {"three_cars": None},
+            "SEQ_INFO": {name: None},
             "SKIP_SPLIT_FOL": True,
         }
     )
+
+
+def data_of(dataset: MotChallenge2DBox, tracker: str, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = dataset.get_preprocessed_seq_data(dataset.get_raw_seq_data(tracker, name), "pedestrian")
+    return found
+
+
+def of_recorded_run(result: Result, tracker: str, metric: str) -> float:
+    runs = result.to_pandas("runs")
+    row = runs[(runs["tracker"] == tracker) & (runs["run"] == result.summary.recorded_run)].iloc[0]
+    return float(row[f"{metric}_total"] / row[f"{metric}_count"])
 
 
 def test_trackeval_reads_it(exported: Path, traffic_result: Result) -> None:
@@ -46,26 +58,42 @@ def test_trackeval_reads_it(exported: Path, traffic_result: Result) -> None:
     due, tracks = traffic_result.to_pandas("due"), traffic_result.to_pandas("tracks")
     assert sorted(dataset.tracker_list) == ["gnn", "naive", "oracle", "pmb"]
     for tracker in dataset.tracker_list:
-        raw = dataset.get_raw_seq_data(tracker, "three_cars")
-        data = dataset.get_preprocessed_seq_data(raw, "pedestrian")
+        data = data_of(dataset, tracker, "three_cars")
         own = tracks[tracks["tracker"] == tracker]
-        assert sum(map(len, raw["tracker_ids"])) == len(own)
+        assert sum(map(len, dataset.get_raw_seq_data(tracker, "three_cars")["tracker_ids"])) == len(own)
         assert data["num_timesteps"] == due["time_s"].nunique() == 61
         assert data["num_gt_dets"] == (due["status"] == 2).sum()
         assert data["num_gt_ids"] == 3
-        clear = CLEAR(QUIET).eval_sequence(data)
-        # Its boxes overlap by half where ours are a cutoff apart along an axis, and less far apart else.
-        share = traffic_result[tracker].metrics["matched_share"].value
-        assert share is not None
-        assert clear["CLR_Re"] == pytest.approx(share, abs=0.1)
-        assert clear["CLR_Re"] > 0.5
+        mota = of_recorded_run(traffic_result, tracker, "mota")
+        assert CLEAR(QUIET).eval_sequence(data)["MOTA"] == pytest.approx(mota, abs=0.01)
 
 
-def test_boxes_a_cutoff_apart_overlap_by_half(exported: Path) -> None:
+def test_the_figures_of_the_tour(cli: Callable[..., Any], tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs/traffic.md").read_text(encoding="utf-8")
+    (tmp_path / "motorway.yaml").write_text(page.split("```yaml\n")[1].split("```")[0], encoding="utf-8")
+    result = tb.run(tmp_path / "motorway.yaml", out=tmp_path, recording=False)
+    assert cli("report", tmp_path / "motorway", "--format", "mot", "--out", tmp_path / "out").status == 0
+    dataset = read(tmp_path / "out/mot", "motorway")
+    ours, theirs = {}, {}
+    for tracker in ("gnn", "pmb"):
+        data = data_of(dataset, tracker, "motorway")
+        ours[tracker] = [of_recorded_run(result, tracker, metric) for metric in ("mota", "hota")]
+        hota = float(np.mean(HOTA().eval_sequence(data)["HOTA"]))
+        theirs[tracker] = [CLEAR(QUIET).eval_sequence(data)["MOTA"], hota]
+        assert theirs[tracker][0] == pytest.approx(ours[tracker][0], abs=0.01)
+    for number, metric in enumerate(("MOTA", "HOTA")):
+        for tracker in ours:
+            said = f"| {tracker} | {metric} | {ours[tracker][number]:.3f} | {theirs[tracker][number]:.3f} |"
+            assert said in page
+
+
+def test_boxes_half_a_cutoff_apart_overlap_by_half(exported: Path, traffic_result: Result) -> None:
     row = [float(value) for value in (exported / "gt/three_cars/gt/gt.txt").read_text().splitlines()[0].split(",")]
     left, top, width, height = row[2:6]
     assert (left + width / 2, top + height / 2) == pytest.approx((20, -4))
-    both = (width - 5) * height
+    cutoff = traffic_result.summary.score.cutoff_m
+    assert cutoff is not None
+    both = (width - cutoff / 2) * height
     assert both / (2 * width * height - both) == 0.5
 
 

@@ -4,18 +4,29 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
+import rerun as rr
 
 from trackbench.errors import InputError
-from trackbench.metrics.track_events import events_of
+from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.recording.chunks import read_chunks
-from trackbench.recording.focus import Opening, focus_of
+from trackbench.recording.contents import contents_of
+from trackbench.recording.focus import Focus, Opening, focus_of
 from trackbench.recording.reader import read
+from trackbench.recording.stream import Stream
+from trackbench.recording.track_text import ranking
+from trackbench.recording.tracks.charts import charts_of_tracks
+from trackbench.recording.tracks.layout import blueprint
+from trackbench.recording.tracks.scene import send_gates, send_marks
+from trackbench.recording.views import wide_window
+from trackbench.recording.writer import write_recording
 from trackbench.results import Result
 
 
@@ -104,6 +115,73 @@ def test_a_line_leads_to_each_detection_taken(entities: dict[str, list[Any]], tr
     assert 0 < sum(lines) <= (taken["tracker"] == "oracle").sum()
 
 
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp_path: Path) -> None:
+    event = TrackEvent("gnn", 0, "false", 1.0, "", 4, "", None, 10.0, 0.0, 1.0, "it began on no object")
+    gates = pa.table(
+        {
+            "time_s": np.repeat(1.0, 3 * count), "scan": np.zeros(3 * count), "track": np.repeat(np.arange(count), 3),
+            "x_m": np.tile([0.0, 1.0, 0.0], count), "y_m": np.tile([0.0, 0.0, 1.0], count),
+        }
+    )  # fmt: skip
+
+    def send(recording: rr.RecordingStream) -> None:
+        send_marks(Stream(recording), "gnn", [event] * count, 0.1)
+        send_gates(Stream(recording), "gnn", gates, np.array([1.0]))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_recording(tmp_path / "marks.rrd", "marks", send)
+    sent = {chunk.entity: chunk.rows for chunk in read_chunks(tmp_path / "marks.rrd") if not chunk.static}
+    assert len(sent["/world/marks/gnn"].column("Points2D:colors").to_pylist()[0]) == count
+    assert len(sent["/world/associations/gnn/gates"].column("LineStrips2D:colors").to_pylist()[0]) == count
+
+
+def test_the_panel_has_intervals_of_both_ends(traffic_result: Result) -> None:
+    text = ranking(traffic_result)
+    assert "±" not in text
+    ends = traffic_result["pmb"].metrics["gospa"].ci95
+    assert ends is not None
+    assert f"| pmb | {ends[0]:#.3g} to {ends[1]:#.3g} |" in text
+    assert "| oracle (reference) |" in text
+
+
+def test_charts_show_their_largest_value(traffic_result: Result) -> None:
+    for chart in charts_of_tracks(contents_of(traffic_result)):
+        assert chart.span(chart.largest)[1] > max(np.nanmax(line.value) for line in chart.lines)
+
+
+def test_the_gates_are_those_of_the_tracker_in_front(traffic_result: Result) -> None:
+    contents = contents_of(traffic_result)
+    layout = blueprint(
+        contents, charts_of_tracks(contents), wide_window(traffic_result.tables.truth), Focus(tracker="oracle")
+    )
+    (tabs,) = (each for each in containers(layout.root_container) if each.name is None and is_of_trackers(each))
+    assert tabs.active_tab == 2
+    for tracker, tab in zip(("gnn", "pmb", "oracle", "naive"), tabs.contents, strict=True):
+        assert tab.name == tracker
+        assert [view.name for view in tab.contents] == [f"Tracks of {tracker}", f"Gates and associations of {tracker}"]
+
+
+def containers(root: Any) -> Iterator[Any]:
+    yield root
+    for each in root.contents:
+        if hasattr(each, "active_tab"):
+            yield from containers(each)
+
+
+def is_of_trackers(each: Any) -> bool:
+    return [child.name for child in each.contents] == ["gnn", "pmb", "oracle", "naive"]
+
+
+def test_the_event_is_in_the_middle_of_the_view_of_gates(traffic_result: Result) -> None:
+    event = events_of(traffic_result, "pmb", 0)[0]
+    focus = focus_of([traffic_result], Opening(worst=1, tracker="pmb"))
+    truth = traffic_result.to_pandas("truth")
+    row = truth[(truth["object"] == focus.vehicle) & np.isclose(truth["time_s"], event.time_s)].iloc[0]
+    assert (row["px_m"] + focus.beside[0], row["py_m"] + focus.beside[1]) == pytest.approx((event.x_m, event.y_m))
+
+
 def test_the_worst_is_the_costliest_event(traffic_result: Result) -> None:
     events = [event for event in events_of(traffic_result, "naive", 0) if event.cost_m2 > 0]
     for number in (1, 2):
@@ -140,6 +218,26 @@ def test_inspect_shows_a_moment(cli: Callable[..., Any], traffic_folder: Path) -
     assert {track["tracker"] for track in later["tracks"]} == {"gnn", "pmb", "oracle", "naive"}
     done = cli("inspect", traffic_folder, "--at", "99")
     assert (done.status, done.err) == (2, "--at: 99 s is not in the recording, which goes from 0 s to 6 s\n")
+
+
+def test_a_tracker_that_failed_says_so(cli: Callable[..., Any], failing_folder: Path) -> None:
+    for arguments in ((), ("--worst", "2"), ("--at", "1")):
+        done = cli("inspect", failing_folder, *arguments)
+        assert done.status == 0
+        assert "failing failed: ValueError: out of order" in done.out.replace("\n", " ")
+    for command in (("inspect", failing_folder), ("snapshot", failing_folder, "worst.png")):
+        done = cli(*command, "--worst", "1", "--tracker", "failing")
+        assert (done.status, done.out) == (2, "")
+        assert done.err.startswith("--tracker: failing failed, so it has no tracks: ValueError: out of order")
+
+
+def test_a_tracker_is_chosen_at_a_time(cli: Callable[..., Any], traffic_folder: Path, traffic_result: Result) -> None:
+    focus = focus_of([traffic_result], Opening(at_s=3.1, tracker="naive"))
+    assert (focus.time_s, focus.tracker) == (3.1, "naive")
+    found = json.loads(cli("inspect", traffic_folder, "--at", "5", "--tracker", "naive", "--json").out)["at"]
+    assert {track["tracker"] for track in found["tracks"]} == {"naive"}
+    with pytest.raises(InputError, match="did you mean 'naive'"):
+        focus_of([traffic_result], Opening(at_s=3.1, tracker="naiv"))
 
 
 def test_inspect_reads_a_folder_without_a_recording(

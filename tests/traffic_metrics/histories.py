@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory
+from trackbench.traffic_metrics.assignment import Counted, count_by_gospa, nearby
 from trackbench.types import DUE, Array
 
 STEP = 0.5
@@ -31,6 +32,11 @@ def _states(x: Array) -> Array:
     state = np.zeros((4, *x.shape))
     state[0] = x
     return state
+
+
+def counted_of(truth: TruthHistory, tracks: TrackHistory, cutoff: float) -> Counted:
+    """What counts for GOSPA and its like."""
+    return count_by_gospa(nearby(truth, tracks, cutoff))
 
 
 def random_histories(

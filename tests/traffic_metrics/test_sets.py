@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
-from tests.traffic_metrics.histories import random_histories, tracks_of, truth_of
+from tests.traffic_metrics.histories import counted_of, random_histories, tracks_of, truth_of
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory
-from trackbench.traffic_metrics.assignment import count
 from trackbench.traffic_metrics.gospa import GospaParts, gospa, gospa_of_sets
 from trackbench.traffic_metrics.matching import assign, best_matching
 from trackbench.traffic_metrics.ospa import ospa, ospa2, ospa_of_parts
@@ -104,7 +103,7 @@ def test_gospa_is_a_metric(a: Array, b: Array, c: Array) -> None:
 
 def test_scores_of_histories_are_those_of_their_sets() -> None:
     truth, tracks = random_histories(np.random.default_rng(1), 40, 5, 6, 20.0)
-    counted = count(truth, tracks, 4.0)
+    counted = counted_of(truth, tracks, 4.0)
     there = np.where(tracks.ids >= 0, tracks.mean[:2], np.nan)
     expected = gospa_of_sets(np.where(truth.status > 0, truth.state[:2], np.nan), there, 4.0)
     parts = gospa(counted)
@@ -159,11 +158,11 @@ def _base(a: Array, b: Array, cutoff: float) -> float:
 def test_ospa2_equals_the_enumeration(seed: int) -> None:
     rng = np.random.default_rng(seed)
     truth, tracks = random_histories(rng, 13, rng.integers(1, 5), rng.integers(1, 6), 10.0)
-    ours = ospa2(count(truth, tracks, 4.0), 5)
+    ours = ospa2(counted_of(truth, tracks, 4.0), 5)
     np.testing.assert_allclose(ours, enumerated_ospa2(truth, tracks, 4.0, 5), rtol=1e-9)
 
 
 def test_ospa2_of_a_switch_half_way_is_half_the_cutoff_for_the_object_and_all_of_it_for_the_second_track() -> None:
     truth = truth_of([[0.0]] * 4)
     tracks = tracks_of([[0.0, np.nan]] * 2 + [[np.nan, 0.0]] * 2)
-    assert ospa2(count(truth, tracks, 4.0), 4) == pytest.approx([(2.0**2 + 4.0**2) / 2])
+    assert ospa2(counted_of(truth, tracks, 4.0), 4) == pytest.approx([(2.0**2 + 4.0**2) / 2])

@@ -14,9 +14,8 @@ from stonesoup.types.groundtruth import GroundTruthPath, GroundTruthState
 from stonesoup.types.state import State
 from stonesoup.types.time import TimeRange
 from stonesoup.types.track import Track
-from tests.traffic_metrics.histories import tracks_of, truth_of
+from tests.traffic_metrics.histories import counted_of, tracks_of, truth_of
 
-from trackbench.traffic_metrics.assignment import count
 from trackbench.traffic_metrics.siap import siap
 
 CUTOFF = 5.0
@@ -58,7 +57,7 @@ def test_siap_equals_stone_soup(seed: int) -> None:
     manager.add_data({"groundtruth_paths": objects, "tracks": found})
     manager.association_set = AssociationSet(associations)
     theirs = {metric.title: metric.value for metric in generator.compute_metric(manager)}
-    ours = siap(truth, tracks, count(truth, tracks, CUTOFF))
+    ours = siap(truth, tracks, counted_of(truth, tracks, CUTOFF))
     names = ("Completeness", "Ambiguity", "Spuriousness", "Position Accuracy", "Velocity Accuracy")
     for (total, number), name in zip(ours, names, strict=True):
         assert total / number == pytest.approx(theirs[f"SIAP {name}"], rel=1e-9), name

@@ -6,10 +6,9 @@ import itertools
 
 import numpy as np
 import pytest
-from tests.traffic_metrics.histories import random_histories, tracks_of, truth_of
+from tests.traffic_metrics.histories import counted_of, random_histories, tracks_of, truth_of
 
 from trackbench.traffic_metrics import TrackHistory, TruthHistory, trajectory_paths
-from trackbench.traffic_metrics.assignment import count
 from trackbench.traffic_metrics.couples import Couples, Settled, settled
 from trackbench.traffic_metrics.tgospa import tgospa
 
@@ -49,7 +48,7 @@ def test_small_cases_equal_the_enumeration(seed: int) -> None:
     truth, tracks = random_histories(
         rng, rng.integers(1, 8), rng.integers(1, 4), rng.integers(1, 4), rng.uniform(3, 12)
     )
-    found = tgospa(count(truth, tracks, CUTOFF), SWITCH)
+    found = tgospa(counted_of(truth, tracks, CUTOFF), SWITCH)
     assert found.exact
     assert found.total == pytest.approx(enumerated(truth, tracks), rel=1e-9)
 
@@ -60,7 +59,7 @@ def test_the_linear_program_is_at_most_the_exact_value_and_mostly_equal(
 ) -> None:
     rng = np.random.default_rng(seed)
     truth, tracks = random_histories(rng, 12, 4, 4, 9.0)
-    counted = count(truth, tracks, CUTOFF)
+    counted = counted_of(truth, tracks, CUTOFF)
     exact = tgospa(counted, SWITCH)
     monkeypatch.setattr(trajectory_paths, "LARGEST", 0)
     relaxed = tgospa(counted, SWITCH)
@@ -76,7 +75,7 @@ def test_what_is_too_large_for_both_gets_an_upper_bound_near_the_exact_value(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     truth, tracks = random_histories(np.random.default_rng(seed), 12, 4, 4, 9.0)
-    counted = count(truth, tracks, CUTOFF)
+    counted = counted_of(truth, tracks, CUTOFF)
     exact = tgospa(counted, SWITCH)
     monkeypatch.setattr(trajectory_paths, "LARGEST", 0)
     monkeypatch.setattr(trajectory_paths, "LARGEST_PROGRAM", 0)
@@ -87,26 +86,26 @@ def test_what_is_too_large_for_both_gets_an_upper_bound_near_the_exact_value(
 
 def test_one_switch_costs_one_switch() -> None:
     truth = truth_of([[0.0]] * 6)
-    parts = tgospa(count(truth, tracks_of([[0.0, NAN]] * 3 + [[NAN, 0.0]] * 3), CUTOFF), SWITCH)
+    parts = tgospa(counted_of(truth, tracks_of([[0.0, NAN]] * 3 + [[NAN, 0.0]] * 3), CUTOFF), SWITCH)
     assert parts == (0.0, 0.0, 0.0, SWITCH**2, True)
 
 
 def test_a_track_that_begins_late_costs_misses_but_no_switch() -> None:
     truth = truth_of([[0.0]] * 6)
-    parts = tgospa(count(truth, tracks_of([[NAN]] * 2 + [[1.0]] * 4), CUTOFF), SWITCH)
+    parts = tgospa(counted_of(truth, tracks_of([[NAN]] * 2 + [[1.0]] * 4), CUTOFF), SWITCH)
     assert parts == (4.0, 2 * CUTOFF**2 / 2, 0.0, 0.0, True)
 
 
 def test_two_tracks_that_change_places_cost_two_switches_and_no_error() -> None:
     truth = truth_of([[0.0, 9.0]] * 8)
-    parts = tgospa(count(truth, tracks_of([[0.0, 9.0]] * 4 + [[9.0, 0.0]] * 4), CUTOFF), SWITCH)
+    parts = tgospa(counted_of(truth, tracks_of([[0.0, 9.0]] * 4 + [[9.0, 0.0]] * 4), CUTOFF), SWITCH)
     assert parts == (0.0, 0.0, 0.0, 2 * SWITCH**2, True)
 
 
 def test_keeping_the_identity_is_cheaper_than_two_short_switches() -> None:
     truth = truth_of([[0.0, 2.0]] * 9)
     swapped = [[0.0, 2.0]] * 4 + [[1.1, 0.9]] + [[0.0, 2.0]] * 4
-    parts = tgospa(count(truth, tracks_of(swapped), CUTOFF), SWITCH)
+    parts = tgospa(counted_of(truth, tracks_of(swapped), CUTOFF), SWITCH)
     assert parts.switch == 0.0
     assert parts.localisation == pytest.approx(2 * 1.1**2)
 
@@ -115,7 +114,7 @@ def test_the_metric_is_symmetric() -> None:
     for seed in range(20):
         truth, tracks = random_histories(np.random.default_rng(seed), 10, 3, 3, 8.0)
         turned = truth_of(np.where(tracks.ids >= 0, tracks.mean[0], NAN)), tracks_of(truth.state[0])
-        there, back = (tgospa(count(*histories, CUTOFF), SWITCH).total for histories in ((truth, tracks), turned))
+        there, back = (tgospa(counted_of(*histories, CUTOFF), SWITCH).total for histories in ((truth, tracks), turned))
         assert there == pytest.approx(back, rel=1e-9)
 
 
@@ -132,7 +131,7 @@ def walks(rng: np.random.Generator) -> tuple[TruthHistory, TrackHistory]:
 
 
 def test_what_is_settled_beforehand_changes_no_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
-    cases = [count(*walks(np.random.default_rng(seed)), CUTOFF) for seed in range(25)]
+    cases = [counted_of(*walks(np.random.default_rng(seed)), CUTOFF) for seed in range(25)]
     ours = [tgospa(counted, SWITCH).total for counted in cases]
     shares = []
 
@@ -147,7 +146,7 @@ def test_what_is_settled_beforehand_changes_no_optimum(monkeypatch: pytest.Monke
 
 def test_the_dynamic_program_and_the_linear_program_agree_on_long_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     for seed in range(10):
-        counted = count(*walks(np.random.default_rng(seed)), CUTOFF)
+        counted = counted_of(*walks(np.random.default_rng(seed)), CUTOFF)
         exact = tgospa(counted, SWITCH)
         with monkeypatch.context() as patched:
             patched.setattr(trajectory_paths, "LARGEST", 0)

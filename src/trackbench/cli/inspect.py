@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from rich.console import Console
 
-from trackbench.cli.moments import TRACKER, MomentCommand, require_worst, worst_option
+from trackbench.cli.moments import TRACKER, MomentCommand, worst_option
 from trackbench.cli.view import open_viewer
 from trackbench.results import to_json
 
@@ -49,11 +49,11 @@ def inspect_command(
         raise click.UsageError("--open needs a time: give --at or --worst")
     if vehicle is not None and worst is None and not opened:
         raise click.UsageError("--vehicle names whose worst moments are meant: give --worst with it")
-    require_worst(worst, tracker)
-    from trackbench.recording.focus import Opening
+    from trackbench.recording.focus import Opening, require_worst
     from trackbench.recording.reader import read
 
     recorded = read(run)
+    require_worst(recorded.result, worst, tracker)
     if recorded.note:
         click.echo(f"{recorded.note}: read from its tables", err=True)
     json, show = _inspected(recorded, at, worst, tracker, vehicle)

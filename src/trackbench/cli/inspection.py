@@ -91,13 +91,18 @@ def _scores(found: Inspection, console: Console) -> None:
         *(f"NIS {name}" for name in sensors),
     ]
     console.print(table(heads, rows))
-    for tracker in summary.trackers:
-        if tracker.failed is not None:
-            console.print(Text(f"{tracker.name} failed: {tracker.failed}"), highlight=False)
+    print_failed(summary, console)
     if found.checked is not None:
         difference = found.checked.largest_relative_difference
         verdict = "the same" if difference < ROUNDING else f"DIFFERENT by up to {difference:.1e} of the value"
         console.print(Text(f"{found.checked.file}: {verdict}", style="dim"), highlight=False, soft_wrap=True)
+
+
+def print_failed(summary: Summary, console: Console) -> None:
+    """The trackers that failed, each with the cause."""
+    for tracker in summary.trackers:
+        if tracker.failed is not None:
+            console.print(Text(f"{tracker.name} failed: {tracker.failed}"), highlight=False)
 
 
 def _scene(scene: SceneMoment, console: Console) -> None:

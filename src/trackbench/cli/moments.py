@@ -10,7 +10,11 @@ import click
 if TYPE_CHECKING:
     from trackbench.recording.focus import Opening
 
-TRACKER = click.option("--tracker", metavar="NAME", help="With --worst: of this tracker alone.")
+TRACKER = click.option(
+    "--tracker",
+    metavar="NAME",
+    help="With --worst: of this tracker alone. With hidden identities also at a time: its tracks.",
+)
 
 
 class MomentCommand(click.Command):
@@ -50,15 +54,4 @@ def opening(at: float | None, worst: int | None, vehicle: str | None, tracker: s
 
     if at is not None and worst is not None:
         raise click.UsageError("--at and --worst are two times: give one of them")
-    require_worst(worst, tracker)
     return Opening(at, worst, vehicle, tracker)
-
-
-def require_worst(worst: int | None, tracker: str | None) -> None:
-    """Make sure that a tracker is named for its worst moments.
-
-    Raises:
-        click.UsageError: it is not.
-    """
-    if tracker is not None and worst is None:
-        raise click.UsageError("--tracker names whose worst moments are meant: give --worst with it")

@@ -12,6 +12,7 @@ from trackbench.scaffold import KINDS, class_name, decisions, new
 #: How a scenario names a new plug-in of each kind.
 NAMED = {
     "tracker": '  trackers: {{mine: {{use: "{use}"}}}}',
+    "multi-tracker": '  trackers: {{mine: {{use: "{use}"}}}}  # with sensing: {{identities: hidden}}',
     "motion-model": '  trackers: {{mine: {{filter: ekf, motion: "{use}", ...}}}}',
     "sensor": '  sensors: {{front: {{type: "{use}", rate_hz: 10, ...}}}}',
     "truth": '  truth: {{source: "{use}", duration_s: 20, rate_hz: 20, ...}}',
@@ -33,11 +34,13 @@ NAMED = {
 def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
     """Write a plug-in of your own that works, with its test.
 
-    KIND is tracker, motion-model, sensor, truth or metric; a tracker gets a scenario too. No file is overwritten.
+    KIND is tracker (of one object), multi-tracker (of several, with hidden identities), motion-model, sensor, truth or
+    metric; a tracker gets a scenario too. No file is overwritten.
 
     \b
     Examples:
       trackbench new tracker my_tracker
+      trackbench new multi-tracker my_tracks
       trackbench new tracker my_ekf --around my_filters:Ekf
     """
     paths = new(kind, name, out, around)
@@ -45,7 +48,7 @@ def new_command(kind: str, name: str, around: str | None, out: Path) -> None:
         click.echo(f"written: {path}")
     use = f"{name}:{class_name(name)}"
     click.echo(f"\nTest it (pip install pytest):\n  python -m pytest {paths[1]}")
-    if kind == "tracker":
+    if len(paths) > 2:
         click.echo(f"Run it:\n  trackbench run {paths[2]}")
     click.echo(f"Name it in a scenario beside {paths[0].name}:\n{NAMED[kind].format(use=use)}")
     lines = decisions(paths[0])

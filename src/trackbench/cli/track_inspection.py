@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from trackbench.cli.inspection import print_command, print_contents, print_head, table
+from trackbench.cli.inspection import print_command, print_contents, print_failed, print_head, table
 from trackbench.report.numbers import fixed
 from trackbench.report.traffic.console import values
 
@@ -25,16 +25,18 @@ def print_tracks(found: TrackInspection, console: Console) -> None:
         _moment(found.at, console)
     if found.worst is not None and not contents.summary.truth.known:
         console.print(Text("\nThere is no truth, so no event has a cost."), highlight=False)
-    elif found.worst is not None:
+    elif found.worst:
         _worst(found.worst, console)
-        if found.worst:
-            print_command(contents, found.worst[0].tracker, console)
+        print_command(contents, found.worst[0].tracker, console)
+    elif found.worst is not None:
+        console.print(Text("\nNo event of the recorded run cost anything."), highlight=False)
     if found.at is None and found.worst is None:
         print_contents(contents, console)
         console.print(Text("\nAll runs"), highlight=False)
         columns = values(result)
         rows = [[t.name, *(cells[i].plain for _, cells in columns)] for i, t in enumerate(result.scored)]
         console.print(table(["tracker", *(heading for heading, _ in columns)], rows))
+    print_failed(contents.summary, console)
 
 
 def _worst(events: list[TrackEvent], console: Console) -> None:

@@ -77,6 +77,11 @@ class Chart:
             return False
         return bool(len(values) and values.max() > LARGE * np.quantile(values, 0.1))
 
+    @property
+    def largest(self) -> float:
+        """The largest value of a line, 0 where there is none."""
+        return float(_finite(self.lines).max(initial=0.0))
+
     def span(self, shown: float = 0.0) -> tuple[float, float]:
         """An axis on which neither the start of a track nor one bad tracker flattens everything else.
 
@@ -87,7 +92,7 @@ class Chart:
             values = np.abs(_finite((*self.lines, *self.bounds)))
             side = 1.2 * float(np.quantile(values, 0.99)) if len(values) else 1.0
             return -side, side
-        return 0.0, max(self._top(), 1.15 * shown)
+        return 0.0, max(self._top(), 1.15 * shown) or 1.0
 
     def _top(self) -> float:
         values, limits = _finite(self.lines), _finite(self.bounds)

@@ -36,7 +36,7 @@ def legend(evidence: Sequence[EvidenceRun]) -> list[NamedColour]:
         *(NamedColour(name, colour) for name, colour in COLOURS.items()),
         NamedColour("truth, bounds", BOUND_COLOUR),
         NamedColour("sensors", OBSERVER_COLOUR),
-        *(NamedColour(name, colour, dot=True) for name, colour in sensors_of(evidence).items()),
+        *(NamedColour(name, colour, "dot") for name, colour in sensors_of(evidence).items()),
     ]
 
 

@@ -13,13 +13,16 @@ LETTER, AROUND, HEIGHT, GAP = 7.0, 14.0, 22.0, 6.0
 NAME, VEHICLE, PLACE = 1.0, 0.3, 0.01
 
 
-def label_points(vehicles: list[Columns], names: list[str], metres_per_pixel: float) -> list[Array]:
+def label_points(
+    vehicles: list[Columns], names: list[str], metres_per_pixel: float, above: bool = False
+) -> list[Array]:
     """Where the points are under which the names are drawn.
 
     Args:
         vehicles: the same times of each, with ``px_m``, ``py_m``, ``length_m``, ``width_m`` and ``alive``.
         names: of each.
         metres_per_pixel: of the view.
+        above: whether a name stands above its vehicle rather than below it.
 
     Returns:
         For each vehicle ``(times, 2)`` m, in the fixed frame.
@@ -36,6 +39,8 @@ def label_points(vehicles: list[Columns], names: list[str], metres_per_pixel: fl
         # The middle of the name, from that of the vehicle: below it, above, right, left, and farther below.
         right, down = (beside, 0.0), (0.0, -below)
         places = np.array([down, (0.0, below), right, (-beside, 0.0), (0.0, -below - 2 * half[1])])
+        if above:
+            places[:, 1] *= -1
         middle = at[i][None] + places[:, None]
         cost = np.repeat(PLACE * np.arange(len(places))[:, None], len(at[i]), axis=1)
         for other_middle, other_half in placed:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -16,7 +16,7 @@ from trackbench.recording.views import BACKGROUND
 LEGEND = "legend"
 #: Pixels of the view, of a letter and of the room around a name.
 WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
-ROW, MARK = 40.0, 22.0
+ROW, MARK, RING = 40.0, 22.0, 6.0
 
 
 class NamedColour(NamedTuple):
@@ -24,28 +24,40 @@ class NamedColour(NamedTuple):
 
     name: str
     colour: str
-    dot: bool = False
+    mark: Literal["line", "dot", "mark", "ring"] = "line"
+    others: tuple[str, ...] = ()
+    """Colours of more dots beside the first."""
 
 
 def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:
     """Trackers by their colours, measurements of each sensor, truth with the bounds, and the observer."""
     return [
         *(NamedColour(name, colour) for name, colour in trackers.items()),
-        *(NamedColour(name, colour, dot=True) for name, colour in sensor_colours(sensors).items()),
+        *(NamedColour(name, colour, "dot") for name, colour in sensor_colours(sensors).items()),
         NamedColour("truth, bounds", BOUND_COLOUR),
         NamedColour("observer", OBSERVER_COLOUR),
     ]
 
 
 def send_legend(stream: Stream, shown: list[NamedColour]) -> None:
-    """A line or a dot above each name, in rows."""
+    """A line, dots or a ring above each name, in rows."""
     for number, (entry, x, y) in enumerate(_placed(shown)):
         style: dict[str, Any] = {"colors": rgba(entry.colour), "labels": entry.name, "show_labels": True}
-        if entry.dot:
-            mark: rr.AsComponents = rr.Points2D([(x, y)], radii=pixels(3.0), **style)
+        if entry.mark == "line":
+            mark: rr.AsComponents = rr.LineStrips2D(
+                [[(x - MARK / 2, y), (x + MARK / 2, y)]], radii=pixels(1.5), **style
+            )
+        elif entry.mark == "ring":
+            angle = np.linspace(0, 2 * np.pi, 25)
+            ring = np.stack([x + RING * np.cos(angle), y + RING * np.sin(angle)], axis=1)
+            mark = rr.LineStrips2D([ring], radii=pixels(1.5), **style)
         else:
-            mark = rr.LineStrips2D([[(x - MARK / 2, y), (x + MARK / 2, y)]], radii=pixels(1.5), **style)
+            mark = rr.Points2D([(x, y)], radii=pixels(5.0 if entry.mark == "mark" else 3.0), **style)
         stream.static(path(LEGEND, str(number)), mark)
+        if entry.others:
+            beside = [(x + (MARK / 2) * (-1) ** i * (i // 2 + 1), y) for i in range(len(entry.others))]
+            colours = np.array([rgba(colour) for colour in entry.others], dtype=np.uint32)
+            stream.static(path(LEGEND, str(number), "others"), rr.Points2D(beside, colors=colours, radii=pixels(3.0)))
 
 
 def legend_view(shown: list[NamedColour]) -> rrb.Spatial2DView:

@@ -42,10 +42,11 @@ def send_roads(stream: Stream, roads: pa.Table) -> None:
     stream.static(path(*ROADS), lanes)
 
 
-def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
+def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float, names_above: bool = False) -> None:
     """The observer and the targets, as oriented boxes with an arrow for the heading, and their names.
 
-    ``metres_per_pixel`` is the scale of the view that shows the names.
+    ``metres_per_pixel`` is the scale of the view that shows the names, which stand below the vehicles unless
+    ``names_above``.
     """
     if not truth.num_rows:
         return
@@ -71,7 +72,7 @@ def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> N
         box = rr.Boxes2D.from_fields(colors=rgba(colour), radii=pixels(1.5))
         arrow = rr.Arrows2D.from_fields(colors=rgba(colour), radii=pixels(1.0))
         stream.static(entity, box, arrow)
-    _labels(stream, truth, metres_per_pixel)
+    _labels(stream, truth, metres_per_pixel, names_above)
 
 
 def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[str, str]) -> None:
@@ -112,10 +113,10 @@ def send_estimates(
         send_ellipses(stream, f"{entity}/covariance", time, at, covariance, colour, 25.0, count)
 
 
-def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float) -> None:
+def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float, above: bool) -> None:
     # Rerun 0.41 draws the labels of boxes and ellipses where they would be without transforms; those of points follow.
     vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
-    points = label_points(list(vehicles.values()), list(vehicles), metres_per_pixel)
+    points = label_points(list(vehicles.values()), list(vehicles), metres_per_pixel, above)
     alive = np.stack([rows["alive"].astype(bool) for rows in vehicles.values()], axis=1)
     names = np.broadcast_to(np.array(list(vehicles)), alive.shape)
     shown = rr.Points2D.columns(positions=np.stack(points, axis=1)[alive], labels=[str(name) for name in names[alive]])

@@ -102,8 +102,8 @@ def _row(tracker: TrackerResult) -> str:
     cells = (
         tracker.name,
         with_interval(tracker.position_rmse),
-        _number(None if over is None else over.value),
-        _number(nees.value),
+        number(None if over is None else over.value),
+        number(nees.value),
         nees.verdict or NOT_AVAILABLE,
     )
     return "| " + " | ".join(cells) + " |"
@@ -111,7 +111,7 @@ def _row(tracker: TrackerResult) -> str:
 
 def with_interval(metric: MetricValue) -> str:
     """The value with half the width of its 95 % interval, to the same decimals."""
-    value = _number(metric.value)
+    value = number(metric.value)
     if metric.ci95 is None:
         return value
     places = len(value.partition(".")[2])
@@ -120,7 +120,7 @@ def with_interval(metric: MetricValue) -> str:
 
 def _expectation(item: ExpectationResult) -> str:
     verdict = "met" if item.passed else "**not met**"
-    value = item.value if isinstance(item.value, str) else _number(item.value)
+    value = item.value if isinstance(item.value, str) else number(item.value)
     return f"- {verdict}: {item.text} (is {value})"
 
 
@@ -136,7 +136,8 @@ def sensor_line(name: str, sensor: SensorSummary) -> str:
     return f"- **{name}**: {sensor.kind}{preset}{rate}, {found}; {sigmas}; {sees}; {mount}"
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """Three significant digits, or the whole part."""
     if value is None:
         return NOT_AVAILABLE
     return f"{value:#.3g}" if abs(value) < 100 else f"{value:.0f}"

@@ -51,10 +51,10 @@ class Window(NamedTuple):
         half = [(high - low) / 2 for low, high in (self.across, self.down)]
         return Window(vehicle, "around", (-half[0], half[0]), (-half[1], half[1]), self.scale)
 
-    def closer(self) -> Window:
-        """Its middle, up to ``NEAR``."""
+    def closer(self, beside: tuple[float, float] = (0.0, 0.0)) -> Window:
+        """What is up to ``NEAR`` from its middle, or from a place ``beside`` that, m to the right and up."""
         (left, right), (top, bottom) = self.across, self.down
-        x, y = (left + right) / 2, (top + bottom) / 2
+        x, y = (left + right) / 2 + beside[0], (top + bottom) / 2 - beside[1]
         return self._replace(across=(x - NEAR, x + NEAR), down=(y - NEAR, y + NEAR))
 
 

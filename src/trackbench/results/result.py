@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from trackbench.errors import InputError, nearest
 from trackbench.input_files import read_bytes
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
-from trackbench.results.summary import ORACLE, SCHEMA_VERSION, Summary, TrackerResult
+from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
 from trackbench.results.tables import Tables
 
 #: More lines than this in one picture cannot be told apart.
@@ -62,7 +62,7 @@ class Result:
     @property
     def contenders(self) -> list[TrackerResult]:
         """Of the scored trackers those that do not know the true origins of the detections; all where all do."""
-        return [found for found in self.scored if found.association != ORACLE] or self.scored
+        return [found for found in self.scored if not found.is_reference] or self.scored
 
     @property
     def drawn(self) -> list[TrackerResult]:

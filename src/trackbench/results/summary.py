@@ -276,6 +276,11 @@ class TrackerResult(Part):
     scene_share: float | None = None
     """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
+    @property
+    def is_reference(self) -> bool:
+        """Whether it knows the true origin of each detection, so that it is no competitor."""
+        return self.association == ORACLE
+
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})
         if name in metrics:

@@ -166,6 +166,8 @@ def _metrics(known: bool) -> dict[str, TrafficMetric]:
 def _why_missing(path: str) -> str:
     if "association" in path or path in OF_USE:
         return NOT_SAID
+    if path == "confirm_latency":
+        return "no object was ever tracked"
     return NOT_ASKED if path in OF_PREDICTIONS else "no run tells it"
 
 

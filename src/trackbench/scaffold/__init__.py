@@ -1,4 +1,4 @@
-"""A working start for the author of a plug-in: a module, its test and, for a tracker, a scenario."""
+"""A working start for the author of a plug-in: a module, its test and, for trackers, a scenario."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ KINDS: Mapping[str, Mapping[str, str]] = {
         "{name}.py": "tracker.py.j2",
         "test_{name}.py": "test_tracker.py.j2",
         "{name}.yaml": "tracker.yaml.j2",
+    },
+    "multi-tracker": {
+        "{name}.py": "multi_tracker.py.j2",
+        "test_{name}.py": "test_multi_tracker.py.j2",
+        "{name}.yaml": "multi_tracker.yaml.j2",
     },
     "motion-model": {"{name}.py": "motion_model.py.j2", "test_{name}.py": "test_motion_model.py.j2"},
     "sensor": {"{name}.py": "sensor.py.j2", "test_{name}.py": "test_sensor.py.j2"},

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
-from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.published import TRACKERS
 from trackbench.truth.config import HighwayOptions, ScriptedOptions
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ REASONS = {
     "resolution": "a detection of two vehicles has no single identity",
     "states": "trackers are told of this only without identities",
 }
+#: What of the scores is not used where tracks are scored.
+OF_SINGLE_OBJECTS = ("settle_s", "divergence_m", "lost_after_s", "min_coverage", "reference")
 REMEDY = "write sensing: {identities: hidden}, or remove this"
 
 
@@ -32,6 +35,8 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
         if isinstance(tracker, FilterConfig) and tracker.associate is not None:
             yield Problem(("trackers", name, "associate"), f"the measurements say of which object they are; {REMEDY}")
+    if "cutoff_m" in scenario.score.model_fields_set:
+        yield Problem(("score", "cutoff_m"), f"is of tracks; {REMEDY}")
     truth = scenario.truth
     if isinstance(truth, HighwayOptions) and truth.others_within_m is not None:
         yield Problem(("truth", "others_within_m"), f"with known identities only targets are measured; {REMEDY}")
@@ -44,8 +49,13 @@ def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
 
 def _of_hidden(scenario: ScenarioConfig) -> Iterator[Problem]:
     for name, tracker in scenario.trackers.items():
+        alone = "follows one object each, of which the detections do not say"
         if isinstance(tracker, FilterConfig) and tracker.associate is None:
-            message = "follows one object each, of which the detections do not say; add associate: {method: gnn}"
-            yield Problem(("trackers", name, "filter"), message)
+            yield Problem(("trackers", name, "filter"), f"{alone}; add associate: {{method: gnn}}")
+        elif isinstance(tracker, PluginConfig) and TRACKERS.home_of(tracker.use).startswith("trackbench."):
+            yield Problem(("trackers", name, "use"), f"{tracker.use} {alone}; use a filter with associate")
     if scenario.score.metrics:
         yield Problem(("score", "metrics"), "are of single objects; with hidden identities remove them")
+    for key in OF_SINGLE_OBJECTS:
+        if key in scenario.score.model_fields_set:
+            yield Problem(("score", key), "not used with identities: hidden; remove it")

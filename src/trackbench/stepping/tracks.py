@@ -8,14 +8,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from trackbench import linalg
 from trackbench.multi import build_multi
 from trackbench.stepping.faults import fault_of
-from trackbench.trackers.answers import ASYMMETRY, NOT_FINITE, TrackerFault, array_of, described, unpack
+from trackbench.trackers.answers import ASYMMETRY, NOT_DEFINITE, NOT_FINITE, TrackerFault, array_of, described, unpack
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.published import create
-from trackbench.types import Indices, Scan, Tracks, scan_of_run
+from trackbench.types import Array, Estimate, Indices, Scan, Tracks, scan_of_run
 
 NO_TRACK = -1
+#: What ``step`` has to return beside the state, in messages.
+TRACKS = "Tracks"
+OF_ONE = "it gave an estimate of one object; with hidden identities step must return (state, Tracks)"
 
 
 class TracksStepper(Protocol):
@@ -58,7 +62,7 @@ class BatchedTracks:
     def step(self, scan: Scan, origins: Indices | None = None) -> Tracks:
         """The tracks of all runs."""
         more = (origins,) if self._wants_origins else ()
-        self._state, answer = unpack(self._tracker.step(self._state, scan, *more))
+        self._state, answer = unpack(self._tracker.step(self._state, scan, *more), TRACKS)
         return checked_tracks(answer, scan)
 
     def predicted(self, time: float, run: int) -> Tracks:
@@ -87,7 +91,7 @@ class LoopedTracks:
         for run, tracker in enumerate(self._trackers):
             own = scan_of_run(scan, run)
             try:
-                self._states[run], answer = unpack(tracker.step(self._states[run], own))
+                self._states[run], answer = unpack(tracker.step(self._states[run], own), TRACKS)
                 found.append(checked_tracks(answer, own))
             except KeyboardInterrupt:
                 raise
@@ -139,6 +143,8 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     runs = np.shape(scan.valid)[1:]
     if answer is None:
         return Tracks(np.zeros((0, *runs), dtype=np.intp), np.zeros((4, 0, *runs)), np.zeros((4, 4, 0, *runs)))
+    if isinstance(answer, Estimate) or (isinstance(answer, tuple) and len(answer) == 2):
+        raise TrackerFault(OF_ONE)
     if not isinstance(answer, tuple) or not 3 <= len(answer) <= 5:
         wanted = "Tracks(ids, mean, covariance, existence=None, used=None)"
         raise TrackerFault(f"the answer must be {wanted} or None, not {described(answer)}")
@@ -147,18 +153,21 @@ def checked_tracks(answer: Any, scan: Scan) -> Tracks:
     if ids.ndim != 1 + len(runs) or ids.shape[1:] != runs:
         raise TrackerFault(f"the ids have the shape {ids.shape}, where {('K', *runs)} is needed".replace("'K'", "K"))
     shape = ids.shape
+    _require_as_many(ids, given)
     mean = array_of("mean", given.mean, (4, *shape))
     covariance = array_of("covariance", given.covariance, (4, 4, *shape))
     there = ids != NO_TRACK
     if np.any(ids < NO_TRACK):
         raise TrackerFault(f"an id is {ids.min()}; ids count from 0")
     _require_distinct(ids)
-    if not (np.isfinite(mean[:, there]).all() and np.isfinite(covariance[:, :, there]).all()):
-        raise TrackerFault(NOT_FINITE)
-    _require_symmetric(covariance[:, :, there])
+    _require_covariances(ids[there], mean[:, there], covariance[:, :, there])
     existence = None if given.existence is None else array_of("existence", given.existence, shape)
-    if existence is not None and not np.all((existence[there] >= 0) & (existence[there] <= 1)):
-        raise TrackerFault("an existence probability is not between 0 and 1")
+    if existence is not None:
+        stated = existence[there]
+        wrong = ~((stated >= 0) & (stated <= 1))
+        if wrong.any():
+            said = f"the existence probability of track {ids[there][wrong][0]} is {stated[wrong][0]:g}"
+            raise TrackerFault(f"{said}, which is not between 0 and 1")
     used = None if given.used is None else _whole("used", given.used, shape)
     if used is not None and there.any():
         count = np.broadcast_to(np.count_nonzero(scan.valid, axis=0), shape)
@@ -184,7 +193,33 @@ def _require_distinct(ids: Indices) -> None:
         raise TrackerFault(f"two tracks have the id {ordered[1:][twice][0]}")
 
 
-def _require_symmetric(covariance: Any) -> None:
+def _require_as_many(ids: Indices, given: Tracks) -> None:
+    """The mean and covariance of as many tracks as there are ids; of parts of other shapes more is said elsewhere."""
+    counts = [len(ids)]
+    for part, axis in ((given.mean, 1), (given.covariance, 2)):
+        shape = getattr(part, "shape", ())
+        if len(shape) != axis + ids.ndim:
+            return
+        counts.append(shape[axis])
+    if len(set(counts)) > 1:
+        raise TrackerFault(f"the ids are of {counts[0]} tracks, the mean of {counts[1]}, the covariance of {counts[2]}")
+
+
+def _require_covariances(ids: Indices, mean: Array, covariance: Array) -> None:
+    """Finite estimates with symmetric, positive definite covariances: ``(K,)``, ``(4, K)``, ``(4, 4, K)``."""
+    if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+        wrong = int(np.flatnonzero(~np.isfinite(mean.sum(axis=0) + covariance.sum(axis=(0, 1))))[0])
+        part, value = ("mean", mean) if not np.isfinite(mean[:, wrong]).all() else ("covariance", covariance)
+        raise TrackerFault(f"{NOT_FINITE}: track {ids[wrong]} has the {part} {_numbers(value[..., wrong])}")
     gap = np.abs(covariance - np.swapaxes(covariance, 0, 1)).max(axis=(0, 1), initial=0.0)
     if np.any(gap > ASYMMETRY * np.abs(covariance).max(axis=(0, 1), initial=0.0)):
         raise TrackerFault(f"the covariance is not symmetric: mirrored entries differ by up to {gap.max():.3g}")
+    positive = linalg.cholesky(covariance).positive
+    if not positive.all():
+        wrong = int(np.flatnonzero(~positive)[0])
+        smallest = np.linalg.eigvalsh(covariance[..., wrong])[0]
+        raise TrackerFault(f"{NOT_DEFINITE}: that of track {ids[wrong]} has the eigenvalue {smallest:.3g}")
+
+
+def _numbers(values: Array) -> str:
+    return np.array2string(values, precision=4, separator=", ").replace("\n", "")

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from trackbench import linalg
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
+from trackbench.testing.kinds import OF_OTHER_KIND, Identities, answers, require_known
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
@@ -28,9 +29,7 @@ class Check:
     """None where it is kept."""
 
 
-def check_tracker(
-    use: str | Callable[..., Any], *, identities: Literal["known", "hidden"] = "known", **options: Any
-) -> list[Check]:
+def check_tracker(use: str | Callable[..., Any], *, identities: Identities = "known", **options: Any) -> list[Check]:
     """Try a tracker on short synthetic drives, as the bench would use it.
 
     Args:
@@ -43,15 +42,33 @@ def check_tracker(
 
     Raises:
         TrackerCheckError: rules are broken; says which and how.
-        InputError: the tracker cannot be imported or started.
+        InputError: the tracker cannot be imported or started, or ``identities`` is another word.
     """
+    require_known(identities)
     make = create(use, options) if isinstance(use, str) else partial(use, **options)
     rules = RULES if identities == "known" else tracks.RULES
     checks = [Check(rule, _problem(test, make)) for rule, test in rules.items()]
-    broken = [f"- {check.rule}: {check.problem}" for check in checks if check.problem]
+    broken: dict[str, list[str]] = {}
+    for check in checks:
+        if check.problem:
+            broken.setdefault(check.problem, []).append(check.rule)
+    if broken and _of_other_kind(make, identities):
+        raise TrackerCheckError(OF_OTHER_KIND[identities])
     if broken:
-        raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(broken))
+        # A cause that breaks several rules is told once.
+        told = [f"- {'; '.join(kept)}: {problem}" for problem, kept in broken.items()]
+        raise TrackerCheckError("the tracker breaks these rules:\n" + "\n".join(told))
     return checks
+
+
+def _of_other_kind(make: Callable[[], Any], identities: Identities) -> bool:
+    def of_one() -> bool:
+        return answers(lambda: (answer is not None for answer in _answers(make, _usual())))
+
+    def of_several() -> bool:
+        return answers(lambda: tracks.reported(make))
+
+    return not of_one() and of_several() if identities == "known" else not of_several() and of_one()
 
 
 def drive(

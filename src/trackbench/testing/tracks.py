@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.stepping.tracks import checked_tracks
+from trackbench.stepping.tracks import TRACKS, checked_tracks
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
 from trackbench.trackers.answers import unpack
 from trackbench.types import Array, FieldOfView, Scan, Tracks
@@ -65,9 +65,14 @@ def _answers(make: Make, scans: Sequence[Scan]) -> Iterator[Tracks]:
     state: Any = None
     for scan in scans:
         given = _as_batch([scan]) if batched else scan
-        state, answer = unpack(tracker.step(state, given))
+        state, answer = unpack(tracker.step(state, given), TRACKS)
         tracks = checked_tracks(answer, given)
         yield _of_run(tracks, 0) if batched else tracks
+
+
+def reported(make: Make) -> Iterator[bool]:
+    """Whether a fresh tracker has tracks after each scan of cars in plain sight."""
+    return (len(tracks.ids) > 0 for tracks in _answers(make, hidden_drive()))
 
 
 def _as_batch(runs: Sequence[Scan]) -> Scan:
@@ -116,12 +121,38 @@ def _bears_empty_scans(make: Make) -> None:
     list(_answers(make, _with_gaps(range(10), range(60, 80))))
 
 
+def _predicts_to_empty_scans(make: Make) -> None:
+    count = 60
+    scans = [_emptied(scan) if number >= count else scan for number, scan in enumerate(hidden_drive()[: count + 4])]
+    answers = list(_answers(make, scans))
+    last = answers[count - 1]
+    if not len(last.ids):
+        return
+    for scan, tracks in zip(scans[count:], answers[count:], strict=True):
+        if not len(tracks.ids):
+            raise TrackerCheckError(
+                f"after {count} scans with detections of two cars there is no track at an empty one"
+            )
+        elapsed = scan.time - scans[count - 1].time
+        _, before, after = np.intersect1d(last.ids, tracks.ids, return_indices=True)
+        way = elapsed * last.mean[2:, before]
+        error = np.hypot(*(tracks.mean[:2, after] - last.mean[:2, before] - way))
+        behind = error > 0.5 * np.hypot(*way) + 0.01
+        if behind.any():
+            raise TrackerCheckError(
+                f"at an empty scan {elapsed:.2g} s after the last detections a track is {error.max():.2g} m from where "
+                "its own velocity takes it"
+            )
+
+
+def _emptied(scan: Scan) -> Scan:
+    return scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0])
+
+
 def _with_gaps(*gaps: range) -> list[Scan]:
     """A drive with false alarms and misses, some scans of which are empty."""
     return [
-        scan._replace(measurement=scan.measurement[:, :0], valid=scan.valid[:0])
-        if any(number in gap for gap in gaps)
-        else scan
+        _emptied(scan) if any(number in gap for gap in gaps) else scan
         for number, scan in enumerate(hidden_drive(clutter=1.0, probability=0.9))
     ]
 
@@ -164,8 +195,8 @@ def _keeps_state(make: Make) -> None:
     batched = bool(getattr(tracker, "batched", False))
     for scan in hidden_drive()[:40]:
         given = _as_batch([scan]) if batched else scan
-        after, first = unpack(tracker.step(state, given))
-        again = unpack(tracker.step(state, given))[1]
+        after, first = unpack(tracker.step(state, given), TRACKS)
+        again = unpack(tracker.step(state, given), TRACKS)[1]
         one, two = checked_tracks(first, given), checked_tracks(again, given)
         if not np.array_equal(one.mean, two.mean, equal_nan=True):
             raise TrackerCheckError(
@@ -183,7 +214,7 @@ def _batch_is_loop(make: Make) -> None:
     alone = [list(_answers(make, drive)) for drive in drives]
     for number, scans in enumerate(zip(*drives, strict=True)):
         given = _as_batch(scans)
-        state, answer = unpack(tracker.step(state, given))
+        state, answer = unpack(tracker.step(state, given), TRACKS)
         tracks = checked_tracks(answer, given)
         for run, single in enumerate(alone):
             one, two = _of_run(tracks, run), single[number]
@@ -195,6 +226,7 @@ RULES: dict[str, Callable[[Make], None]] = {
     "gives tracks of the right form, and follows two cars in plain sight": _follows(),
     "follows them through missed detections and false alarms": _follows(clutter=1.0, probability=0.9),
     "takes scans without a detection": _bears_empty_scans,
+    "predicts its tracks to scans without a detection": _predicts_to_empty_scans,
     "gives the same tracks whatever the order of the detections": _order_means_nothing,
     "uses no id again": _never_reuses,
     "gives the same tracks every time": _is_deterministic,

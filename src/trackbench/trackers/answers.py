@@ -21,10 +21,10 @@ class TrackerFault(Exception):
     """What a tracker gave cannot be an estimate."""
 
 
-def unpack(answer: Any) -> tuple[Any, Any]:
-    """State and estimate from what ``step`` returned."""
+def unpack(answer: Any, what: str = "estimate") -> tuple[Any, Any]:
+    """State and estimate, or tracks, from what ``step`` returned."""
     if not isinstance(answer, tuple) or len(answer) != 2:
-        raise TrackerFault(f"step must return (state, estimate), not {described(answer)}")
+        raise TrackerFault(f"step must return (state, {what}), not {described(answer)}")
     return answer
 
 

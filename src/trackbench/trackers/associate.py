@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
-from trackbench.config import Config, NonNegative, Positive, Probability, Problem
+from trackbench.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem
 
 AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -38,6 +39,29 @@ METHODS: dict[str, tuple[AssociationMethod, ...]] = {
 LONGEST_WINDOW = 100
 
 
+def _only(fits: Callable[[Any], bool], needed: str) -> BeforeValidator:
+    """Refuses a value of another form in one sentence with an example."""
+
+    def validate(value: Any) -> Any:
+        if not fits(value):
+            raise PydanticCustomError(PROBLEM, "{message}", {"message": f"{needed} is needed, not {value}"})
+        return value
+
+    return BeforeValidator(validate)
+
+
+def _mapping(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _below_one(value: Any) -> bool:
+    return not (isinstance(value, int | float) and value >= 1)
+
+
+def _m_of_n(value: Any) -> bool:
+    return value == "score" or (isinstance(value, list) and len(value) == 2 and {type(one) for one in value} == {int})
+
+
 class AssociateConfig(Config):
     """Tracks of several objects from detections that nobody labelled."""
 
@@ -46,11 +70,14 @@ class AssociateConfig(Config):
         "existence probabilities. pmb: Poisson multi-Bernoulli filter. oracle: knows which object caused each "
         "detection. naive: each detection, in the order of the list, goes to the nearest track."
     )
-    gate: Fraction = Field(
+    gate: Annotated[Fraction, _only(_below_one, "a probability, such as 0.9999,")] = Field(
         0.9999,
         description="Probability that an object's detection falls into the gate of its track (chi-square); not oracle.",
     )
-    confirm: Annotated[list[int], Field(min_length=2, max_length=2)] | Literal["score"] = Field(
+    confirm: Annotated[
+        Annotated[list[int], Field(min_length=2, max_length=2)] | Literal["score"],
+        _only(_m_of_n, "[M, N], such as [3, 5], or score"),
+    ] = Field(
         [3, 5],
         description="gnn, jpda, oracle, naive. [M, N]: a track is confirmed with M detections in its first N scans, "
         "the one that started it included, and deleted as soon as it can no longer have them. score: by the logarithm "
@@ -67,7 +94,8 @@ class AssociateConfig(Config):
     )
     delete_after_s: Positive = Field(
         1,
-        description="A track is deleted this long after its latest detection, s; several periods of the slowest sensor.",
+        description="A track is deleted this long after its latest detection, s; several periods of the slowest "
+        "sensor.",
     )
     confirm_existence: Fraction = Field(
         0.95, description="jipda and pmb. A track is reported once its probability of existence has reached this."
@@ -102,11 +130,15 @@ class AssociateConfig(Config):
         "tracks, or detections if these are fewer, its association probabilities are exact; beyond, and with 0 in "
         "each cluster, by loopy belief propagation.",
     )
-    detection_probability: dict[str, Probability] = Field(
+    detection_probability: Annotated[
+        dict[str, Probability], _only(_mapping, "one for each sensor's name, such as {radar: 0.9},")
+    ] = Field(
         default_factory=dict,
         description="For a sensor's name, the detection probability that the tracker takes in place of the stated one.",
     )
-    clutter_density: dict[str, Positive] = Field(
+    clutter_density: Annotated[
+        dict[str, Positive], _only(_mapping, "one for each sensor's name, such as {radar: 0.001},")
+    ] = Field(
         default_factory=dict,
         description="For a sensor's name, the false alarms per unit volume of its measurement space (m, rad, m/s) and "
         "scan that the tracker takes in place of the stated ones.",

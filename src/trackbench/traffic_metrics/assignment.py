@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
 from trackbench.traffic_metrics.matching import best_matching
-from trackbench.types import ABSENT, DUE, OPTIONAL, Array, Indices, Mask
+from trackbench.types import ABSENT, DUE, Array, Indices, Mask
 
 #: Distances computed at once: they fit the cache.
 CHUNK = 1 << 18
@@ -38,25 +38,46 @@ def similarity(distance: Array, cutoff: float) -> Array:
     return 1 - distance / cutoff
 
 
-class Counted(NamedTuple):
-    """What counts in a run: the due objects, and the tracks that are on no optional one."""
+class Nearby(NamedTuple):
+    """All objects and tracks of a run, and the pairs of them that are within the cutoff of each other."""
 
     cutoff: float
     """m."""
     due: Mask
     """``(T, N)``."""
+    there: Mask
+    """``(T, K)`` the tracks."""
+    track: Indices
+    """``(T, K)`` the number of each track, -1 where a column is empty."""
+    ids: Indices
+    """``(tracks,)`` the id of each number."""
+    pairs: NearPairs
+    """Of due objects."""
+    optional: NearPairs
+    """Of optional ones."""
+
+
+class Counted(NamedTuple):
+    """What counts in a run: the due objects, and the tracks that are on no optional one."""
+
+    cutoff: float
+    """m."""
+    reach: float
+    """m, up to which a track is matched."""
+    due: Mask
+    """``(T, N)``."""
     present: Mask
     """``(T, K)``: the tracks that count."""
-    excused: Mask
-    """``(T, K)``: the tracks that are on an optional object."""
     track: Indices
     """``(T, K)`` the number of each track, -1 where a column is empty."""
     ids: Indices
     """``(tracks,)`` the id of each number."""
     pairs: NearPairs
     """Of those that count."""
-    nearest: Mask
-    """``(P,)`` the pairs that :func:`gospa` matches."""
+    matched: NearPairs
+    """Those of them that are matched."""
+    excused: NearPairs
+    """Optional objects with the tracks that therefore do not count."""
 
     @property
     def object_counts(self) -> Indices:
@@ -69,41 +90,52 @@ class Counted(NamedTuple):
         return np.bincount(self.track[self.present], minlength=len(self.ids))
 
 
-def count(truth: TruthHistory, tracks: TrackHistory, cutoff: float) -> Counted:
-    """Match due and optional objects together, and leave out the tracks on optional ones.
-
-    At each instant objects and tracks within ``cutoff`` m are matched one-to-one so that the sum of the squared
-    distances, with ``cutoff`` squared for each object and track without partner halved between them, is smallest. A
-    track whose partner is optional, or that has none and is within the cutoff of an optional object, does not count.
-
-    Source: Milan et al. (2016), "MOT16: A benchmark for multi-object tracking", section 4 (matching first, then leaving
-    out what is on objects that are not to be tracked).
-    """
+def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float) -> Nearby:
+    """What may be matched, ``cutoff`` in m."""
     ids, track = np.unique(tracks.ids, return_inverse=True)
     if len(ids) and ids[0] < 0:
         ids, track = ids[1:], track - 1
     track = track.reshape(tracks.ids.shape)
-    present, exists = track >= 0, truth.status > ABSENT
-    pairs = near_pairs(_where(truth.state[:2], exists), _where(tracks.mean[:2], present), track, cutoff)
-    chosen = best_matching(
-        pairs.instant,
-        pairs.object,
-        pairs.column,
-        cutoff**2 - pairs.distance**2,
-        truth.status.shape[1],
-        tracks.ids.shape[1],
-    )
-    optional = (truth.status == OPTIONAL)[pairs.instant, pairs.object]
-    excused = np.zeros_like(present)
-    if optional.any():
-        matched = np.zeros_like(present)
-        matched[pairs.instant[chosen], pairs.column[chosen]] = True
-        on = optional & (chosen | ~matched[pairs.instant, pairs.column])
-        excused[pairs.instant[on], pairs.column[on]] = True
-    kept = ~optional & ~excused[pairs.instant, pairs.column]
-    return Counted(
-        cutoff, truth.status == DUE, present & ~excused, excused, track, ids, pairs.where(kept), chosen[kept]
-    )
+    there, exists = track >= 0, truth.status > ABSENT
+    pairs = near_pairs(_where(truth.state[:2], exists), _where(tracks.mean[:2], there), track, cutoff)
+    due = truth.status == DUE
+    of_due = due[pairs.instant, pairs.object]
+    return Nearby(cutoff, due, there, track, ids, pairs.where(of_due), pairs.where(~of_due))
+
+
+def count_by_gospa(near: Nearby) -> Counted:
+    """What counts for GOSPA and its like: due objects are matched as in GOSPA, with the cutoff for both kinds.
+
+    At each instant due objects and tracks are matched one-to-one so that the sum of the squared distances, with half of
+    the squared cutoff for each object and each track without partner, is smallest.
+    """
+    pairs = near.pairs
+    gain = near.cutoff**2 - pairs.distance**2
+    return excusing(near, best_matching(*pairs[:3], gain, near.due.shape[1], near.there.shape[1]), near.cutoff)
+
+
+def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
+    """Leave out the tracks that are on optional objects.
+
+    The tracks that no due object has are matched one-to-one with the optional objects within ``reach`` m, so that the
+    sum of the distances is smallest. Those with a partner are neither right nor wrong: they do not count.
+
+    Args:
+        near: all objects and tracks.
+        chosen: ``(P,)`` which of its pairs are matched.
+        reach: m, up to which a track is matched.
+    """
+    matched, optional = near.pairs.where(chosen), near.optional
+    left = near.there.copy()
+    left[matched.instant, matched.column] = False
+    optional = optional.where(left[optional.instant, optional.column] & (optional.distance <= reach))
+    if len(optional.instant):
+        gain = reach - optional.distance
+        optional = optional.where(best_matching(*optional[:3], gain, near.due.shape[1], near.there.shape[1]))
+    present = near.there.copy()
+    present[optional.instant, optional.column] = False
+    pairs = near.pairs.where(present[near.pairs.instant, near.pairs.column])
+    return Counted(near.cutoff, reach, near.due, present, near.track, near.ids, pairs, matched, optional)
 
 
 def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> NearPairs:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.assignment import Counted
 from trackbench.traffic_metrics.clear import object_of_each
 from trackbench.traffic_metrics.histories import NO_DETECTION, Associations
 from trackbench.traffic_metrics.instants import last_instant_before
@@ -26,7 +26,7 @@ class AssociationCounts(NamedTuple):
     """It took none although its object was detected."""
 
 
-def association_counts(counted: Counted, matched: NearPairs, taken: Associations) -> AssociationCounts:
+def association_counts(counted: Counted, taken: Associations) -> AssociationCounts:
     """A track's own object is the one that it was last matched with at an earlier instant, else at that of the scan.
 
     What the scan itself does to the track so says nothing about which object is its own.
@@ -34,7 +34,7 @@ def association_counts(counted: Counted, matched: NearPairs, taken: Associations
     number = np.minimum(np.searchsorted(counted.ids, taken.ids), max(len(counted.ids) - 1, 0))
     known = counted.ids[number] == taken.ids if len(counted.ids) else np.zeros(taken.ids.shape, dtype=bool)
     scan, column = np.nonzero(known)
-    own = _own_objects(counted, matched)[taken.instant[scan], number[scan, column]]
+    own = _own_objects(counted)[taken.instant[scan], number[scan, column]]
     due = (own >= 0) & counted.due[taken.instant[scan], own]
     scan, column, own = scan[due], column[due], own[due]
     origin = taken.origin[scan, column]
@@ -50,9 +50,9 @@ def association_counts(counted: Counted, matched: NearPairs, taken: Associations
     )
 
 
-def _own_objects(counted: Counted, matched: NearPairs) -> Indices:
+def _own_objects(counted: Counted) -> Indices:
     """``(T, tracks)``, -1 where a track has none yet."""
-    object_of = object_of_each(matched, len(counted.due), len(counted.ids))
+    object_of = object_of_each(counted.matched, len(counted.due), len(counted.ids))
     before = last_instant_before(object_of >= 0)
     earlier = np.take_along_axis(object_of, np.maximum(before, 0), axis=0)
     return np.where(before >= 0, earlier, object_of)

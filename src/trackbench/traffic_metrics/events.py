@@ -7,11 +7,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.assignment import Counted
 from trackbench.traffic_metrics.clear import NO_TRACK, NOBODY, Switches, object_of_each
+from trackbench.traffic_metrics.costs import Costs, costs
 from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
 from trackbench.traffic_metrics.strips import stretches
-from trackbench.types import Indices
+from trackbench.types import Indices, Mask
 
 EventKind = Literal["born", "confirmed", "switched", "lost", "merged", "false", "fragmented"]
 
@@ -39,8 +40,9 @@ class TrafficEvent(NamedTuple):
     """m, of the object, or of the track where there is none."""
     y: float
     cost: float
-    """m^2, as in squared GOSPA. confirmed: of the instants before without a track; lost, merged: of those until it has
-    one; false: of those until the track is on an object. switched: as in T-GOSPA."""
+    """m^2, by :func:`costs`: the part of squared GOSPA that is due to what is missed or false. confirmed: of the
+    instants before without a track; lost, merged: of those until it has one; false: of those until the track is on an
+    object. switched: as in T-GOSPA."""
     why: str
 
 
@@ -48,13 +50,17 @@ class _Timeline(NamedTuple):
     truth: TruthHistory
     tracks: TrackHistory
     counted: Counted
-    near: NearPairs
     track_of: Indices
     """``(T, N)``."""
     object_of: Indices
-    """``(T, tracks)``."""
+    """``(T, tracks)`` the due object of each."""
+    optional_of: Indices
+    """``(T, tracks)`` the optional object of each."""
     column_of: Indices
     """``(T, tracks)``, -1 where the track is not there."""
+    counts: Mask
+    """``(T, tracks)`` where the track counts."""
+    costs: Costs
 
     def event(
         self,
@@ -81,21 +87,20 @@ def events(
     truth: TruthHistory,
     tracks: TrackHistory,
     counted: Counted,
-    near: NearPairs,
-    matched: NearPairs,
+    of_gospa: Counted,
     track_of: Indices,
     changes: Switches,
     switch: float,
 ) -> tuple[TrafficEvent, ...]:
-    """In the order of time.
+    """In the order of time. Their costs without those of switches sum to GOSPA's parts of missed objects and false
+    tracks.
 
     Args:
         truth: objects.
         tracks: tracks.
-        counted: what counts of both.
-        near: pairs that may be matched.
-        matched: those that are, by :func:`clear_matches`.
-        track_of: of the same.
+        counted: what counts of both, matched by :func:`clear_matches`.
+        of_gospa: the same, matched as in GOSPA.
+        track_of: of the first.
         changes: of the same.
         switch: m that a switch costs.
     """
@@ -103,53 +108,64 @@ def events(
     column_of = np.full((steps, numbers), NO_TRACK)
     instant, column = np.nonzero(counted.track >= 0)
     column_of[instant, counted.track[instant, column]] = column
-    object_of = object_of_each(matched, steps, numbers)
-    line = _Timeline(truth, tracks, counted, near, track_of, object_of, column_of)
-    found = [*_births(line), *_of_objects(line), *_of_tracks(line), *_switched(line, changes, switch**2)]
+    object_of, optional_of = (object_of_each(pairs, steps, numbers) for pairs in (counted.matched, counted.excused))
+    counts = np.zeros(column_of.shape, dtype=bool)
+    instant, column = np.nonzero(counted.present)
+    counts[instant, counted.track[instant, column]] = True
+    shared = costs(of_gospa, counted)
+    line = _Timeline(truth, tracks, counted, track_of, object_of, optional_of, column_of, counts, shared)
+    found = [*_births(line), *_of_objects(line), *_of_tracks(line), *_of_gospa_alone(line)]
+    found += _switched(line, changes, switch**2)
     return tuple(sorted(found, key=lambda event: event.instant))
 
 
 def _births(line: _Timeline) -> Iterator[TrafficEvent]:
     for track, instant in enumerate((line.column_of != NO_TRACK).argmax(axis=0).tolist()):
         item = int(line.object_of[instant, track])
-        excused = line.counted.excused[instant, line.column_of[instant, track]]
-        why = "on an object" if item != NOBODY else "on an optional object" if excused else "on no object"
+        optional = line.optional_of[instant, track] != NOBODY
+        why = "on an object" if item != NOBODY else "on an optional object" if optional else "on no object"
         yield line.event("born", instant, track, item, why)
 
 
 def _of_objects(line: _Timeline) -> Iterator[TrafficEvent]:
-    half, time = line.counted.cutoff**2 / 2, line.truth.time
-    spans = stretches(line.counted.due, line.track_of != NO_TRACK)
-    waited, since = 0.0, 0
-    for item, paired, start, before, instants, last in zip(*(values.tolist() for values in spans), strict=True):
-        if paired and (before < 0 or waited):
-            why = f"{time[start] - time[since]:.2f} s after it was due" if waited else "as soon as it was due"
-            yield line.event("confirmed", start, int(line.track_of[start, item]), item, why, waited)
-            waited = 0.0
-        elif paired:
-            why = f"{time[start] - time[since]:.2f} s after it was lost"
-            yield line.event("fragmented", start, int(line.track_of[start, item]), item, why)
-        elif before >= 0:
+    time = line.truth.time
+    spans = stretches(line.counted.due, line.track_of != NO_TRACK, line.costs.missed)
+    waited: float | None = None
+    since = 0
+    for item, paired, start, before, cost, last in zip(*(values.tolist() for values in spans), strict=True):
+        if not paired:
             since = start
-            yield _loss(line, start, item, int(line.track_of[before, item]), half * instants)
-        elif last:
-            yield line.event("lost", start, NO_TRACK, item, "it never had a track", half * instants)
+            if before >= 0:
+                yield _loss(line, start, item, int(line.track_of[before, item]), cost)
+            elif last:
+                yield line.event("lost", start, NO_TRACK, item, "it never had a track", cost)
+            else:
+                waited = cost
+            continue
+        track = int(line.track_of[start, item])
+        if before < 0:
+            yield line.event("confirmed", start, track, item, "as soon as it was due")
+        elif waited is not None:
+            why = f"{time[start] - time[since]:.2f} s after it was due"
+            yield line.event("confirmed", start, track, item, why, waited)
+            waited = None
         else:
-            waited, since = half * instants, start
+            why = f"{time[start] - time[since]:.2f} s after it was lost"
+            yield line.event("fragmented", start, track, item, why)
 
 
 def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) -> TrafficEvent:
-    column = line.column_of[instant, former]
-    if column == NO_TRACK:
+    if line.column_of[instant, former] == NO_TRACK:
         return line.event("lost", instant, former, item, "its track ended", cost)
     now_on = int(line.object_of[instant, former])
     if now_on != NOBODY:
         return line.event("lost", instant, former, item, "its track went to another object", cost, other_object=now_on)
-    if line.counted.excused[instant, column]:
+    if line.optional_of[instant, former] != NOBODY:
         return line.event("lost", instant, former, item, "its track went to an optional object", cost)
-    pairs = line.near
+    pairs = line.counted.pairs
     start, end = np.searchsorted(pairs.instant, [instant, instant + 1])
-    near = start + np.flatnonzero(pairs.track[start:end] == former)
+    own = (pairs.track[start:end] == former) & (pairs.distance[start:end] <= line.counted.reach)
+    near = start + np.flatnonzero(own)
     if not len(near):
         return line.event("lost", instant, former, item, "its track left it", cost)
     other = int(pairs.object[near[np.argmin(pairs.distance[near])]])
@@ -158,19 +174,29 @@ def _loss(line: _Timeline, instant: int, item: int, former: int, cost: float) ->
 
 
 def _of_tracks(line: _Timeline) -> Iterator[TrafficEvent]:
-    half = line.counted.cutoff**2 / 2
-    counts = np.zeros(line.object_of.shape, dtype=bool)
-    instant, column = np.nonzero(line.counted.present)
-    counts[instant, line.counted.track[instant, column]] = True
-    spans = stretches(counts, line.object_of != NOBODY)
-    for track, paired, start, before, instants, _ in zip(*(values.tolist() for values in spans), strict=True):
+    spans = stretches(line.counts, line.object_of != NOBODY, line.costs.false)
+    for track, paired, start, before, cost, _ in zip(*(values.tolist() for values in spans), strict=True):
         if paired:
             continue
         why = "it began on no object"
         if before >= 0:
             left = line.counted.due[start, line.object_of[before, track]]
             why = "it left its object" if left else "its object is not there any more"
-        yield line.event("false", start, track, NOBODY, why, half * instants)
+        yield line.event("false", start, track, NOBODY, why, cost)
+
+
+def _of_gospa_alone(line: _Timeline) -> Iterator[TrafficEvent]:
+    """What CLEAR has together, and GOSPA not: one event for each object and each track."""
+    missed = np.where(line.track_of == NO_TRACK, 0, line.costs.missed)
+    for item in np.flatnonzero(missed.any(axis=0)).tolist():
+        instant = int(np.argmax(missed[:, item] > 0))
+        why, cost = "GOSPA gives its track to another object", float(missed[:, item].sum())
+        yield line.event("lost", instant, int(line.track_of[instant, item]), item, why, cost)
+    false = np.where(line.counts & (line.object_of == NOBODY), 0, line.costs.false)
+    for track in np.flatnonzero(false.any(axis=0)).tolist():
+        instant = int(np.argmax(false[:, track] > 0))
+        why, cost = "GOSPA gives its object to another track", float(false[:, track].sum())
+        yield line.event("false", instant, track, NOBODY, why, cost)
 
 
 def _switched(line: _Timeline, changes: Switches, cost: float) -> Iterator[TrafficEvent]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.assignment import Counted
 from trackbench.types import Array, Indices, Mask
 
 #: Equal parts of the range from 0 to 1.
@@ -24,14 +24,14 @@ class ExistenceBins(NamedTuple):
     """Tracks."""
 
 
-def existence_bins(counted: Counted, matched: NearPairs, existence: Array) -> ExistenceBins:
+def existence_bins(counted: Counted, existence: Array) -> ExistenceBins:
     """Tracks by the probability that they state ``(T, K)``: a reliability diagram.
 
     Source: Murphy and Winkler (1977), "Reliability of subjective probability forecasts of precipitation and
     temperature".
     """
     real: Mask = np.zeros(counted.present.shape, dtype=bool)
-    real[matched.instant, matched.column] = True
+    real[counted.matched.instant, counted.matched.column] = True
     known = counted.present & np.isfinite(existence)
     stated = existence[known]
     which = np.clip((stated * BINS).astype(np.intp), 0, BINS - 1)

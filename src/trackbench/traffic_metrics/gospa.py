@@ -33,7 +33,7 @@ def gospa(counted: Counted) -> GospaParts:
     Source: Rahmathullah, Garcia-Fernandez and Svensson (2017), "Generalized optimal sub-pattern assignment metric",
     definition 1 and proposition 1.
     """
-    matched = counted.pairs.where(counted.nearest)
+    matched = counted.matched
     return _parts(
         matched.instant, matched.distance, counted.due.sum(axis=1), counted.present.sum(axis=1), counted.cutoff, 2.0
     )

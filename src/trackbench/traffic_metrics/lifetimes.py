@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs
+from trackbench.traffic_metrics.assignment import Counted
 from trackbench.traffic_metrics.clear import NO_TRACK
 from trackbench.types import Array, Indices, Mask
 
@@ -16,12 +16,26 @@ def durations(time: Array) -> Array:
 
 
 def latencies(track_of: Indices, due: Mask, duration: Array) -> Array:
-    """``(N,)`` s that each object was due before it was first tracked, NaN where it never was due.
-
-    An object that is never tracked has the whole time that it was due: a lower bound.
+    """``(N,)`` s that each object was due before it was first tracked; infinite where it never was tracked, NaN
+    where it never was due.
     """
-    waiting = due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)
-    return np.where(due.any(axis=0), duration @ waiting, np.nan)
+    ever = (track_of != NO_TRACK).any(axis=0)
+    return np.where(due.any(axis=0), np.where(ever, _waiting(track_of, due, duration), np.inf), np.nan)
+
+
+def confirmation(track_of: Indices, due: Mask, duration: Array) -> tuple[float, float]:
+    """Seconds that objects were due before their first track, or all the time without one; objects that got one.
+
+    The ratio is the mean time to an event where it is not always waited for, and the maximum-likelihood estimate for a
+    constant rate. Source: Lawless (2003), "Statistical Models and Methods for Lifetime Data", section 4.1 (total time
+    on test over number of failures).
+    """
+    tracked = due.any(axis=0) & (track_of != NO_TRACK).any(axis=0)
+    return float(_waiting(track_of, due, duration).sum()), float(tracked.sum())
+
+
+def _waiting(track_of: Indices, due: Mask, duration: Array) -> Array:
+    return np.asarray(duration @ (due & ~np.logical_or.accumulate(track_of != NO_TRACK, axis=0)))
 
 
 def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
@@ -31,16 +45,17 @@ def lost(track_of: Indices, due: Mask) -> tuple[float, float]:
     return float((since & ~tracked).sum()), float(since.sum())
 
 
-def purity(matched: NearPairs, objects: int, tracks: int) -> tuple[float, float]:
+def purity(counted: Counted) -> tuple[float, float]:
     """Instants that each track spends on the object it is on most, of all that it spends on any."""
+    matched, objects, tracks = counted.matched, counted.due.shape[1], len(counted.ids)
     together = np.bincount(matched.object * tracks + matched.track, minlength=objects * tracks)
     most = together.reshape(objects, tracks).max(axis=0, initial=0)
     return float(most.sum()), float(together.sum())
 
 
-def false_tracks(counted: Counted, matched: NearPairs) -> Indices:
+def false_tracks(counted: Counted) -> Indices:
     """Numbers of the tracks that never are on any object, due or optional."""
     real = np.zeros(len(counted.ids), dtype=bool)
-    real[matched.track] = True
-    real[counted.track[counted.excused]] = True
+    real[counted.matched.track] = True
+    real[counted.excused.track] = True
     return np.flatnonzero(~real)

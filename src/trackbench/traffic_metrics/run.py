@@ -7,7 +7,15 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.traffic_metrics.assignment import Counted, NearPairs, count, similarity
+from trackbench.traffic_metrics.assignment import (
+    Counted,
+    Nearby,
+    NearPairs,
+    count_by_gospa,
+    excusing,
+    nearby,
+    similarity,
+)
 from trackbench.traffic_metrics.association import association_counts
 from trackbench.traffic_metrics.clear import Switches, clear_matches, resumptions, switches, track_of_each
 from trackbench.traffic_metrics.events import TrafficEvent, events
@@ -16,7 +24,7 @@ from trackbench.traffic_metrics.gospa import GospaParts, gospa
 from trackbench.traffic_metrics.histories import Associations, TrackHistory, TruthHistory
 from trackbench.traffic_metrics.hota import hota
 from trackbench.traffic_metrics.identity import identity
-from trackbench.traffic_metrics.lifetimes import durations, false_tracks, latencies, lost, purity
+from trackbench.traffic_metrics.lifetimes import confirmation, durations, false_tracks, latencies, lost, purity
 from trackbench.traffic_metrics.matched import matched_errors
 from trackbench.traffic_metrics.ospa import ospa, ospa2
 from trackbench.traffic_metrics.siap import siap
@@ -44,11 +52,12 @@ class RunScores(NamedTuple):
     """The scores of one run."""
 
     values: Sums
-    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out."""
+    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out; of
+    waiting in vain ``confirm_latency`` has a total and no count."""
     gospa: GospaParts
     """``(T,)`` each, m^2."""
     latencies: Array
-    """``(N,)`` s until each object was tracked, NaN for those that never were due."""
+    """``(N,)`` s until each object was tracked, infinite for those never tracked, NaN for those never due."""
     existence: ExistenceBins | None
     """None where the tracks have no existence probability."""
     events: tuple[TrafficEvent, ...]
@@ -67,18 +76,17 @@ def score_run(
 ) -> RunScores:
     """Every metric of ``METRICS`` that the run can tell."""
     options = options or TrafficScoreOptions()
-    counted = count(truth, tracks, options.cutoff)
-    alike = similarity(counted.pairs.distance, options.cutoff)
-    near = counted.pairs.where(alike >= LEAST_SIMILARITY)
-    matched = near.where(clear_matches(near, alike[alike >= LEAST_SIMILARITY], counted.due, counted.present))
+    near = nearby(truth, tracks, options.cutoff)
+    of_gospa, counted = count_by_gospa(near), count_by_clear(near)
+    matched = counted.matched
     track_of = track_of_each(matched, counted.due.shape)
     changes = switches(track_of)
     duration = durations(truth.time)
-    parts, waited = gospa(counted), latencies(track_of, counted.due, duration)
-    trajectory = tgospa(counted, options.switch)
+    parts, waited = gospa(of_gospa), latencies(track_of, counted.due, duration)
+    trajectory = tgospa(of_gospa, options.switch)
     steps = float(len(truth.time))
     window = max(1, round(options.window / duration.mean())) if duration.any() else 1
-    squared_ospa2 = ospa2(counted, window)
+    squared_ospa2 = ospa2(of_gospa, window)
     values: Sums = {
         "gospa": (float(parts.total.sum()), steps),
         "gospa_localisation": (float(parts.localisation.sum()), steps),
@@ -86,36 +94,49 @@ def score_run(
         "gospa_false": (float(parts.false.sum()), steps),
         "gospa_switch": (trajectory.switch, steps),
         "tgospa": (trajectory.total, steps),
-        "ospa": (float(ospa(counted, parts).sum()), steps),
+        "ospa": (float(ospa(of_gospa, parts).sum()), steps),
         "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
-        **_detection_and_association(counted, near, alike),
-        **_counts(counted, matched, changes, duration, int(resumptions(track_of, counted.due).sum())),
-        **_latency(waited),
+        **_detection_and_association(counted),
+        **_counts(counted, changes, duration, int(resumptions(track_of, counted.due).sum())),
+        "confirm_latency": confirmation(track_of, counted.due, duration),
+        "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
         "lost_time_share": lost(track_of, counted.due),
-        "track_purity": purity(matched, counted.due.shape[1], len(counted.ids)),
-        **{f"siap_{name}": sums for name, sums in siap(truth, tracks, counted)._asdict().items()},
+        "track_purity": purity(counted),
+        **{f"siap_{name}": sums for name, sums in siap(truth, tracks, of_gospa)._asdict().items()},
         **_errors(truth, tracks, matched),
     }
     if associations is not None:
-        found = association_counts(counted, matched, associations)
+        found = association_counts(counted, associations)
         values |= {f"association_{name}": (float(share), float(sum(found))) for name, share in found._asdict().items()}
-    bins = None if tracks.existence is None else existence_bins(counted, matched, tracks.existence)
+    bins = None if tracks.existence is None else existence_bins(counted, tracks.existence)
     return RunScores(
-        values={path: sums for path, sums in values.items() if sums[1] > 0},
+        values={path: sums for path, sums in values.items() if any(sums)},
         gospa=parts,
         latencies=waited,
         existence=bins,
-        events=events(truth, tracks, counted, near, matched, track_of, changes, options.switch),
+        events=events(truth, tracks, counted, of_gospa, track_of, changes, options.switch),
         strips=strips(track_of, counted.due, changes),
         tgospa_exact=trajectory.exact,
     )
 
 
-def _detection_and_association(counted: Counted, near: NearPairs, alike: Array) -> Sums:
-    objects, tracks = counted.object_counts, counted.track_counts
+def count_by_clear(near: Nearby) -> Counted:
+    """What counts for CLEAR, HOTA and identity: due objects are matched as in CLEAR, with half of the cutoff for both
+    kinds.
+    """
+    alike = similarity(near.pairs.distance, near.cutoff)
+    on = alike >= LEAST_SIMILARITY
+    chosen = on.copy()
+    chosen[on] = clear_matches(near.pairs.where(on), alike[on], near.due, near.there)
+    return excusing(near, chosen, LEAST_SIMILARITY * near.cutoff)
+
+
+def _detection_and_association(counted: Counted) -> Sums:
+    objects, tracks, pairs = counted.object_counts, counted.track_counts, counted.pairs
+    alike = similarity(pairs.distance, counted.cutoff)
     some = float(objects.sum() + tracks.sum() > 0)
-    found = hota(counted.pairs, alike, objects, tracks)
-    true, missed, false = identity(near, objects, tracks)
+    found = hota(pairs, alike, objects, tracks)
+    true, missed, false = identity(pairs.where(alike >= LEAST_SIMILARITY), objects, tracks)
     return {
         "hota": (float(found.hota.mean()), some),
         "deta": (float(found.detection.mean()), some),
@@ -124,7 +145,8 @@ def _detection_and_association(counted: Counted, near: NearPairs, alike: Array) 
     }
 
 
-def _counts(counted: Counted, matched: NearPairs, changes: Switches, duration: Array, resumed: int) -> Sums:
+def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) -> Sums:
+    matched = counted.matched
     due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
     false = float(counted.present.sum()) - true
     object_minutes = float((duration @ counted.due).sum()) / 60
@@ -134,16 +156,8 @@ def _counts(counted: Counted, matched: NearPairs, changes: Switches, duration: A
         "matched_share": (true, due),
         "id_switches": (switched, object_minutes),
         "fragmentations": (float(resumed), object_minutes),
-        "false_tracks": (float(len(false_tracks(counted, matched))), float(duration.sum()) / 60),
+        "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
     }
-
-
-def _latency(waited: Array) -> Sums:
-    known = waited[np.isfinite(waited)]
-    if not len(known):
-        return {}
-    median, most = np.quantile(known, [0.5, 0.95])
-    return {"confirm_latency": (float(median), 1.0), "confirm_latency_95": (float(most), 1.0)}
 
 
 def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> Sums:

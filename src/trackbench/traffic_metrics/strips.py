@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.traffic_metrics.clear import NO_TRACK, Switches
-from trackbench.types import Indices, Mask
+from trackbench.types import Array, Indices, Mask
 
 #: What an object's strip says of an instant. WAITING: due, and not yet tracked. SWITCHED: by another track than last.
 NOT_DUE, WAITING, TRACKED, SWITCHED, LOST = range(5)
@@ -35,18 +35,19 @@ class Stretches(NamedTuple):
     """Instant."""
     before: Indices
     """The owner's last instant before, -1 where this is its first stretch."""
-    instants: Indices
-    """Number of instants at which the owner is there."""
+    cost: Array
+    """Sum over its instants."""
     last: Mask
     """Whether it is the owner's last stretch."""
 
 
-def stretches(there: Mask, paired: Mask) -> Stretches:
+def stretches(there: Mask, paired: Mask, cost: Array) -> Stretches:
     """Instants at which the owner is not there are passed over.
 
     Args:
         there: ``(T, owners)``.
         paired: ``(T, owners)``.
+        cost: ``(T, owners)`` of each instant.
     """
     owner, instant = np.nonzero(there.T)
     with_partner = paired[instant, owner]
@@ -56,4 +57,5 @@ def stretches(there: Mask, paired: Mask) -> Stretches:
     first = np.concatenate([[True], own[1:] != own[:-1]])[: len(own)]
     before = np.where(first, -1, instant[np.maximum(start - 1, 0)])
     last = np.concatenate([own[1:] != own[:-1], [True]])[: len(own)]
-    return Stretches(own, with_partner[start], instant[start], before, np.diff(start, append=len(owner)), last)
+    total = np.add.reduceat(cost[instant, owner], start) if len(start) else np.empty(0)
+    return Stretches(own, with_partner[start], instant[start], before, total, last)

@@ -49,8 +49,10 @@ METRICS: dict[str, TrafficMetric] = {
         "1/min", "times a lost object is tracked again, per minute of an object", "smaller"
     ),
     "false_tracks": TrafficMetric("1/min", "tracks that never are on an object, per minute", "smaller"),
-    "confirm_latency": TrafficMetric("s", "time until an object is tracked, median over objects", "smaller", "mean"),
-    "confirm_latency_95": TrafficMetric("s", "time within which 95 % of the objects are tracked", "smaller", "mean"),
+    "confirm_latency": TrafficMetric(
+        "s", "time that objects wait for their first track, per object that gets one", "smaller"
+    ),
+    "never_confirmed": share("share of the due objects that are never tracked", "smaller"),
     "lost_time_share": share("share of the time after its first track that an object has none", "smaller"),
     "track_purity": share("share of a track's time that it spends on its main object", "larger"),
     "siap_completeness": share("share of the due instants with any track", "larger"),

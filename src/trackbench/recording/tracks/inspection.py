@@ -90,11 +90,9 @@ def inspect_tracks(
         vehicle: those in which this one has a part.
 
     Raises:
-        InputError: it has no such time, tracker or vehicle.
+        InputError: it has no such time or vehicle.
     """
     result = recorded.result
-    if tracker is not None:
-        require_name(tracker, list(result), "tracker")
     if vehicle is not None:
         require_name(vehicle, result.summary.truth.objects, "vehicle")
     worst = None
@@ -103,13 +101,13 @@ def inspect_tracks(
         worst = [event for event in events if event.cost_m2 > 0][:count]
     return TrackInspection(
         contents=RecordedContents.of(recorded),
-        at=None if at is None else _moment(result, at),
+        at=None if at is None else _moment(result, at, tracker),
         worst=worst,
     )
 
 
-def _moment(result: Result, time: float) -> TracksMoment:
-    """The latest instant up to a time."""
+def _moment(result: Result, time: float, only: str | None) -> TracksMoment:
+    """The latest instant up to a time, with the tracks of all trackers or of one."""
     require_time(0.0, result.summary.truth.duration_s, time)
     due = {name: rows for (name,), rows in split(result.tables.due, "object").items()}
     clock = next(iter(due.values()))["time_s"] if due else np.zeros(1)
@@ -126,7 +124,8 @@ def _moment(result: Result, time: float) -> TracksMoment:
             status = ("absent", "optional", "due")[int(due[name]["status"][step])]
             x, y, speed = (float(rows[key][row]) for key in ("px_m", "py_m", "speed_mps"))
             vehicles.append(ObjectMoment(name, x, y, speed, status, states.get(name, {})))
-    return TracksMoment(now, vehicles, _tracks(result.tables.tracks, now))
+    tracks = _tracks(result.tables.tracks, now)
+    return TracksMoment(now, vehicles, [item for item in tracks if only in (None, item.tracker)])
 
 
 def _tracks(table: pa.Table, now: float) -> list[TrackMoment]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from trackbench.recording import legend
 from trackbench.recording.charts import Chart
 from trackbench.recording.contents import Contents
 from trackbench.recording.focus import Focus
@@ -14,6 +13,7 @@ from trackbench.recording.layout import beside, opened
 from trackbench.recording.plots import plot
 from trackbench.recording.scene import MEASUREMENTS
 from trackbench.recording.stream import path
+from trackbench.recording.tracks.legend import track_entries
 from trackbench.recording.tracks.scene import ASSOCIATIONS, entities, others
 from trackbench.recording.trails import TRAIL_S, TRUE
 from trackbench.recording.views import RECENT_S, Window, scene_view
@@ -30,37 +30,33 @@ def blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: 
     window = wide if focus.vehicle is None else wide.around(focus.vehicle)
     trackers = list(contents.colours)
     front = focus.tracker if focus.tracker in trackers else contents.best
-    tab = trackers.index(front) if front in trackers else 0
-    near = window.closer()
-    above = rrb.Tabs(*(_view(contents, window, name, name) for name in trackers), active_tab=tab)
-    taken = rrb.Tabs(
+    near = window.closer(focus.beside)
+    tabs = rrb.Tabs(
         *(
-            _view(
-                contents,
-                near,
-                name,
-                f"Gates and associations of {name}",
-                {path(*ASSOCIATIONS, name, *part): 0.0 for part in ((), ("detections",), ("gates",))},
+            rrb.Horizontal(
+                _view(contents, window, name, f"Tracks of {name}"),
+                _view(contents, near, name, f"Gates and associations of {name}", gates=True),
+                column_shares=[2, 1],
+                name=name,
             )
             for name in trackers
         ),
-        active_tab=tab,
+        active_tab=trackers.index(front) if front in trackers else 0,
     )
-    parts = [plot(chart.title, chart.origin, chart.span()) for chart in charts]
+    parts = [plot(chart.title, chart.origin, chart.span(chart.largest)) for chart in charts]
     log = rrb.TextLogView(origin=EVENTS, name="Events")
     below = rrb.Horizontal(
         rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]
     )
-    scene = rrb.Horizontal(above, taken, column_shares=[2, 1]) if trackers else rrb.Horizontal(above)
-    main = rrb.Vertical(scene, below, row_shares=[3, 2])
-    return opened(beside(main, legend.entries(contents.colours, list(contents.sensors)), text), focus)
+    main = rrb.Vertical(tabs, below, row_shares=[3, 2]) if trackers else below
+    return opened(beside(main, track_entries(contents.colours, list(contents.sensors)), text), focus)
 
 
-def _view(
-    contents: Contents, window: Window, tracker: str, name: str, more: dict[str, float] | None = None
-) -> rrb.Spatial2DView:
-    """The scene with one tracker's tracks."""
+def _view(contents: Contents, window: Window, tracker: str, name: str, gates: bool = False) -> rrb.Spatial2DView:
+    """The scene with one tracker's tracks, and with their gates and the detections that they took."""
     shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in contents.sensors}
-    own = {**entities(tracker), **(more or {})}
+    own = entities(tracker)
+    if gates:
+        own |= {path(*ASSOCIATIONS, tracker, *part): 0.0 for part in ((), ("detections",), ("gates",))}
     shown |= {path(*TRUE): TRAIL_S, **own}
     return scene_view(window, name, shown, *others(), *(f"+ {entity}" for entity in own))

@@ -10,7 +10,8 @@ import pyarrow as pa
 import rerun as rr
 
 from trackbench.metrics.track_events import TrackEvent
-from trackbench.palette import ERROR_COLOURS, TRACKER_COLOURS
+from trackbench.palette import ERROR_COLOURS, IDENTITY_COLOURS
+from trackbench.recording.labels import HEIGHT
 from trackbench.recording.scene import WORLD
 from trackbench.recording.shapes import ellipse
 from trackbench.recording.stream import Stream, path, pixels, rgba
@@ -44,6 +45,7 @@ def entities(tracker: str) -> dict[str, float]:
         path(*TRAILS, tracker): TRAIL_S,
         path(*MISSES, tracker): 0.0,
         path(*MARKS, tracker): MARKED_S,
+        path(*MARKS, tracker, "labels"): MARKED_S,
     }
 
 
@@ -102,19 +104,24 @@ def send_misses(stream: Stream, tracker: str, objects: pa.Table, truth: pa.Table
     stream.static(path(*MISSES, tracker), style)
 
 
-def send_marks(stream: Stream, tracker: str, events: list[TrackEvent]) -> None:
-    """Switches, losses and the beginnings of false tracks, where and when they happened."""
+def send_marks(stream: Stream, tracker: str, events: list[TrackEvent], metres_per_pixel: float) -> None:
+    """Switches, losses and the beginnings of false tracks, where and when they happened.
+
+    ``metres_per_pixel`` is the scale of the view: what they are is written below the numbers of the tracks.
+    """
     shown = sorted((event for event in events if event.kind in MARKED), key=lambda event: event.time_s)
     if not shown:
         return
     time, count = np.unique([event.time_s for event in shown], return_counts=True)
-    points = rr.Points2D.columns(
-        positions=[(event.x_m, event.y_m) for event in shown],
-        colors=[rgba(MARKED[event.kind]) for event in shown],
-        labels=[_label(event) for event in shown],
-    )
-    stream.columns(path(*MARKS, tracker), time, points.partition(count))
-    stream.static(path(*MARKS, tracker), rr.Points2D.from_fields(radii=pixels(5.0), draw_order=38.0, show_labels=True))
+    at = np.array([(event.x_m, event.y_m) for event in shown])
+    colours = np.array([rgba(MARKED[event.kind]) for event in shown], dtype=np.uint32)
+    stream.columns(path(*MARKS, tracker), time, rr.Points2D.columns(positions=at, colors=colours).partition(count))
+    stream.static(path(*MARKS, tracker), rr.Points2D.from_fields(radii=pixels(5.0), draw_order=38.0))
+    below = at - (0.0, HEIGHT * metres_per_pixel)
+    texts = rr.Points2D.columns(positions=below, colors=colours, labels=[_label(event) for event in shown])
+    entity = path(*MARKS, tracker, "labels")
+    stream.columns(entity, time, texts.partition(count))
+    stream.static(entity, rr.Points2D.from_fields(radii=0.0, draw_order=38.0, show_labels=True))
 
 
 def send_associations(
@@ -167,7 +174,7 @@ def send_gates(stream: Stream, tracker: str, gates: pa.Table, time: Array) -> No
     rows = _sorted(gates)
     corner = np.flatnonzero((np.diff(rows["scan"], prepend=-1) != 0) | (np.diff(rows["track"], prepend=-1) != 0))
     strips = np.split(np.stack([rows["x_m"], rows["y_m"]], axis=1).astype(np.float32), corner[1:])
-    colours = [rgba(identity_colour(int(track))) for track in rows["track"][corner]]
+    colours = np.array([rgba(identity_colour(int(track))) for track in rows["track"][corner]], dtype=np.uint32)
     lines = rr.LineStrips2D.columns(strips=strips, colors=colours)
     entity = path(*ASSOCIATIONS, tracker, "gates")
     stream.columns(entity, time, lines.partition(_counts(rows["time_s"][corner], time)))
@@ -176,7 +183,7 @@ def send_gates(stream: Stream, tracker: str, gates: pa.Table, time: Array) -> No
 
 def identity_colour(track: int) -> str:
     """The colour of an identity."""
-    return TRACKER_COLOURS[track % len(TRACKER_COLOURS)]
+    return IDENTITY_COLOURS[track % len(IDENTITY_COLOURS)]
 
 
 def _trails(stream: Stream, entity: str, rows: Columns, colours: Indices, time: Array) -> None:
@@ -205,10 +212,10 @@ def _outlines(rows: Columns) -> npt.NDArray[np.float32]:
 
 def _colours(rows: Columns) -> Indices:
     """``(rows,)`` RGBA of each track's identity, fainter where it states that it may not exist."""
-    plain = np.array([rgba(identity_colour(number)) for number in range(len(TRACKER_COLOURS))], dtype=np.uint32)
+    plain = np.array([rgba(identity_colour(number)) for number in range(len(IDENTITY_COLOURS))], dtype=np.uint32)
     existence = np.nan_to_num(rows["existence"], nan=1.0)
     alpha = np.round(255 * (FAINTEST + (1 - FAINTEST) * existence)).astype(np.uint32)
-    opaque = plain[rows["track"].astype(int) % len(TRACKER_COLOURS)]
+    opaque = plain[rows["track"].astype(int) % len(IDENTITY_COLOURS)]
     return np.asarray((opaque & 0xFFFFFF00) | alpha)
 
 

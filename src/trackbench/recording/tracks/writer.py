@@ -17,6 +17,7 @@ from trackbench.recording.focus import Focus
 from trackbench.recording.stream import Stream, path
 from trackbench.recording.tracks.charts import charts_of_tracks
 from trackbench.recording.tracks.layout import EVENTS, blueprint
+from trackbench.recording.tracks.legend import track_entries
 from trackbench.recording.tracks.scene import (
     MARKED,
     send_associations,
@@ -39,8 +40,8 @@ def draw_tracks(recording: rr.RecordingStream, contents: Contents, result: Resul
     stream.markdown("about", contents.about)
     scene.send_roads(stream, tables.roads)
     views.send_scales(stream, wide, contents.vehicles)
-    legend.send_legend(stream, legend.entries(contents.colours, list(contents.sensors)))
-    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel)
+    legend.send_legend(stream, track_entries(contents.colours, list(contents.sensors)))
+    scene.send_vehicles(stream, tables.truth, wide.metres_per_pixel, names_above=True)
     scene.send_measurements(stream, tables.measurements, sensor_colours(contents.sensors))
     send_true_trails(stream, tables.truth, contents.hold)
     time = instants(tables)
@@ -58,15 +59,15 @@ def draw_tracks(recording: rr.RecordingStream, contents: Contents, result: Resul
             send_associations(stream, tracker, own["taken"], own["tracks"], tables.measurements, time)
         if "gates" in own:
             send_gates(stream, tracker, own["gates"], time)
-        _events(stream, result, tracker)
+        _events(stream, result, tracker, wide.metres_per_pixel)
     for chart in charts:
         send_chart(stream, chart)
 
 
-def _events(stream: Stream, result: Result, tracker: str) -> None:
+def _events(stream: Stream, result: Result, tracker: str, metres_per_pixel: float) -> None:
     """On the map, and as a log."""
     found = sorted(events_of(result, tracker, result.summary.recorded_run), key=lambda event: event.time_s)
-    send_marks(stream, tracker, found)
+    send_marks(stream, tracker, found, metres_per_pixel)
     if found:
         levels = ["WARN" if event.kind in MARKED else "INFO" for event in found]
         time = np.array([event.time_s for event in found])

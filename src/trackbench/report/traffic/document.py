@@ -41,7 +41,7 @@ RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota",
 #: The other tables: title, and the metrics that are their columns.
 GROUPS: dict[str, tuple[str, ...]] = {
     "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
-    "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "confirm_latency_95", "lost_time_share"),
+    "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
     "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "motp", "matched_share"),
     "Association": (
         "association_right", "association_wrong_object", "association_clutter", "association_missed",

@@ -22,9 +22,9 @@ ExportFormat = Literal["mot", "events"]
 FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)
 #: Of MOTChallenge: what is to be tracked, and what a track on is neither right nor wrong.
 PEDESTRIAN, DISTRACTOR = 1, 8
-#: Side of the square around each position over the cutoff. Centres that are one cutoff apart along an axis then have an
-#: intersection over union of a half, the threshold of CLEAR and of the identity metrics.
-SIDE = 3.0
+#: Side of the square around each position over the cutoff. Centres that are half a cutoff apart along an axis then have
+#: an intersection over union of a half: the threshold of TrackEval is that of CLEAR and the identity metrics here.
+SIDE = 1.5
 
 
 def exported(result: Result, format: ExportFormat) -> Iterator[tuple[str, Callable[[], bytes]]]:
