@@ -14,7 +14,7 @@ from trackbench.filters import (
     InteractingMultipleModel,
     IteratedExtendedKalmanFilter,
     KalmanFilter,
-    Modes,
+    MultiModelBelief,
     SigmaPointFilter,
     scaled,
 )
@@ -89,16 +89,16 @@ def test_with_equal_models_it_is_the_filter_of_one(kind, motion):
     several, one = imm(kind, motion, motion, motion, stay=(1.0, 2.0, 3.0), initial=(0.2, 0.3, 0.5)), kind(motion)
     found, expected = run(several, begun(several), scans()), run(one, begun(one), scans())
     for a, b in zip(found, expected, strict=True):
-        cartesian = one.cartesian(b.belief)
-        np.testing.assert_allclose(a.belief.mean, cartesian.mean, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(a.belief.covariance, cartesian.covariance, rtol=1e-12, atol=1e-12)
+        estimate, cartesian = several.cartesian(a.belief), one.cartesian(b.belief)
+        np.testing.assert_allclose(estimate.mean, cartesian.mean, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(estimate.covariance, cartesian.covariance, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(a.innovation, b.innovation, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(a.innovation_covariance, b.innovation_covariance, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(a.whitened_innovation, b.whitened_innovation, rtol=1e-11, atol=1e-11)
     # Nothing tells the modes apart, so that their probabilities are those of the chain alone: its stationary ones,
     # by balance in proportion to the stays, from which it is 25 steps away.
     np.testing.assert_allclose(
-        found[-1].belief.modes.probability, np.array([0.2, 0.3, 0.5]) @ transition_probabilities((1.0, 2.0, 3.0), 2.5)
+        found[-1].belief.probability, np.array([0.2, 0.3, 0.5]) @ transition_probabilities((1.0, 2.0, 3.0), 2.5)
     )
 
 
@@ -137,10 +137,11 @@ def test_it_is_the_textbook_one_for_two_levels_of_noise():
         mu = c * likelihood / np.sum(c * likelihood)
         mean = mu @ np.array(x)
         covariance = sum(m * (q + np.outer(y - mean, y - mean)) for m, q, y in zip(mu, p, x, strict=True))
-        np.testing.assert_allclose(found.belief.modes.probability, mu, rtol=1e-9)
-        np.testing.assert_allclose(found.belief.mean, mean, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(found.belief.covariance, covariance, rtol=1e-9, atol=1e-9)
-    quiet = np.array([update.belief.modes.probability[0] for update in updates])
+        np.testing.assert_allclose(found.belief.probability, mu, rtol=1e-9)
+        estimate = filter.cartesian(found.belief)
+        np.testing.assert_allclose(estimate.mean, mean, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(estimate.covariance, covariance, rtol=1e-9, atol=1e-9)
+    quiet = np.array([update.belief.probability[0] for update in updates])
     assert quiet[5:20].mean() > 0.7
     assert quiet[25:].mean() < 0.3
 
@@ -160,9 +161,10 @@ def test_filterpy_agrees():
     for seen, found in zip(linear_case(), updates, strict=True):
         theirs.predict()
         theirs.update(seen.measurement)
-        np.testing.assert_allclose(found.belief.modes.probability, theirs.mu, rtol=1e-8)
-        np.testing.assert_allclose(found.belief.mean, theirs.x, rtol=1e-8, atol=1e-9)
-        np.testing.assert_allclose(found.belief.covariance, theirs.P, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(found.belief.probability, theirs.mu, rtol=1e-8)
+        estimate = own.cartesian(found.belief)
+        np.testing.assert_allclose(estimate.mean, theirs.x, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(estimate.covariance, theirs.P, rtol=1e-8, atol=1e-9)
 
 
 @pytest.mark.parametrize("stay", [(2.0, 5.0), (1.0, 2.0, 8.0)])
@@ -180,23 +182,24 @@ def test_without_a_measurement_the_modes_are_left_to_the_chain():
     belief = begun(filter, (2,))
     predicted = filter.predict(belief, 0.5)
     expected = np.array([0.9, 0.1]) @ transition_probabilities((1.0, 4.0), 0.5)
-    np.testing.assert_allclose(predicted.modes.probability, np.tile(expected[:, None], 2), rtol=1e-14)
+    np.testing.assert_allclose(predicted.probability, np.tile(expected[:, None], 2), rtol=1e-14)
     seen = next(scans((2,)))
     seen = seen._replace(valid=np.array([True, False]), measurement=np.where([True, False], seen.measurement, np.nan))
     update = filter.update(predicted, seen)
-    np.testing.assert_array_equal(update.belief.modes.probability[:, 1], predicted.modes.probability[:, 1])
-    assert abs(update.belief.modes.probability[0, 0] - expected[0]) > 1e-3
-    np.testing.assert_allclose(update.belief.mean[:, 1], predicted.mean[:, 1], rtol=1e-14)
-    np.testing.assert_allclose(update.belief.covariance[..., 1], predicted.covariance[..., 1], rtol=1e-14, atol=1e-14)
-    np.testing.assert_array_equal(np.isnan(update.innovation), [[False, True]] * 3)
+    np.testing.assert_array_equal(update.belief.probability[:, 1], predicted.probability[:, 1])
+    assert abs(update.belief.probability[0, 0] - expected[0]) > 1e-3
+    for after, before in zip(update.belief.modes, predicted.modes, strict=True):
+        np.testing.assert_allclose(after.mean[:, 1], before.mean[:, 1], rtol=1e-14)
+        np.testing.assert_allclose(after.covariance[..., 1], before.covariance[..., 1], rtol=1e-14, atol=1e-14)
+    np.testing.assert_array_equal(update.innovation == 0.0, [[False, True]] * 3)
 
 
 def test_over_no_time_the_modes_stay_as_they_are():
     filter = imm(ExtendedKalmanFilter, MODELS["cv"], MODELS["ctrv"])
     belief = run(filter, begun(filter), scans(steps=3))[-1].belief
     after = filter.predict(belief, 0.0)
-    np.testing.assert_array_equal(after.modes.probability, belief.modes.probability)
-    for a, b in zip(after.modes.beliefs, belief.modes.beliefs, strict=True):
+    np.testing.assert_array_equal(after.probability, belief.probability)
+    for a, b in zip(after.modes, belief.modes, strict=True):
         np.testing.assert_allclose(a.mean, b.mean, atol=1e-13)
 
 
@@ -208,11 +211,10 @@ def test_probabilities_sum_to_one_after_very_unlikely_measurements(kind):
         belief = filter.predict(belief, 0.1)
         seen = scan("lidar", 0.1 * (k + 1), np.array([[40.0 + 3e3], [20.0 - 3e3 * k]])[:, 0])
         belief = filter.update(belief, seen).belief
-        probability = belief.modes.probability
+        probability = belief.probability
         assert np.all(probability > 0.0)
         np.testing.assert_allclose(probability.sum(axis=0), 1.0, rtol=1e-14)
-        assert np.isfinite(belief.mean).all()
-        assert np.isfinite(belief.covariance).all()
+        assert all(np.isfinite(part).all() for part in filter.cartesian(belief))
     assert probability[1] > 0.99
 
 
@@ -224,13 +226,14 @@ def test_a_batch_is_the_loop_over_its_members(kind, names):
     seen = list(scans((3,), steps=12, detection=0.8))
     together = run(filter, batch, seen)
     for i in range(3):
-        beliefs = tuple(Belief(mode.mean[:, i], mode.covariance[..., i]) for mode in batch.modes.beliefs)
-        alone = Belief(batch.mean[:, i], batch.covariance[..., i], modes=Modes(batch.modes.probability[:, i], beliefs))
+        beliefs = tuple(Belief(mode.mean[:, i], mode.covariance[..., i]) for mode in batch.modes)
+        alone = MultiModelBelief(batch.probability[:, i], beliefs)
         for a, b in zip(together, run(filter, alone, [member(one, i) for one in seen]), strict=True):
-            np.testing.assert_allclose(a.belief.mean[:, i], b.belief.mean, rtol=1e-11, atol=1e-11)
-            np.testing.assert_allclose(a.belief.covariance[..., i], b.belief.covariance, rtol=1e-10, atol=1e-11)
-            np.testing.assert_allclose(a.belief.modes.probability[:, i], b.belief.modes.probability, rtol=1e-9)
-            assert np.linalg.eigvalsh(b.belief.covariance)[0] > 0.0
+            whole, one = filter.cartesian(a.belief), filter.cartesian(b.belief)
+            np.testing.assert_allclose(whole.mean[:, i], one.mean, rtol=1e-11, atol=1e-11)
+            np.testing.assert_allclose(whole.covariance[..., i], one.covariance, rtol=1e-10, atol=1e-11)
+            np.testing.assert_allclose(a.belief.probability[:, i], b.belief.probability, rtol=1e-9)
+            assert np.linalg.eigvalsh(one.covariance)[0] > 0.0
 
 
 @pytest.mark.parametrize("target", MODELS)
@@ -275,6 +278,19 @@ def test_a_motion_backwards_is_mixed_as_one():
         np.testing.assert_allclose(ctrv.cartesian_belief(mixed).covariance[:2, :2], exact[:2, :2], rtol=1e-12)
 
 
+def test_a_velocity_that_leaves_the_yaw_open_leaves_it_alone():
+    """A vehicle that stands still: the filter with vx, vy knows no yaw, and does not take that of the other away."""
+    ctrv, cv = MODELS["ctrv"], MODELS["cv"]
+    own = Gaussian(np.array([40.0, 20.0, 0.01, 0.8, 0.1]), np.diag([0.1, 0.1, 0.02, 0.01, 0.04]))
+    for velocity in ([0.0, 0.0], [-0.05, 0.02]):
+        still = Gaussian(np.array([40.2, 19.9, *velocity]), np.diag([0.05, 0.05, 0.03, 0.02]))
+        mixed = in_state_of(ctrv, own, cv, still)
+        direction = np.array([np.cos(0.8), np.sin(0.8)])
+        np.testing.assert_allclose(mixed.mean, [40.2, 19.9, direction @ velocity, 0.8, 0.1], rtol=1e-12)
+        along = direction @ np.diag([0.03, 0.02]) @ direction
+        np.testing.assert_allclose(mixed.covariance, np.diag([0.05, 0.05, along, 0.01, 0.04]), rtol=1e-12)
+
+
 def test_a_switching_truth_of_its_own_model_is_consistent():
     """The mean NEES and NIS of runs whose motion switches as the chain says.
 
@@ -301,10 +317,12 @@ def test_a_switching_truth_of_its_own_model_is_consistent():
         measurement = x[:2] + np.sqrt(LIDAR_NOISE[0, 0]) * random.normal(size=(2, runs))
         update = filter.update(filter.predict(belief, dt), scan("lidar", k * dt, measurement))
         belief = update.belief
-        error = x - belief.mean
-        nees.append(np.mean(np.sum(error * np.linalg.solve(belief.covariance.T, error.T[..., None])[..., 0].T, axis=0)))
+        estimate = filter.cartesian(belief)
+        error = x - estimate.mean
+        scaled_error = np.linalg.solve(estimate.covariance.T, error.T[..., None])[..., 0].T
+        nees.append(np.mean(np.sum(error * scaled_error, axis=0)))
         nis.append(np.mean(np.sum(update.whitened_innovation**2, axis=0)))
-        right.append((belief.modes.probability[0], mode == 0))
+        right.append((belief.probability[0], mode == 0))
     late = slice(20, None)
     assert np.mean(nees[late]) == pytest.approx(4.0, abs=0.08)
     assert np.mean(nis[late]) == pytest.approx(2.0, abs=0.04)

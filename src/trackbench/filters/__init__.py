@@ -1,10 +1,11 @@
 """Filters: pure predict and update on a belief."""
 
 from trackbench.filters.base import (
+    AnyBelief,
     Belief,
     Filter,
     Measured,
-    Modes,
+    MultiModelBelief,
     PredictedMeasurement,
     SingleModelFilter,
     Update,
@@ -16,6 +17,7 @@ from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, Symmetric
 
 __all__ = [
     "CUBATURE",
+    "AnyBelief",
     "Belief",
     "ExtendedKalmanFilter",
     "Filter",
@@ -23,7 +25,7 @@ __all__ = [
     "IteratedExtendedKalmanFilter",
     "KalmanFilter",
     "Measured",
-    "Modes",
+    "MultiModelBelief",
     "PredictedMeasurement",
     "SigmaPointFilter",
     "SingleModelFilter",

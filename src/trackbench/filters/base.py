@@ -5,9 +5,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol
 
 import numpy as np
+from typing_extensions import TypeVar
 
 from trackbench import linalg
 from trackbench.models.motion import MotionModel
@@ -28,24 +29,28 @@ class Belief(NamedTuple):
     """``(n, s, ...)`` sigma points that a prediction has moved."""
     repaired: Mask | None = None
     """``(...)`` True where the covariance had to be made positive definite again."""
-    modes: Modes | None = None
-    """Of a filter with several motion models: what it believes of the state under each. The mean and the covariance
-    are then those of px, py, vx, vy under their mixture."""
 
 
-class Modes(NamedTuple):
-    """What a filter with several motion models believes of the state under each of them."""
+class MultiModelBelief(NamedTuple):
+    """What a filter with several motion models believes: a mixture of what it believes under each."""
 
     probability: Array
     """``(M, ...)`` that the motion is that of each model."""
-    beliefs: tuple[Belief, ...]
-    """``(M,)`` each in the state of its model."""
+    modes: tuple[Belief, ...]
+    """``(M,)`` under each model, in its state."""
+    repaired: Mask | None = None
+    """``(...)`` True where the covariance of a mode had to be made positive definite again."""
 
 
-class Update(NamedTuple):
+#: What the filters that trackers run believe.
+AnyBelief = Belief | MultiModelBelief
+B = TypeVar("B", bound=AnyBelief, default=Belief)
+
+
+class Update(NamedTuple, Generic[B]):
     """A belief after a measurement, and what the measurement said."""
 
-    belief: Belief
+    belief: B
     innovation: Array
     """``(m, ...)`` measurement minus its prediction."""
     innovation_covariance: Array
@@ -85,7 +90,7 @@ class PredictedMeasurement(NamedTuple):
     """``(m, n, ...)`` covariance of measurement and state."""
 
 
-class Filter(Protocol):
+class Filter(Protocol[B]):
     """A recursive Bayesian filter on beliefs with any batch axes."""
 
     @property
@@ -93,19 +98,19 @@ class Filter(Protocol):
         """The motion models that it runs."""
         ...
 
-    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
+    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> B:
         """The belief of a track that starts; ``state_of`` says where, in the state of a motion model."""
         ...
 
-    def predict(self, belief: Belief, dt: float) -> Belief:
+    def predict(self, belief: B, dt: float) -> B:
         """The belief after ``dt`` seconds (zero or more)."""
         ...
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
+    def update(self, belief: B, scan: Scan) -> Update[B]:
         """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
         ...
 
-    def cartesian(self, belief: Belief) -> Gaussian:
+    def cartesian(self, belief: B) -> Gaussian:
         """px, py, vx, vy under the belief."""
         ...
 
@@ -214,19 +219,25 @@ def either(a: Mask | None, b: Mask | None) -> Mask | None:
     return a | b
 
 
-def choose(where: Mask, a: Belief, b: Belief) -> Belief:
-    """``a`` where it holds, ``b`` elsewhere.
+def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
+    """``a`` where it holds, ``b`` elsewhere; both are of the same filter.
 
     Sigma points are kept if ``a`` has them; if ``b`` has none, it is a placeholder whose points do not count.
     """
-    points, repaired, modes = a.points, None, None
-    if a.points is not None and b.points is not None:
-        points = np.where(where, a.points, b.points)
-    if a.repaired is not None or b.repaired is not None:
-        repaired = np.where(where, *(False if part is None else part for part in (a.repaired, b.repaired)))
-    if a.modes is not None and b.modes is not None:
-        pairs = zip(a.modes.beliefs, b.modes.beliefs, strict=True)
-        probability = np.where(where, a.modes.probability, b.modes.probability)
-        modes = Modes(probability, tuple(choose(where, one, other) for one, other in pairs))
+    if isinstance(a, Belief):
+        assert isinstance(b, Belief)
+        return _choose_one(where, a, b)
+    assert isinstance(b, MultiModelBelief)
+    probability = np.where(where, a.probability, b.probability)
+    modes = tuple(_choose_one(where, one, other) for one, other in zip(a.modes, b.modes, strict=True))
+    return MultiModelBelief(probability, modes, _choose_marks(where, a.repaired, b.repaired))
+
+
+def _choose_one(where: Mask, a: Belief, b: Belief) -> Belief:
+    points = a.points if a.points is None or b.points is None else np.where(where, a.points, b.points)
     mean, covariance = np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance)
-    return Belief(mean, covariance, points=points, repaired=repaired, modes=modes)
+    return Belief(mean, covariance, points=points, repaired=_choose_marks(where, a.repaired, b.repaired))
+
+
+def _choose_marks(where: Mask, a: Mask | None, b: Mask | None) -> Mask | None:
+    return None if a is None and b is None else np.where(where, a is not None and a, b is not None and b)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, Modes, SingleModelFilter, Update, either
+from trackbench.filters.base import Belief, MultiModelBelief, SingleModelFilter, Update, either
 from trackbench.filters.mixing import in_state_of, moment_matched
 from trackbench.models.motion import MotionModel
 from trackbench.types import Array, Gaussian, Mask, Scan
@@ -50,71 +50,61 @@ class InteractingMultipleModel:
         """The motion models, one for each mode."""
         return tuple(filter.motion for filter in self.filters)
 
-    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
+    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> MultiModelBelief:
         """The belief of a track that starts where ``state_of`` says, in the state of each motion model."""
-        beliefs = tuple(filter.begin(state_of) for filter in self.filters)
-        batch = beliefs[0].mean.shape[1:]
+        modes = tuple(filter.begin(state_of) for filter in self.filters)
+        batch = modes[0].mean.shape[1:]
         probability = np.array(self.initial_probabilities).reshape(-1, *(1 for _ in batch))
-        return self._mixture(np.broadcast_to(probability, (len(beliefs), *batch)), beliefs)
+        return MultiModelBelief(np.broadcast_to(probability, (len(modes), *batch)), modes)
 
-    def predict(self, belief: Belief, dt: float) -> Belief:
+    def predict(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
         """Mix the modes by the Markov chain, and predict each."""
-        modes = _modes(belief)
         if dt > 0.0:
-            modes = self._mixed(modes, transition_probabilities(self.stay_s, dt))
-        predicted = tuple(filter.predict(mode, dt) for filter, mode in zip(self.filters, modes.beliefs, strict=True))
-        return self._mixture(modes.probability, predicted, belief.repaired)
+            belief = self._mixed(belief, transition_probabilities(self.stay_s, dt))
+        modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
+        return _joined(belief.probability, modes, belief.repaired)
 
-    def update(self, belief: Belief, scan: Scan) -> Update:
+    def update(self, belief: MultiModelBelief, scan: Scan) -> Update[MultiModelBelief]:
         """Update each mode, and weigh it by the likelihood of the measurement.
 
-        The innovation and its covariance are those of the mixture of what the modes predicted.
+        The innovation and its covariance are those of the mixture of what the modes predicted; the innovation is 0
+        where the scan is not valid.
         """
-        modes = _modes(belief)
-        updates = [filter.update(mode, scan) for filter, mode in zip(self.filters, modes.beliefs, strict=True)]
-        log_likelihood = np.stack([np.where(scan.valid, update.log_likelihood, 0.0) for update in updates])
-        probability = _normalised(np.log(modes.probability) + log_likelihood)
-        after = self._mixture(probability, tuple(update.belief for update in updates), belief.repaired)
-        angular = self.filters[0].measured(scan).angular
-        said = [Gaussian(np.where(scan.valid, u.innovation, 0.0), u.innovation_covariance) for u in updates]
-        innovation = moment_matched(modes.probability, said, said[0].mean, angular)
-        s = linalg.ensure_definite(innovation.covariance)
-        mean = np.where(scan.valid, innovation.mean, np.nan)
-        return Update(after, mean, s.covariance, s.factor.whiten(mean), s.factor)
+        updates = [filter.update(mode, scan) for filter, mode in zip(self.filters, belief.modes, strict=True)]
+        log_likelihood = np.stack([update.log_likelihood for update in updates])
+        said = [Gaussian(update.innovation, update.innovation_covariance) for update in updates]
+        if not np.all(scan.valid):
+            log_likelihood = np.where(scan.valid, log_likelihood, 0.0)
+            said = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in said]
+        probability = _normalised(np.log(belief.probability) + log_likelihood)
+        after = _joined(probability, [update.belief for update in updates], belief.repaired)
+        innovation, covariance = moment_matched(belief.probability, said, self.filters[0].measured(scan).angular)
+        s = linalg.ensure_definite(covariance)
+        return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor)
 
-    def cartesian(self, belief: Belief) -> Gaussian:
-        """px, py, vx, vy under the mixture of the modes."""
-        return Gaussian(belief.mean, belief.covariance)
+    def cartesian(self, belief: MultiModelBelief) -> Gaussian:
+        """Mean and covariance of px, py, vx, vy under the mixture of the modes."""
+        parts = [filter.cartesian(mode) for filter, mode in zip(self.filters, belief.modes, strict=True)]
+        return moment_matched(belief.probability, parts, ())
 
-    def _mixed(self, modes: Modes, chain: Array) -> Modes:
+    def _mixed(self, belief: MultiModelBelief, chain: Array) -> MultiModelBelief:
         """What each mode starts its prediction from: the modes that may have gone over to it, by their probability."""
-        probability = np.einsum("i...,ij->j...", modes.probability, chain)
+        before, modes = belief.probability, [Gaussian(mode.mean, mode.covariance) for mode in belief.modes]
+        probability = np.einsum("i...,ij->j...", before, chain)
         mixed = []
-        for j, (motion, own) in enumerate(zip(self.motions, modes.beliefs, strict=True)):
-            come = chain[:, j].reshape(-1, *(1 for _ in probability.shape[1:])) * modes.probability / probability[j]
-            parts = [
-                _gaussian(own) if i == j else in_state_of(motion, _gaussian(own), other, _gaussian(belief))
-                for i, (other, belief) in enumerate(zip(self.motions, modes.beliefs, strict=True))
-            ]
-            mixed.append(Belief(*moment_matched(come, parts, own.mean, motion.angular)))
-        return Modes(probability, tuple(mixed))
-
-    def _mixture(self, probability: Array, beliefs: tuple[Belief, ...], repaired: Mask | None = None) -> Belief:
-        parts = [filter.cartesian(belief) for filter, belief in zip(self.filters, beliefs, strict=True)]
-        mean, covariance = moment_matched(probability, parts, parts[0].mean, ())
-        for belief in beliefs:
-            repaired = either(repaired, belief.repaired)
-        clear = tuple(belief._replace(repaired=None) for belief in beliefs)
-        return Belief(mean, covariance, repaired=repaired, modes=Modes(probability, clear))
+        for j, motion in enumerate(self.motions):
+            others = [i for i in range(len(modes)) if i != j]
+            come = [chain[i, j] * before[i] / probability[j] for i in (j, *others)]
+            parts = [in_state_of(motion, modes[j], self.motions[i], modes[i]) for i in others]
+            mixed.append(Belief(*moment_matched(come, [modes[j], *parts], motion.angular)))
+        return MultiModelBelief(probability, tuple(mixed), belief.repaired)
 
 
-def _modes(belief: Belief) -> Modes:
-    assert belief.modes is not None
-    return belief.modes
-
-
-def _gaussian(belief: Belief) -> Gaussian:
-    return Gaussian(belief.mean, belief.covariance)
+def _joined(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -> MultiModelBelief:
+    """The modes as one belief, which has the marks of theirs."""
+    for mode in modes:
+        repaired = either(repaired, mode.repaired)
+    return MultiModelBelief(probability, tuple(mode._replace(repaired=None) for mode in modes), repaired)
 
 
 def _normalised(logarithm: Array) -> Array:

@@ -9,9 +9,9 @@ import numpy as np
 from trackbench import linalg
 from trackbench.filters.base import wrap_components
 from trackbench.models.motion import InitialSigmas, MotionModel
-from trackbench.models.motion.base import POSITION, VELOCITY, YAW
+from trackbench.models.motion.base import POSITION, UNKNOWN_ANGLE, VELOCITY, YAW
 from trackbench.types import Array, Gaussian
-from trackbench.units import difference
+from trackbench.units import cos_sin, difference
 
 #: What position and velocity determine.
 DETERMINED = {*POSITION, *VELOCITY, *YAW}
@@ -19,21 +19,27 @@ DETERMINED = {*POSITION, *VELOCITY, *YAW}
 ALONG_PATH = ("v", "a")
 
 
-def moment_matched(weights: Array, parts: Sequence[Gaussian], around: Array, angular: tuple[int, ...]) -> Gaussian:
+def moment_matched(weights: Array | Sequence[Array], parts: Sequence[Gaussian], angular: tuple[int, ...]) -> Gaussian:
     """Mean and covariance of a mixture of Gaussians. Source: Bar-Shalom, Li and Kirubarajan (2001), section 1.4.16.
 
+    The parts are joined one after the other, which gives the same as all at once.
+
     Args:
-        weights: ``(M, ...)``, with the sum one.
-        parts: ``(M,)`` each with mean ``(n, ...)``.
-        around: ``(n, ...)`` a state near the means, from which differences of angles are taken.
+        weights: of each part, ``(...)``, with the sum one; the first is positive.
+        parts: each with mean ``(n, ...)``.
         angular: which components are angles.
     """
-    away = np.stack([difference(part.mean, around, angular) for part in parts])
-    shift = np.einsum("k...,ki...->i...", weights, away)
-    covariance = linalg.gram(np.sqrt(weights)[:, None] * (away - shift))
-    for weight, part in zip(weights, parts, strict=True):
-        covariance += weight * part.covariance
-    return Gaussian(wrap_components(around + shift, angular), covariance)
+    (mean, covariance), total = parts[0], weights[0]
+    for weight, part in zip(weights[1:], parts[1:], strict=True):
+        total = total + weight
+        share = weight / total
+        away = difference(part.mean, mean, angular)
+        spread = np.sqrt(share * (1.0 - share)) * away
+        joined = share * (part.covariance - covariance)
+        joined += covariance
+        joined += spread[:, None] * spread
+        mean, covariance = wrap_components(mean + share * away, angular), joined
+    return Gaussian(mean, covariance)
 
 
 def in_state_of(motion: MotionModel, own: Gaussian, other_motion: MotionModel, other: Gaussian) -> Gaussian:
@@ -41,16 +47,19 @@ def in_state_of(motion: MotionModel, own: Gaussian, other_motion: MotionModel, o
 
     Components that both states have are taken as they are. Where one has vx, vy and the other a speed and a yaw, the
     position and the velocity go by way of px, py, vx, vy, to first order. A component that the other model lacks has
-    the mean and the covariance that the filter of ``motion`` itself believes: mixing then leaves it alone, where a zero
-    would bias it. Source: Yuan et al. (2012), "A multiple IMM estimation approach with unbiased mixing for thrusting
-    projectiles"; Granström, Willett and Bar-Shalom (2015), "Systematic approach to IMM mixing for unequal dimension
-    states".
+    the mean and the variance that the filter of ``motion`` itself believes, so that mixing leaves it alone, where a
+    zero would bias it; and so has the yaw where the velocity leaves it open. Source: Yuan et al. (2012), "A multiple
+    IMM estimation approach with unbiased mixing for thrusting projectiles"; Granström, Willett and Bar-Shalom (2015),
+    "Systematic approach to IMM mixing for unequal dimension states".
     """
     names, seen = motion.components, other_motion.components
     if {*names} & {*VELOCITY, *YAW} != {*seen} & {*VELOCITY, *YAW}:
+        cartesian = other_motion.cartesian_belief(other)
         # Only what position and velocity determine is read of it.
-        other = motion.from_cartesian(other_motion.cartesian_belief(other), InitialSigmas(1.0, 1.0))
+        other = motion.from_cartesian(cartesian, InitialSigmas(1.0, 1.0))
         seen = tuple(name if name in DETERMINED else "" for name in names)
+        if "v" in names and "yaw" in names:
+            other = _yaw_left_open(own, names, other, cartesian)
     if "v" in names and "yaw" in names:
         other = _facing(own.mean[names.index("yaw")], seen, other)
     if names == seen:
@@ -63,6 +72,23 @@ def in_state_of(motion: MotionModel, own: Gaussian, other_motion: MotionModel, o
     covariance[np.ix_(to, to)] = other.covariance[np.ix_(come, come)]
     covariance[np.ix_(lacking, lacking)] = own.covariance[np.ix_(lacking, lacking)]
     return Gaussian(mean, covariance)
+
+
+def _yaw_left_open(own: Gaussian, names: tuple[str, ...], other: Gaussian, cartesian: Gaussian) -> Gaussian:
+    """``other`` with the own yaw, and the speed along it, where the velocity says nothing of the yaw."""
+    places = [names.index(name) for name in ("px", "py", "v")]
+    yaw = names.index("yaw")
+    unknown = other.covariance[yaw, yaw] > 0.999 * UNKNOWN_ANGLE**2
+    if not np.any(unknown):
+        return other
+    c, s = cos_sin(own.mean[yaw])
+    slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s]])
+    mean, covariance = other.mean.copy(), np.zeros_like(other.covariance)
+    mean[places] = linalg.apply(slope, cartesian.mean)
+    mean[yaw] = own.mean[yaw]
+    covariance[np.ix_(places, places)] = linalg.symmetrise(linalg.quadratic(slope, cartesian.covariance))
+    covariance[yaw, yaw] = own.covariance[yaw, yaw]
+    return Gaussian(np.where(unknown, mean, other.mean), np.where(unknown, covariance, other.covariance))
 
 
 def _facing(yaw: Array, names: tuple[str, ...], belief: Gaussian) -> Gaussian:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 from trackbench.errors import TrackbenchError
-from trackbench.filters import Belief
+from trackbench.filters import AnyBelief
 from trackbench.types import Array, Estimate, Scan
 
 
@@ -39,5 +39,5 @@ class Prior(NamedTuple):
 
     time: Array
     """``(...)`` s."""
-    belief: Belief
+    belief: AnyBelief
     """Its mean drawn from the truth, with the covariance of the draw."""

@@ -75,7 +75,7 @@ for _factory in (kf, ekf, iekf, ukf, ckf):
     _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined]
 
 
-def filter_of(config: FilterConfig) -> Filter:
+def filter_of(config: FilterConfig) -> Filter[Any]:
     """The filter that the keys describe."""
     filters = tuple(filter_with(config, motion) for motion in config.models)
     if not isinstance(config.motion, ImmConfig):

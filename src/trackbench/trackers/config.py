@@ -260,7 +260,7 @@ class FilterConfig(OptionsBeside):
             linear = " or ".join(name for name, model in MOTION_MODELS.loaded().items() if model.linear)
             yield Problem(("motion",), f"kf needs a linear motion model: use {linear}, or filter: ekf with {name}")
         for at, diagonal in (
-            (("process_noise_diag",), self.process_noise_diag),
+            (("process_noise_diag",), None if isinstance(self.motion, ImmConfig) else self.process_noise_diag),
             (("initial", "covariance_diag"), self.initial.covariance_diag),
         ):
             components = motion.components

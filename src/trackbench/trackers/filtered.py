@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import Belief, Filter, Update, choose
+from trackbench.filters import AnyBelief, Filter, MultiModelBelief, Update, choose
 from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
@@ -24,7 +24,7 @@ class TrackState(NamedTuple):
 
     time: float
     """Of the last scan at which the state advanced, s."""
-    belief: Belief
+    belief: AnyBelief
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
     waiting: TentativeTrack | None = None
@@ -38,7 +38,7 @@ class FilterTracker:
     whole time since its last own scan, and is not kept. So no estimate depends on a sensor that is not read.
     """
 
-    filter: Filter
+    filter: Filter[Any]
     initial: InitialConfig
     prior: Prior | None = None
     """Set by the bench where ``initial`` says that tracks start from the truth."""
@@ -64,7 +64,7 @@ class FilterTracker:
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
-        said: Update | None = None
+        said: Update[Any] | None = None
         if np.any(scan.valid) and _named(scan, self.sensors):
             said = self.filter.update(belief, scan)
             belief = said.belief
@@ -116,23 +116,24 @@ class FilterTracker:
         belief = self._predict(state, elapsed) if elapsed > 0.0 else state.belief
         return self._estimate(belief, state.started, state.waiting)
 
-    def _placeholder(self, valid: Mask) -> Belief:
+    def _placeholder(self, valid: Mask) -> AnyBelief:
         def anything(motion: MotionModel) -> Gaussian:
             mean = np.ones((len(motion.components), *np.shape(valid)))
             return Gaussian(mean, np.zeros((len(mean), *mean.shape)) + linalg.expand(np.eye(len(mean)), mean[None]))
 
-        return self.filter.begin(anything)
+        placeholder: AnyBelief = self.filter.begin(anything)
+        return placeholder
 
-    def _predict(self, state: TrackState, elapsed: float) -> Belief:
+    def _predict(self, state: TrackState, elapsed: float) -> AnyBelief:
         if not np.any(state.started):
             return state.belief
-        belief = self.filter.predict(state.belief, elapsed)
+        belief: AnyBelief = self.filter.predict(state.belief, elapsed)
         if np.all(state.started):
             return belief
         # A placeholder stays what it is, so that its covariance does not grow without bound.
         return choose(state.started, belief, state.belief)
 
-    def _given(self, prior: Prior, time: float, belief: Belief, started: Mask) -> tuple[Belief, Mask]:
+    def _given(self, prior: Prior, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
         """The belief with the tracks whose time has come started from the truth, ready for their first update."""
         fresh = (time >= prior.time) & ~started
         if not np.any(fresh):
@@ -140,7 +141,7 @@ class FilterTracker:
         # A prediction over no time gives the sigma points that an update may reuse.
         return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
 
-    def _estimate(self, belief: Belief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
+    def _estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
         mean, covariance = self.filter.cartesian(belief)
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)
@@ -149,8 +150,10 @@ class FilterTracker:
             mean = np.where(started, mean, before[0])
             covariance = np.where(started, covariance, before[1])
         repaired = None if belief.repaired is None else belief.repaired & started
-        modes = None if belief.modes is None else _where(started, belief.modes.probability)
-        return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired, mode_probabilities=modes)
+        if isinstance(belief, MultiModelBelief):
+            probability = _where(started, belief.probability)
+            return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
+        return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
 
 
 def _where(known: Mask, values: Array) -> Array:
