@@ -20,6 +20,7 @@ from trackbench.doctor.subject import SENSORS, subject
 from trackbench.doctor.traffic.examine import TrafficDoctor
 from trackbench.doctor.traffic.ranking import CONSEQUENCES
 from trackbench.errors import InputError
+from trackbench.testing.kinds import Identities
 
 FAULTS = set(faults_of("trackbench.doctor.traffic"))
 
@@ -113,6 +114,31 @@ def test_a_tracker_of_a_scenario_and_a_class_are_examined(tmp_path: Path, monkey
         assert done.exit_code == 1, done.output
         assert json.loads(done.stdout)["findings"][0]["fault"] == fault
     assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.parametrize("more", [[], ["--in-process"]])
+def test_a_tracker_of_the_other_kind_is_known_as_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    for kind, name in (("multi-tracker", "several_cars"), ("tracker", "one_car")):
+        assert runner.invoke(cli, ["new", kind, name]).exit_code == 0
+    done = runner.invoke(cli, ["doctor", "several_cars:SeveralCars", *more])
+    expected = "several_cars:SeveralCars cannot be examined: it follows several objects: add --identities hidden\n"
+    assert (done.exit_code, done.stderr) == (3, expected)
+    done = runner.invoke(cli, ["doctor", "one_car:OneCar", "--identities", "hidden", *more])
+    expected = "one_car:OneCar cannot be examined: it follows one object: leave --identities hidden out\n"
+    assert (done.exit_code, done.stderr) == (3, expected)
+
+
+@pytest.mark.parametrize(
+    ("target", "identities", "own"),
+    [("highway#ekf_cv", "hidden", "known"), ("traffic/dense_highway#naive", "known", "hidden")],
+)
+def test_a_scenario_says_which_identities_its_trackers_have(target: str, identities: Identities, own: str) -> None:
+    with pytest.raises(InputError, match=f"the scenario's identities are {own}: leave --identities out"):
+        subject(target, {}, identities=identities)
 
 
 def test_the_oracle_is_not_examined() -> None:

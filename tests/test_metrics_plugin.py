@@ -18,6 +18,8 @@ from trackbench.runner import work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.schema import json_schema
 from trackbench.trackers.published import check_options
+from trackbench.traffic_metrics import METRICS
+from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
 
 Run = Callable[..., Result]
 Write = Callable[[Path, str], str]
@@ -352,6 +354,14 @@ def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, modul
         load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: squares, below: 1}]"])
     with pytest.raises(InputError, match=r"trackers are not compared by largest\.radar; only by .*square"):
         load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: largest.radar, better_than: raw}]"])
+
+
+def test_metrics_of_traffic_are_listed(cli: Callable[..., Any]) -> None:
+    listed = " ".join(cli("list", "metrics").out.split())
+    for path in (*METRICS, *METRICS_WITHOUT_TRUTH):
+        assert path in listed
+    page = (Path(__file__).parents[1] / "docs/scenario-file.md").read_text(encoding="utf-8")
+    assert "`better_than` compares run by run, and only by `gospa`, `gospa_localisation`" in page
 
 
 def test_a_published_one_is_listed_and_named(

@@ -67,6 +67,31 @@ def test_over_scenarios_trackers_are_ranked_by_gospa(traffic_result: Result) -> 
     assert "consistent" not in page
 
 
+def test_a_reference_is_shown_and_never_the_best(traffic_result: Result) -> None:
+    def alone(result: Result) -> Result:
+        names = [name for name in result.summary.ranking if name != "oracle"]
+        return result.updated(trackers=[result[name] for name in result if name in names], ranking=names)
+
+    # With no error at all it would be far ahead.
+    perfect = [
+        found.model_copy(update={"better": "oracle"}) if "oracle" in (found.a, found.b) else found
+        for found in traffic_result.summary.differences
+    ]
+    first = traffic_result.updated(differences=perfect, ranking=["oracle", *alone(traffic_result).summary.ranking])
+    assert first.contenders[0].name != "oracle"
+    found = compare([[first, renamed(first, "again")]])
+    without = compare([[alone(first), alone(renamed(first, "again"))]])
+    *others, reference = found.ranking
+    assert (reference.tracker, reference.reference) == ("oracle", True)
+    assert [item.mean_rank for item in others] == [item.mean_rank for item in without.ranking]
+    assert found.rank_differences == without.rank_differences
+    assert not any(score.leading for score in found.scores if score.entrant.tracker == "oracle")
+    page = text(document(found, times=False))
+    assert "oracle (reference)" in page
+    assert "3 trackers over 2 scenarios" in page
+    assert "oracle has the best" not in page
+
+
 def test_known_and_hidden_identities_are_not_compared(traffic_result: Result, tiny_result: Result) -> None:
     for results, here, there in (
         ((tiny_result, traffic_result), "hidden", "known"),

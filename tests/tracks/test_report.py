@@ -6,16 +6,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Canvas
+from matplotlib.text import Annotation
+from rich.console import Console
 
 import trackbench as tb
 from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
-from trackbench.document.model import Document, Section, every
+from trackbench.document.model import Document, Figure, Section, every
+from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
+from trackbench.report.console import print_summary
 from trackbench.report.result import ranking_table, result_document
+from trackbench.report.run.figures.ground import draw_surroundings
 from trackbench.report.traffic.sentences import association_against_filtering, verdict
-from trackbench.results import MetricValue, Result
+from trackbench.results import Difference, MetricValue, Result, TrackerResult
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +47,63 @@ def test_the_best_is_not_the_one_that_knows_the_origins(document: Document, traf
     assert f"{best} has the smallest GOSPA" in text(document)
 
 
+def test_a_metric_of_another_name_has_the_nearest(traffic_result: Result) -> None:
+    with pytest.raises(InputError, match="no metric 'gopsa' of this tracker; did you mean 'gospa'"):
+        traffic_result["gnn"].metrics["gopsa"]
+    assert "gopsa" not in traffic_result["gnn"].metrics
+    assert traffic_result["gnn"].metrics.get("gopsa") is None
+
+
+def test_a_reference_is_marked_and_next_to_nobody(document: Document, traffic_result: Result) -> None:
+    (table,) = (table for table in document.tables if table.name == "differences")
+    *others, last = table.rows
+    assert [row[0].text for row in others] == [tracker.name for tracker in traffic_result.contenders[1:]]
+    assert (last[0].text, last[0].details, last[2].text) == ("oracle", ("reference",), "")
+    (table,) = (table for table in document.tables if table.name == "ranking")
+    marked = {row[0].text for row in table.rows if row[0].details == ("reference",)}
+    assert marked == {"oracle"}
+    assert "oracle (reference)" in text(document)
+    assert "share a letter under" in text(document)
+
+
+@pytest.mark.parametrize("nees", [3.0, 12345.6])
+def test_the_terminal_has_room(traffic_result: Result, nees: float, capsys: pytest.CaptureFixture[str]) -> None:
+    def with_nees(tracker: TrackerResult) -> TrackerResult:
+        found = tracker.metrics["nees"].model_copy(update={"value": nees})
+        return tracker.model_copy(update={"metrics": {**tracker.metrics, "nees": found}})
+
+    changed = traffic_result.updated(trackers=[with_nees(tracker) for tracker in traffic_result.summary.trackers])
+    print_summary(changed, Console(width=80))
+    lines = capsys.readouterr().out.splitlines()
+    assert all(len(line) <= 80 and line == line.rstrip() and line for line in lines)
+    names = [line.split()[0] for line in lines[2:6]]
+    assert sorted(names) == ["gnn", "naive", "oracle*", "pmb"]
+    assert all(len(line.split()) == 11 for line in lines[2:6])
+    assert lines[-1] == "group: no difference over 1 % or 5 mm shown between those that share a letter"
+
+
+def test_marks_of_the_figures_are_those_of_their_legends(document: Document) -> None:
+    marks = {figure.name: {entry.label: entry.mark for entry in figure.legend} for figure in document.figures}
+    assert marks["objects"]["switch"] == "upright"
+    assert marks["objects"]["tracked"] == "box"
+    assert marks["map"]["false track begins"] == "triangle"
+    (found,) = (figure for figure in document.figures if figure.name == "map")
+    assert "the recording has all" in found.caption
+
+
+def test_names_on_a_map_do_not_cover_each_other(traffic_result: Result) -> None:
+    paths = {name: (np.array([0.0, end]), np.zeros(2)) for name, end in (("lorry", 300.0), ("second", 310.0))}
+    found: list[float] = []
+
+    def paint(canvas: Canvas) -> None:
+        axes = canvas.add_subplot()
+        draw_surroundings(axes, traffic_result.tables.roads, [], paths, (1.0, 10.0))
+        found.extend(note.xyann[1] for note in axes.texts if isinstance(note, Annotation))
+
+    svg_file(Figure("map", "Map", "", "", paint, 100))
+    assert abs(found[0] - found[1]) >= 10
+
+
 def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
     metrics = {
         **traffic_result["gnn"].metrics,
@@ -54,17 +117,46 @@ def test_the_sentence_says_what_dominates(traffic_result: Result) -> None:
     assert said.startswith(start + "localisation 36\N{NO-BREAK SPACE}%")
 
 
-def test_the_oracle_is_held_against_the_best_of_its_filter(traffic_result: Result) -> None:
+def test_the_largest_part_may_be_less_than_half(traffic_result: Result) -> None:
+    parts = {"gospa_localisation": 5.0, "gospa_missed": 4.5, "gospa_false": 3.0}
+    metrics = {path: MetricValue(value=value, unit="m") for path, value in parts.items()}
+    said = verdict(traffic_result["gnn"].model_copy(update={"metrics": {**traffic_result["gnn"].metrics, **metrics}}))
+    assert ", the largest part localisation (46\N{NO-BREAK SPACE}% of its square; missed objects" in said
+
+
+def test_the_oracle_is_held_against_the_best_that_counts_as_it_does(traffic_result: Result) -> None:
     (said,) = association_against_filtering(traffic_result)
-    metric = traffic_result["oracle"].metrics["gospa"].value
     assert said.startswith("oracle knows which detection is whose: its GOSPA of ")
-    assert metric is not None
-    assert traffic_result.contenders[0].name in said
-    alone = traffic_result.updated(
-        trackers=[tracker for tracker in traffic_result.summary.trackers if tracker.name == "oracle"],
-        ranking=["oracle"],
-    )
-    assert list(association_against_filtering(alone)) == []
+    best = next(tracker.name for tracker in traffic_result.scored if tracker.name in ("gnn", "naive"))
+    assert best in said
+    assert "pmb" not in said
+    for names in (["oracle"], ["pmb", "oracle"]):
+        trackers = [tracker for tracker in traffic_result.summary.trackers if tracker.name in names]
+        assert list(association_against_filtering(traffic_result.updated(trackers=trackers, ranking=names))) == []
+
+
+@pytest.mark.parametrize(
+    ("ci95", "expected"),
+    [
+        (
+            (-0.16, -0.04),
+            "0.04 m): the interval is of this pair alone, and Holm's correction",
+        ),
+        ((0.004, 0.2), "): it is not shown to be more than 1 % or 5 mm."),
+        ((-0.1, 0.2), "0.2 m)."),
+    ],
+)
+def test_an_undecided_difference_says_what_leaves_it_so(
+    traffic_result: Result, ci95: tuple[float, float], expected: str
+) -> None:
+    best = next(tracker.name for tracker in traffic_result.scored if tracker.name in ("gnn", "naive"))
+    item = Difference(
+        a=best, b="oracle", metric="gospa", unit="m", value=sum(ci95) / 2, ci95=ci95, margin=0.02, p_value=0.06,
+        better=None, verdict="undecided",
+    )  # fmt: skip
+    (said,) = association_against_filtering(traffic_result.updated(differences=[item]))
+    assert expected in said
+    assert said.endswith(".")
 
 
 def test_the_costliest_events_are_listed_with_the_commands_that_show_them(
@@ -126,3 +218,21 @@ def test_a_scene_in_which_nothing_is_due(traffic_text: str, tmp_path: Path) -> N
     document = result_document(tb.run(file, out=tmp_path / "out"))
     assert "objects" not in {figure.name for figure in document.figures}
     assert (tmp_path / "out" / "three_cars" / "recording.rrd").is_file()
+
+
+def test_nees_is_said_with_its_interval_and_the_share_within_the_bound(traffic_result: Result) -> None:
+    gnn = traffic_result["gnn"]
+    metrics = {
+        **gnn.metrics,
+        "nees": MetricValue(value=9.94, unit="1", ci95=(3.1, 30.2)),
+        "nees_inside": MetricValue(value=0.954, unit="1"),
+    }
+    said = verdict(gnn.model_copy(update={"metrics": metrics})).replace("\N{NO-BREAK SPACE}", " ")
+    expected = "NEES of matched tracks 9.9 (4 when consistent, 95 % interval 3.1 to 30.2), 95.4 % within the 95 % bound"
+    assert expected in said
+
+
+def test_errors_of_matched_tracks_say_from_where_on_a_track_is_matched(document: Document) -> None:
+    assert "Errors and NEES are of tracks within 2.5 m of their object" in text(document)
+    (table,) = (table for table in document.tables if table.name == "errors-of-matched-tracks")
+    assert "NEES inside" in [column.heading for column in table.columns]

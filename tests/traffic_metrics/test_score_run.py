@@ -39,7 +39,7 @@ def test_perfect_tracks() -> None:
     found = ratios(score_run(truth, tracks, associations=associations_of(truth, tracks, [[0, 1]] * 10)))
     wanted = {path: 0.0 for path, metric in METRICS.items() if metric.better == "smaller"}
     wanted |= {path: 1.0 for path, metric in METRICS.items() if metric.better == "larger"}
-    wanted |= {"nees": 0.0, "siap_ambiguity": 1.0}
+    wanted |= {"nees": 0.0, "nees_inside": 1.0, "siap_ambiguity": 1.0}
     assert found == pytest.approx(wanted)
 
 
@@ -201,6 +201,21 @@ def test_the_latency_is_that_of_a_constant_rate_however_short_objects_are_due() 
         total, count = confirmation(track, there, np.ones(longest))
         # Nine failures to each success on average.
         assert total / count == pytest.approx(9, abs=4 * 9.5 / count**0.5)
+
+
+def test_one_instant_decides_the_mean_of_nees_and_not_the_share_within_the_bound() -> None:
+    truth, tracks = truth_of([[0.0]] * 100), tracks_of([[0.0]] * 100)
+    tracks.mean[2, 0] = 50.0
+    found = ratios(score_run(truth, tracks))
+    assert (found["nees"], found["nees_inside"]) == pytest.approx((25.0, 0.99))
+
+
+def test_of_consistent_tracks_95_percent_are_within_the_bound() -> None:
+    truth = truth_of(np.zeros((4000, 1)))
+    tracks = tracks_of(np.zeros((4000, 1)))
+    tracks.mean[:] = 0.1 * np.random.default_rng(0).normal(size=tracks.mean.shape)
+    found = ratios(score_run(truth, tracks._replace(covariance=0.01 * tracks.covariance)))
+    assert found["nees_inside"] == pytest.approx(0.95, abs=4 * (0.05 * 0.95 / 4000) ** 0.5)
 
 
 def test_two_objects_with_one_track_between_them_are_merged() -> None:

@@ -59,7 +59,7 @@ class ReportableResult(results.Result):
 
     def __repr__(self) -> str:
         summary = self.summary
-        best = f", best {self.scored[0].name}" if self.scored else ""
+        best = f", best {self.contenders[0].name}" if self.scored else ""
         return (
             f"<result {self.name}: {counted(summary.runs, 'run')}, {counted(len(summary.trackers), 'tracker')}{best}>"
         )

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from trackbench.doctor.examine import Examination
     from trackbench.doctor.subject import Subject
     from trackbench.stepping.isolation import Isolation
+    from trackbench.testing.kinds import Identities
 
 FOUND = 1
 CANNOT_RUN = 3
@@ -51,8 +52,7 @@ CANNOT_RUN = 3
 @click.option(
     "--identities",
     type=click.Choice(["known", "hidden"]),
-    default="known",
-    help="hidden: a class that follows several objects.",
+    help="hidden: a class that follows several objects.  [default: known]",
 )
 @isolation_options
 @click.option("--all-checks", is_flag=True, help="Print the result of every check.")
@@ -62,7 +62,7 @@ def doctor_command(
     options: tuple[str, ...],
     scenario: Path | None,
     out: Path | None,
-    identities: str,
+    identities: Identities | None,
     isolation: Isolation,
     all_checks: bool,
     as_json: bool,
@@ -83,6 +83,7 @@ def doctor_command(
       0 healthy   1 faults found   2 bad input   3 cannot be run   4 cannot write
     """
     from trackbench.doctor.failures import CannotRun
+    from trackbench.doctor.other_kind import other_kind
     from trackbench.doctor.subject import subject
     from trackbench.report.examination.text import text
     from trackbench.stepping.faults import TrackFault
@@ -91,7 +92,7 @@ def doctor_command(
     try:
         with _tracker_output():
             given = dict(_option(item) for item in options)
-            examined = subject(tracker, given, scenario, isolation, identities == "hidden")
+            examined = subject(tracker, given, scenario, isolation, identities)
     except TrackFault as fault:
         raise InputError(f"{tracker!r} does not start: {fault}") from fault
     folder = out or Path("results", "doctor", _file_name(examined.name))
@@ -103,7 +104,9 @@ def doctor_command(
         with _tracker_output():
             examination, evidence = _examine(examined)
     except (CannotRun, TrackFault) as error:
-        click.echo(f"{examined.name} cannot be examined: {error}", err=True)
+        with _tracker_output():
+            hint = "" if "#" in tracker else other_kind(tracker, given, isolation, hidden=examined.multi_object)
+        click.echo(f"{examined.name} cannot be examined: {hint or error}", err=True)
         raise click.exceptions.Exit(CANNOT_RUN) from error
     written = _save(examination, evidence, folder)
     if as_json:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import inspect
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from trackbench.cli.choices import NearestChoice
 from trackbench.errors import InputError
 from trackbench.plugins import Registry
+
+if TYPE_CHECKING:
+    from trackbench.metrics.registry import MetricPath
 
 Row = tuple[str, str]
 
@@ -95,13 +98,19 @@ def _options(found: Any, beyond: Any = None, without: Sequence[str] = ()) -> str
 def _metrics() -> Iterable[Row]:
     from trackbench.metrics.plugin import METRICS
     from trackbench.metrics.registry import known
+    from trackbench.scenario.traffic_paths import traffic_paths
 
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"
-    own = list(METRICS.loaded().values())
-    for metric in known(own):
+    yield from _told(known(list(METRICS.loaded().values())))
+    yield from _told(traffic_paths(truth=True).values(), "hidden identities: ")
+    yield from _told(traffic_paths(truth=False).values(), "hidden identities, no truth: ")
+
+
+def _told(metrics: Iterable[MetricPath], where: str = "") -> Iterator[Row]:
+    for metric in metrics:
         unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
-        yield metric.path, metric.meaning + unit
+        yield metric.path, where + metric.meaning + unit
 
 
 def _envs() -> Iterable[Row]:

@@ -72,6 +72,8 @@ class EntrantScore(Part):
     """Whether it is the best of the scenario, or was not shown to be worse than the best by more than the margin."""
     failure: str = ""
     """Why there is no score."""
+    reference: bool = False
+    """Whether it knows which detection is whose, so that the others are ranked without it."""
 
     def value(self, metric: str) -> float | None:
         """The value of a metric, None where there is none."""
@@ -171,6 +173,8 @@ class RankedTracker(Part):
     diverged_runs: int
     failed_scenarios: int
     """Scenarios without a score."""
+    reference: bool = False
+    """Whether it is no competitor: its rank is that which it would have, and it stands after the others."""
 
 
 class RankDifference(Part):

@@ -46,6 +46,7 @@ def scores(
 ) -> list[EntrantScore]:
     """What the trackers of one result reached, in the order of the scenario; ranked if it is known who is better."""
     scored = [tracker.name for tracker in entry.result.scored if tracker.name in trackers]
+    contenders = [tracker.name for tracker in entry.result.contenders if tracker.name in trackers]
     shown = SHOWN[entry.result.summary.headline]
     found = []
     for tracker in entry.result.summary.trackers:
@@ -61,8 +62,11 @@ def scores(
                 entrant=Entrant(tracker=name, set=number),
                 metrics=metrics if has_score else {},
                 diverged_runs=(tracker.health.diverged_runs or 0) if has_score else 0,
-                rank=None if ranked is None else ranked.rank(scenario, name, scored),
-                leading=ranked is not None and ranked.better(scenario, scored[0], name) in (None, name),
+                rank=None if ranked is None else ranked.rank(scenario, name, contenders),
+                leading=ranked is not None
+                and name in contenders
+                and ranked.better(scenario, contenders[0], name) in (None, name),
+                reference=tracker.is_reference and name not in contenders,
                 failure="" if has_score else entry.result.why_unscored(tracker),
             )
         )
@@ -72,9 +76,21 @@ def scores(
 def ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[RankedTracker], list[RankDifference]]:
     """Every tracker of one set of results, by mean rank, and which of the mean ranks are shown to differ.
 
-    Trackers without a score in a scenario share its last places. Where a scenario lacks some trackers, the rank is
-    scaled to the whole field.
+    References stand after the others, which are ranked without them. Trackers without a score in a scenario share its
+    last places. Where a scenario lacks some trackers, the rank is scaled to the whole field.
     """
+    references = {score.entrant.tracker for score in scored if score.reference}
+    competing = [score for score in scored if score.entrant.tracker not in references]
+    found, differences = _ranking(competing, pairings)
+    for reference in sorted(references):
+        own = [score for score in scored if score.entrant.tracker == reference]
+        beside, _ = _ranking([*competing, *own], pairings)
+        (item,) = (item for item in beside if item.tracker == reference)
+        found.append(item.model_copy(update={"reference": True, "ci95": None}))
+    return found, differences
+
+
+def _ranking(scored: Sequence[EntrantScore], pairings: Pairings) -> tuple[list[RankedTracker], list[RankDifference]]:
     by_scenario: dict[str, dict[str, EntrantScore]] = {}
     for score in scored:
         by_scenario.setdefault(score.scenario, {})[score.entrant.tracker] = score

@@ -9,10 +9,11 @@ from typing import Any
 
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import Lidar, Radar, Sensor
-from trackbench.scenario import load_scenario
+from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.stepping.remote import fresh, fresh_tracks
+from trackbench.testing.kinds import Identities
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, InitialConfig, PluginConfig
@@ -43,7 +44,7 @@ def subject(
     options: Mapping[str, Any],
     scenario: Path | None = None,
     isolation: Isolation = ISOLATED,
-    multi_object: bool = False,
+    identities: Identities | None = None,
 ) -> Subject:
     """The tracker named by ``SCENARIO#NAME``, ``module:Attr`` or a published name.
 
@@ -53,10 +54,11 @@ def subject(
         scenario: the file whose sensors are used. By default those of the tracker's own scenario, or else a radar and
             a lidar.
         isolation: whether a tracker that is not built in gets a process of its own.
-        multi_object: whether a class follows several objects; of a scenario's tracker the scenario says it.
+        identities: hidden of a class that follows several objects, known unless given. A tracker's scenario says it.
 
     Raises:
-        InputError: there is no such scenario, tracker or module, or it does not take the options.
+        InputError: there is no such scenario, tracker or module, it does not take the options, or its scenario has
+            other identities.
         TrackFault: its process ended while it started.
     """
     file, mark, name = target.rpartition("#")
@@ -65,19 +67,22 @@ def subject(
         raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
     sensors = SENSORS if scenario is None else load_scenario(scenario).config.sensors
     if mark:
-        return _of_scenario(Path(file), name, options, None if scenario is None else sensors, isolation)
+        loaded = load_scenario(Path(file))
+        own = loaded.config.sensing.identities
+        if identities not in (None, own):
+            raise InputError(f"the scenario's identities are {own}: leave --identities out", file=Path(file))
+        return _of_scenario(loaded, name, options, None if scenario is None else sensors, isolation)
     folder = None if scenario is None else scenario.resolve().parent
-    if multi_object:
+    if identities == "hidden":
         tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
         return _of_several(target, tracker, sensors, folder, isolation)
     return _startable(Subject(target, fresh(target, dict(options), folder, isolation), sensors))
 
 
 def _of_scenario(
-    path: Path, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None, isolation: Isolation
+    loaded: Scenario, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None, isolation: Isolation
 ) -> Subject:
-    loaded = load_scenario(path)
-    config = loaded.config
+    config, path = loaded.config, loaded.path
     if name not in config.trackers:
         raise InputError(f"there is no tracker {name!r} in it: {nearest(name, config.trackers)}", file=path)
     if options:

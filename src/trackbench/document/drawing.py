@@ -32,6 +32,8 @@ IN_PAGE = {INK: "currentColor", GRID: "var(--grid)", MUTED: "var(--muted)"}
 #: Points of an SVG, shown as pixels of a page; narrow enough to be read on a phone.
 WIDTH = 430.0
 DASHED = (0, (4, 2))
+#: Of a legend's marks: matplotlib's marker and its size in points.
+MARKERS = {"dot": ("o", 4), "ring": ("o", 7), "cross": ("x", 7), "triangle": ("^", 7), "upright": ("|", 10)}
 #: Of a line of a legend, points.
 _LEGEND_LINE, _LEGEND_LETTER = 17.0, 6.0
 
@@ -161,8 +163,15 @@ def _handle(entry: LegendEntry, width: float) -> Artist:
     label = shortened(entry.label, width - 40, 10)
     if entry.mark == "band":
         return Patch(color=entry.colour, alpha=0.35, label=label)
-    if entry.mark == "dot":
-        return Line2D([], [], color=entry.colour, marker="o", markersize=4, linestyle="none", label=label)
+    if entry.mark == "box":
+        return Patch(color=entry.colour, label=label)
+    if entry.mark in MARKERS:
+        marker, size = MARKERS[entry.mark]
+        hollow = "none" if entry.mark == "ring" else entry.colour
+        return Line2D(
+            [], [], color=entry.colour, marker=marker, markersize=size, markerfacecolor=hollow, linestyle="none",
+            label=label,
+        )  # fmt: skip
     style: Any = DASHED if entry.mark == "dash" else "solid"
     return Line2D([], [], color=entry.colour, linestyle=style, linewidth=2, label=label)
 

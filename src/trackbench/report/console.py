@@ -109,7 +109,7 @@ def _grouped(letters: Sequence[str]) -> list[_Column]:
 
 def _rows(trackers: Sequence[TrackerResult], columns: Sequence[_Column], width: int) -> list[Text]:
     room = width - sum(1 + column.width for column in columns)
-    names = [Text(tracker.name, style="bold") for tracker in trackers]
+    names = [Text(tracker.name + "*" * tracker.is_reference, style="bold") for tracker in trackers]
     first = _Column("tracker", [name for name in names if len(name) <= room] or [Text()], right=False)
     rows = [_row([first, *columns], [Text(column.heading, style="dim") for column in (first, *columns)])]
     for i, name in enumerate(names):
@@ -131,6 +131,15 @@ def _groups(result: Result) -> list[str]:
         return []
     found = groups([tracker.name for tracker in result.scored], Pairs(result.summary))
     return list(found.values()) if max(map(len, found.values())) <= _MOST_LETTERS else []
+
+
+def _note_on_groups(result: Result) -> list[str]:
+    """What the letters mean."""
+    if not _groups(result):
+        return ["group: too many groups for this table; report.html has them"]
+    margin = margin_words(result.summary.score.margin, "m")
+    shared = f"group: no difference over {margin} shown between those that share a letter"
+    return [shared] if len(result.scored) > 1 else []
 
 
 def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) -> list[Text]:
@@ -170,7 +179,7 @@ def _notes(result: Result) -> list[str]:
     """What the headings mean, where they say something, and what else a reader must know."""
     trackers, summary = result.scored, result.summary
     if summary.identities == "hidden":
-        return traffic.notes(result)
+        return [*traffic.notes(result), *(_note_on_groups(result) if summary.truth.known else [])]
     assumed = " (white acceleration)" if summary.held_against.kind == "reference" else ""
     notes = [
         f"±: 95 %, {basis_of_intervals(result)}",
@@ -178,11 +187,7 @@ def _notes(result: Result) -> list[str]:
         *_coverage(trackers),
         *([common(result).strip()] if common(result) else []),
     ]
-    if not _groups(result):
-        notes.append("group: too many groups for this table; report.html has them")
-    elif len(trackers) > 1:
-        margin = margin_words(summary.score.margin, "m")
-        notes.append(f"group: no difference over {margin} shown between those that share a letter")
+    notes += _note_on_groups(result)
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]

@@ -7,6 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from trackbench.errors import InputError, nearest
+
 Json = dict[str, Any]
 
 
@@ -72,6 +74,14 @@ class MetricValue(Part):
         if value is not None and self.reason is not None:
             found["ci95"] = None
         return {"mean" if self.dof is not None else "value": value, **found}
+
+
+class MetricsByPath(dict[str, MetricValue]):
+    """The metrics of a tracker by dotted path."""
+
+    def __missing__(self, path: str) -> MetricValue:
+        """Raise InputError: there is none of this name."""
+        raise InputError(f"no metric {path!r} of this tracker; {nearest(str(path), self)}")
 
 
 def flat_metrics(nested: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

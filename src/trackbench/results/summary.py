@@ -6,9 +6,9 @@ import hashlib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PlainSerializer
 
-from trackbench.results.metric_value import MetricValue, Part, flat_metrics, nested_metrics
+from trackbench.results.metric_value import MetricsByPath, MetricValue, Part, flat_metrics, nested_metrics
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT, OBSERVER, TableLayout
 from trackbench.results.truth_audit import TruthAudit
 from trackbench.words import counted
@@ -19,6 +19,7 @@ ORACLE = "oracle"
 
 Metrics = Annotated[
     dict[str, MetricValue],
+    AfterValidator(MetricsByPath),
     BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
     PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
 ]

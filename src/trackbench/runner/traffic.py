@@ -32,6 +32,10 @@ from trackbench.traffic_metrics.histories import NO_DETECTION
 from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
 
+#: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
+UNTIMED = 0.1
+NO_TRACKS_YET = "it had given no tracks; is it of one object? With hidden identities a scan has detections of all"
+
 
 @dataclass
 class TrafficScores:
@@ -41,9 +45,9 @@ class TrafficScores:
     reused_ids: Array
     """``(runs,)`` number of ids that were used again after their track had ended."""
     seconds: float
-    """Time spent in the tracker."""
+    """Time spent in the tracker, without the first ``UNTIMED`` of the scans."""
     steps: int
-    """Number of scans of single runs that it took."""
+    """Number of scans of single runs that it took in this time."""
     recorded: TrackHistory | None = None
     """Its tracks of the recorded run."""
     taken: Indices | None = None
@@ -109,7 +113,7 @@ class _Passage:
         self._taken: list[tuple[int, Tracks, int]] = []
         self._asked = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._asked}
-        self._seconds = 0.0
+        self._seconds, self._timed_from = 0.0, int(UNTIMED * len(hidden.scans))
         self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
 
     def scores(self) -> TrafficScores | Failure:
@@ -130,14 +134,15 @@ class _Passage:
                         self._predict(stepper, scan.time, number)
                     begin = time.perf_counter()
                     tracks = stepper.step(given, known)
-                    self._seconds += time.perf_counter() - begin
+                    if number >= self._timed_from:
+                        self._seconds += time.perf_counter() - begin
                     if given is scan:
                         self._taken.append((instant, tracks, number))
                 self._instants.append(tracks)
         except (KeyboardInterrupt, GeneratorExit):
             raise
         except BaseException as error:
-            return self._failure(fault_of(error), instant, scan.sensor)
+            return self._failure(self._explained(fault_of(error)), instant, scan.sensor)
         finally:
             stepper.close()
         return self._scored()
@@ -159,7 +164,8 @@ class _Passage:
         runs = self._piece.runs
         tracks = _stacked(self._instants)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
-        found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, len(self._hidden.scans) * len(runs))
+        steps = (len(self._hidden.scans) - self._timed_from) * len(runs)
+        found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):
             one = range(runs.start + run, runs.start + run + 1)
@@ -218,6 +224,12 @@ class _Passage:
             for column in np.flatnonzero(tracks.used[:, run] >= 0)
         ]
         return np.array(rows, dtype=np.intp).reshape(-1, 3)
+
+    def _explained(self, fault: TrackFault) -> TrackFault:
+        """An error before the first track may be that of a tracker of one object."""
+        if fault.kind == "raised" and not any(len(tracks.ids) for tracks in self._instants):
+            return TrackFault(f"{fault.cause} ({NO_TRACKS_YET})", fault.kind, fault.place, fault.member)
+        return fault
 
     def _failure(self, fault: TrackFault, instant: int, sensor: str | None) -> Failure:
         where = {"step": instant, "time_s": float(self._time[instant]), "sensor": sensor, "object": None}

@@ -27,6 +27,8 @@ from trackbench.types import Array
 
 HEADLINE = "gospa"
 NOT_ASKED = "only built-in trackers are asked what they predict"
+#: Why there is no value where nothing had to be tracked: every number would be as good as perfect.
+NOTHING_DUE = "no object was ever due: none came into a sensor's view (fov_deg, max_range_m, mount)"
 #: What a tracker that says nothing of it has in the place of a value.
 NOT_SAID = "the tracker does not say which detections it used"
 
@@ -44,6 +46,11 @@ class TrafficEvaluation:
     known: bool = True
     """Whether there is a truth."""
 
+    @property
+    def nothing_due(self) -> bool:
+        """Whether there is a truth, and nothing of it had to be tracked."""
+        return self.known and not self.sums("matched_share")[1].any()
+
     def sums(self, path: str) -> Array:
         """``(2, runs)`` totals and counts of a metric; zeros where a run cannot tell it."""
         column = PATHS.index(path)
@@ -58,7 +65,8 @@ class TrafficEvaluation:
             if path in self.intervals:
                 found[path] = self.intervals[path].as_value(unit)
             else:
-                found[path] = MetricValue(unit=unit, reason=_why_missing(path))
+                reason = NOTHING_DUE if self.nothing_due else _why_missing(path)
+                found[path] = MetricValue(unit=unit, reason=reason)
         if not self.known:
             found |= {path: MetricValue(unit=metric.unit or "1", reason=NO_TRUTH) for path, metric in METRICS.items()}
         found["step_time"] = MetricValue(value=self.step_time, unit="us")
@@ -73,7 +81,7 @@ def assemble_traffic(
     failures, found = _evaluated(work, blocks)
     known = _known(work)
     ranked = list(found)
-    if known:
+    if all(HEADLINE in evaluation.intervals for evaluation in found.values()):
         ranked.sort(key=lambda name: found[name].intervals[HEADLINE].value)
     margin = MarginSummary(**scenario.score.margin.model_dump())
     compared = {name: found[name].intervals for name in ranked}
@@ -123,7 +131,7 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
     reused = int(sum(block.reused_ids.sum() for block in blocks))
     known = _known(work)
     found = TrafficEvaluation([block.sums for block in blocks], {}, reused, 1e6 * seconds / max(steps, 1), known)
-    for path, metric in _metrics(known).items():
+    for path, metric in _metrics(known).items() if not found.nothing_due else ():
         total, count = found.sums(path)
         if not count.any():
             continue
@@ -142,7 +150,8 @@ def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[st
         )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
-    shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run) if _known(work) else None
+    ranked = HEADLINE in evaluation.intervals
+    shares = variance_shares(ratio(*evaluation.sums(HEADLINE)), work.scene_of_run) if ranked else None
     return TrackerResult(
         name=name,
         describe=described,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from trackbench.config import Problem
 from trackbench.errors import nearest
-from trackbench.metrics.registry import HEALTH, MetricPath, by_path
+from trackbench.metrics.registry import MetricPath, by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.scenario import identity_checks, recorded_checks
@@ -154,17 +154,10 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, MetricPath]:
     if scenario.sensing.identities == "known":
         return by_path(scenario.sensors, scenario.score.metrics)
     # Few scenarios are of this kind, and the scores of tracks take their time to import.
-    from trackbench.traffic_metrics import METRICS
-    from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
+    from trackbench.scenario.traffic_paths import traffic_paths
 
-    found = {}
     truth = scenario.truth
-    unknown = isinstance(truth, RecordingTruth) and truth.without_truth
-    for path, metric in (METRICS_WITHOUT_TRUTH if unknown else METRICS).items():
-        better = None if metric.better == "none" else metric.better
-        found[path] = MetricPath(path, metric.unit or "1", metric.meaning, better=better, compared=better is not None)
-    reused = HEALTH + "reused_ids"
-    return {**found, reused: MetricPath(reused, "1", "identities that were used again after their track had ended")}
+    return traffic_paths(not (isinstance(truth, RecordingTruth) and truth.without_truth))
 
 
 def _limit(

@@ -5,16 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from trackbench.config.key_units import show, split_key
 from trackbench.metrics.plugin import METRICS
-from trackbench.metrics.registry import known
+from trackbench.metrics.registry import MetricPath, known
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.examples import EXAMPLES, OTHER_EXAMPLES
 from trackbench.scenario.schema import REFERENCE, Schema, json_schema
+from trackbench.scenario.traffic_paths import traffic_paths
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.published import TRACKERS, options_of
 
@@ -219,13 +220,25 @@ def _presets() -> str:
 
 
 def _metrics() -> str:
-    rows = ["### Metrics", "", "| metric | unit | meaning |", "| --- | --- | --- |"]
-    metrics = known([*METRICS.loaded().values()])
+    return "\n\n".join(
+        [
+            _table_of("### Metrics", [*known([*METRICS.loaded().values()])]),
+            _table_of("### Metrics with hidden identities", [*traffic_paths(truth=True).values()]),
+            _table_of(
+                "### Metrics with hidden identities, of a recording without a truth",
+                [*traffic_paths(truth=False).values()],
+            ),
+        ]
+    )
+
+
+def _table_of(title: str, metrics: Sequence[MetricPath]) -> str:
+    rows = [title, "", "| metric | unit | meaning |", "| --- | --- | --- |"]
     for metric in metrics:
         unit = " or ".join(f"`{word}`" for word in metric.words) or metric.unit
         rows.append(f"| `{metric.path}` | {unit} | {metric.meaning} |")
     compared = ", ".join(f"`{metric.path}`" for metric in metrics if metric.compared)
-    rows += ["", f"`better_than` compares run by run, and only by {compared}."]
+    rows += ["", f"`better_than` compares run by run, and only by {compared}." if compared else "None is compared."]
     return "\n".join(rows)
 
 

@@ -6,10 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.distributions import chi_square_quantile
 from trackbench.linalg import cholesky, symmetrise
 from trackbench.traffic_metrics.assignment import NearPairs
 from trackbench.traffic_metrics.histories import TrackHistory, TruthHistory
 from trackbench.types import Array
+
+#: NEES of four components that a consistent filter has at most, in 95 % of all cases.
+BOUND = float(chi_square_quantile(0.95, 4.0))
 
 
 class MatchedErrors(NamedTuple):
@@ -23,6 +27,8 @@ class MatchedErrors(NamedTuple):
     """Normalised estimation error squared, 4 degrees of freedom; covariances that are not positive definite do not
     count. Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation",
     section 5.4.2."""
+    inside: tuple[float, float]
+    """Those of them up to the 95 % quantile of chi-square with 4 degrees of freedom."""
 
 
 def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> MatchedErrors:
@@ -30,11 +36,13 @@ def matched_errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs
     error = tracks.mean[:, matched.instant, matched.column] - truth.state[:, matched.instant, matched.object]
     factor = cholesky(symmetrise(tracks.covariance[:, :, matched.instant, matched.column]))
     squares = error**2
-    nees = (factor.whiten(error) ** 2).sum(axis=0)
+    nees = (factor.whiten(error) ** 2).sum(axis=0)[factor.positive]
+    inside = np.where(np.isfinite(nees), nees <= BOUND, np.nan)
     return MatchedErrors(
         _finite_sum(squares[:2].sum(axis=0)),
         _finite_sum(squares[2:].sum(axis=0)),
-        _finite_sum(nees[factor.positive]),
+        _finite_sum(nees),
+        _finite_sum(inside),
     )
 
 

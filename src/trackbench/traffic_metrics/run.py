@@ -162,4 +162,9 @@ def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) 
 
 def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> Sums:
     found = matched_errors(truth, tracks, matched)
-    return {"position_rmse": found.position, "velocity_rmse": found.velocity, "nees": found.nees}
+    return {
+        "position_rmse": found.position,
+        "velocity_rmse": found.velocity,
+        "nees": found.nees,
+        "nees_inside": found.inside,
+    }

@@ -65,6 +65,7 @@ METRICS: dict[str, TrafficMetric] = {
         "m/s", "root mean square error of the velocity of matched tracks", "smaller", "root"
     ),
     "nees": TrafficMetric("", "normalised estimation error squared of matched tracks, 4 when consistent", "none"),
+    "nees_inside": share("share of them within the 95 % bound of chi-square, 0.95 when consistent", "none"),
     "matched_share": share("share of the due instants with a matched track", "larger"),
     "association_right": share("share of associations with the track's own object", "larger"),
     "association_wrong_object": share("share of associations with another object", "smaller"),

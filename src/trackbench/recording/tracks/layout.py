@@ -27,10 +27,13 @@ def blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: 
         rrb.TextDocumentView(origin="ranking", name="Ranking"),
         rrb.TextDocumentView(origin="about", name="About this run"),
     )
-    window = wide if focus.vehicle is None else wide.around(focus.vehicle)
+    # With nothing in focus a close view would show a place where nobody may be.
+    window = near = wide
+    if focus.vehicle is not None:
+        window = wide.around(focus.vehicle)
+        near = window.closer(focus.beside)
     trackers = list(contents.colours)
     front = focus.tracker if focus.tracker in trackers else contents.best
-    near = window.closer(focus.beside)
     tabs = rrb.Tabs(
         *(
             rrb.Horizontal(

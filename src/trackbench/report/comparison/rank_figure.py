@@ -13,6 +13,7 @@ from trackbench.compare import Comparison
 from trackbench.compare.comparison import RankedTracker
 from trackbench.document import Figure
 from trackbench.document.drawing import INK, MUTED
+from trackbench.report.comparison.competitors import competitors, label
 from trackbench.report.groups import groups_of
 from trackbench.report.numbers import fixed
 
@@ -41,7 +42,7 @@ def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
     """
     ranking = comparison.ranking
     bars = _bars(comparison)
-    axis = _Axis(len(ranking), min(0.4 * _WIDTH, _BESIDE + _LETTER * max(len(item.tracker) for item in ranking)))
+    axis = _Axis(len(ranking), min(0.4 * _WIDTH, _BESIDE + _LETTER * max(len(label(item)) for item in ranking)))
     half = -(-len(ranking) // 2)
     below = 10 + _BAR * len(bars)
     height = _TOP + below + _LINE * half + 6
@@ -61,7 +62,7 @@ def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
             y = _TOP + below + _LINE * (0.5 + (place if left else len(ranking) - 1 - place))
             _paint_tracker(axes, axis, item, y, colours[item.tracker], left=left)
 
-    means = ", ".join(f"{item.tracker} {fixed(item.mean_rank, 2)}" for item in ranking)
+    means = ", ".join(f"{label(item)} {fixed(item.mean_rank, 2)}" for item in ranking)
     joined = "; ".join(" and ".join(item.tracker for item in members) for members in bars)
     return Figure(
         name="ranks",
@@ -78,7 +79,7 @@ def rank_figure(comparison: Comparison, colours: Mapping[str, str]) -> Figure:
 def _bars(comparison: Comparison) -> list[list[RankedTracker]]:
     """The groups of two or more that are not shown to differ."""
     shown = {frozenset((item.a, item.b)) for item in comparison.rank_differences if item.shown}
-    names = [item.tracker for item in comparison.ranking]
+    names = [item.tracker for item in competitors(comparison)]
     groups = groups_of(names, lambda a, b: frozenset((a, b)) in shown)
     return [[item for item in comparison.ranking if item.tracker in group] for group in groups if len(group) > 1]
 
@@ -102,4 +103,4 @@ def _paint_tracker(axes: Axes, axis: _Axis, item: RankedTracker, y: float, colou
     axes.plot([x], [_TOP], marker="o", markersize=6.5, color=colour)
     side = "right" if left else "left"
     axes.text(end + 6 * outwards, y, fixed(item.mean_rank, 2), ha=side, va="center", color=MUTED)
-    axes.text(end + 40 * outwards, y, item.tracker, ha=side, va="center", color=INK)
+    axes.text(end + 40 * outwards, y, label(item), ha=side, va="center", color=INK)

@@ -9,6 +9,7 @@ from trackbench.compare.comparison import EntrantScore, RankedTracker
 from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Table, Tone
 from trackbench.metrics.verdict_words import conditions_off
+from trackbench.report.comparison.competitors import competitors, label
 from trackbench.report.comparison.figures import reference_figure
 from trackbench.report.comparison.rank_figure import rank_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
@@ -43,7 +44,7 @@ _OF_TRACKS = {
 
 def lead(comparison: Comparison) -> str:
     """What was compared, who is ahead, and how certain that is."""
-    ranking, scenarios = comparison.ranking, len(comparison.scenarios)
+    ranking, scenarios = competitors(comparison), len(comparison.scenarios)
     compared = f"{counted(len(ranking), 'tracker')} over {counted(scenarios, 'scenario')}. "
     if len(ranking) < 2:
         return compared
@@ -59,7 +60,7 @@ def lead(comparison: Comparison) -> str:
 
 def _certainty(comparison: Comparison) -> str:
     """Whether the lead is shown."""
-    ranking, scenarios = comparison.ranking, len(comparison.scenarios)
+    ranking, scenarios = competitors(comparison), len(comparison.scenarios)
     wanted = fewest_scenarios(len(ranking))
     if scenarios < wanted:
         trackers = counted(len(ranking), "tracker")
@@ -123,7 +124,8 @@ _METHOD = (
     "with as many runs: both the choice of scenarios and the noise within them are in the spread of the ranks. Two "
     "mean ranks differ where few choices of the signs of their differences in the scenarios give as large a sum (exact "
     f"sign-flip test, Holm over the pairs). No interval with fewer than {FEWEST_SCENARIOS} scenarios or "
-    f"{FEWEST_TRACKERS} trackers."
+    f"{FEWEST_TRACKERS} trackers. A reference knows which detection is whose: the others are ranked without it, and "
+    "its rank is that which it would have."
 )
 
 
@@ -136,8 +138,8 @@ def _overall(comparison: Comparison) -> Table:
     columns.append(Column("scenarios"))
     rows = [
         (
-            Cell(str(i)),
-            Cell(item.tracker, tracker=item.tracker),
+            Cell("" if item.reference else str(i)),
+            Cell(item.tracker, ("reference",) if item.reference else (), tracker=item.tracker),
             Cell(fixed(item.mean_rank, 2)),
             Cell(interval(item.ci95, 2) or NOT_AVAILABLE),
             Cell(str(item.won)),
@@ -165,7 +167,10 @@ def _matrix(comparison: Comparison, links: Mapping[str, str], name: str, metric:
         cells = (scores.get(tracker) for tracker in names)
         link = Cell(scenario.name, link=links[scenario.name])
         rows.append((link, *(Cell("") if score is None else cell(score, places) for score in cells)))
-    columns = (Column("scenario", left=True), *(Column(tracker) for tracker in names))
+    columns = (
+        Column("scenario", left=True),
+        *(Column(label(item)) for item in comparison.ranking),
+    )
     return Table(name, columns, tuple(rows), matrix=True)
 
 

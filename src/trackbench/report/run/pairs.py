@@ -21,6 +21,8 @@ class Pair:
     ci95: tuple[float, float] | None
     verdict: str
     """Of the first: ``better``, ``worse``, ``equivalent`` or ``undecided``."""
+    margin: float
+    """m, up to which a difference does not matter."""
 
 
 class Pairs:
@@ -34,11 +36,11 @@ class Pairs:
         """The difference ``a`` minus ``b``, or None where the pair was not compared."""
         found, flipped = self._found.get((a, b)), self._found.get((b, a))
         if found is not None:
-            return Pair(found.value, found.ci95, _verdict(found, a))
+            return Pair(found.value, found.ci95, _verdict(found, a), found.margin)
         if flipped is None:
             return None
         ci95 = None if flipped.ci95 is None else (-flipped.ci95[1], -flipped.ci95[0])
-        return Pair(-flipped.value, ci95, _verdict(flipped, a))
+        return Pair(-flipped.value, ci95, _verdict(flipped, a), flipped.margin)
 
     def differ(self, a: str, b: str) -> bool:
         """Whether one was shown to be better than the other by more than the margin."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
@@ -54,26 +54,34 @@ def _variance(result: Result) -> str:
 
 
 def _turned(result: Result) -> str:
-    best = result.scored[0].name
-    turned = [scene for scene in result.summary.truth.scenes if _ahead(result, scene, best)]
+    names = [tracker.name for tracker in result.contenders]
+    best = names[0]
+    turned = [scene for scene in result.summary.truth.scenes if _ahead(result, scene, names)]
     total = len(result.summary.truth.scenes)
     if not turned:
         return f"No tracker is ahead of {best} by more than the margin in any of the {total} scenes."
-    each = [f"{scene.name} ({scene.order[0]})" for scene in turned]
+    each = [f"{scene.name} ({_first(scene, names)})" for scene in turned]
     where = f"In {len(turned)} of {total} scenes another tracker is ahead of {best} by more than the margin"
     return f"{where}: {joined(each)}."
 
 
-def _ahead(result: Result, scene: SceneSummary, best: str) -> bool:
-    """Whether another tracker is better than the best one here, by more than the margin."""
+def _first(scene: SceneSummary, names: Sequence[str]) -> str:
+    """The best here of some trackers."""
+    return next((name for name in scene.order if name in names), "")
+
+
+def _ahead(result: Result, scene: SceneSummary, names: Sequence[str]) -> bool:
+    """Whether another tracker is better here than the one that is the best of all, by more than the margin."""
+    best = names[0]
     if best not in scene.error:
-        return True
-    least = scene.error[scene.order[0]]
+        return any(name in scene.error for name in names)
+    least = scene.error[_first(scene, names)]
     return scene.error[best] - least > result.summary.score.margin.at(least, "m")
 
 
 def _table(result: Result) -> Table:
     names = [tracker.name for tracker in result.scored]
+    contenders = [tracker.name for tracker in result.contenders]
     found = result.summary.truth.scenes
     places = decimals([value for scene in found for value in scene.error.values()], 3)
     first = (Column("scene", left=True), [Cell(scene.name) for scene in found])
@@ -81,14 +89,14 @@ def _table(result: Result) -> Table:
     columns = [
         (
             Column(f"{name}, m", f"{result.summary.headline_name} in this scene; bold is the smallest"),
-            [_cell(scene, name, places) for scene in found],
+            [_cell(scene, name, places, name == _first(scene, contenders)) for scene in found],
         )
         for name in names
     ]
     return Table.of_columns("scenes", [first, vehicles, *columns])
 
 
-def _cell(scene: SceneSummary, name: str, places: int) -> Cell:
+def _cell(scene: SceneSummary, name: str, places: int, best: bool) -> Cell:
     if name not in scene.error:
         return Cell(NOT_AVAILABLE, reason="no estimate in this scene")
-    return Cell(fixed(scene.error[name], places), strong=scene.order[0] == name)
+    return Cell(fixed(scene.error[name], places), strong=best)

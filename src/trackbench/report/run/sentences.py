@@ -94,7 +94,7 @@ def headline(result: Result) -> str:
     """
     order = result.contenders
     if not order:
-        return "No tracker finished."
+        return _why_nobody(result)
     summary, names = result.summary, [tracker.name for tracker in order]
     metric, known = order[0].metrics[summary.headline], summary.identities == "known"
     places = decimals([metric.value, half_width(metric)], 1)
@@ -121,6 +121,15 @@ def headline(result: Result) -> str:
     bounds = f" (95 % interval {interval(second.ci95, gap)} m)" if second.ci95 else ""
     of_next = f"The {'RMSE' if known else 'GOSPA'} of the next, {names[1]},"
     return f"{text}. {of_next} is {fixed(second.value, gap)} m larger{bounds}."
+
+
+def _why_nobody(result: Result) -> str:
+    """Why no tracker is ranked: where all finished and identities are hidden, there was nothing to track."""
+    reasons = {failure(result, tracker) for tracker in result.unscored if tracker.failed is None}
+    if result.summary.identities == "hidden" and len(reasons) == 1:
+        (reason,) = reasons
+        return f"{reason[0].upper()}{reason[1:]}."
+    return "No tracker finished."
 
 
 def _named(trackers: Sequence[str]) -> str:

@@ -145,14 +145,19 @@ def _expected(trackers: Sequence[TrackerResult], sensor: str) -> str:
 
 
 def key_differences(result: Result) -> Table:
-    """Each tracker against the best and against the one ranked just above it."""
-    order = [tracker.name for tracker in result.scored]
+    """Each tracker against the best and against the one ranked just above it; a reference against the best alone."""
+    order = [tracker.name for tracker in result.contenders]
+    beside = [tracker for tracker in result.scored if tracker.name not in order]
     pairs = Pairs(result.summary)
     found = [(pairs.get(name, order[0]), pairs.get(name, above)) for above, name in pairwise(order)]
-    places = _places(pair for both in found for pair in both)
+    of_references = [pairs.get(tracker.name, order[0]) for tracker in beside]
+    places = _places([*(pair for both in found for pair in both), *of_references])
     rows = [
         (Cell(name, tracker=name), _difference(best, places), _difference(above, places))
         for name, (best, above) in zip(order[1:], found, strict=True)
+    ]
+    rows += [
+        (name, _difference(best, places), Cell("")) for name, best in zip(names(beside), of_references, strict=True)
     ]
     headings = (f"minus {order[0]}, m", "minus the next better, m")
     columns = (TRACKER, *(Column(heading, details=VERDICT) for heading in headings))

@@ -7,6 +7,7 @@ from rich.text import Text
 from trackbench.report.numbers import decimals, fixed
 from trackbench.report.run.cells import metric_of
 from trackbench.report.run.scenes import basis_of_intervals
+from trackbench.report.traffic.sentences import reused_identities
 from trackbench.results import Result
 
 #: The columns: heading, metric, significant digits, and the factor of its unit in the heading.
@@ -43,19 +44,31 @@ def values(result: Result) -> list[tuple[str, list[Text]]]:
     for heading, path, digits, factor in COLUMNS if result.summary.truth.known else COLUMNS_WITHOUT_TRUTH:
         numbers = [None if (value := metric_of(t, path).value) is None else factor * value for t in trackers]
         places = decimals(numbers, digits)
-        found.append((heading, [Text(fixed(number, places)) for number in numbers]))
+        texts = map(_nees, numbers) if path == "nees" else (fixed(number, places) for number in numbers)
+        found.append((heading, [Text(text) for text in texts]))
     return found
+
+
+def _nees(value: float | None) -> str:
+    """In four letters at most."""
+    if value is not None and value >= 999.5:
+        return ">999"
+    return fixed(value, 1 if value is None or value < 99.95 else 0)
 
 
 def notes(result: Result) -> list[str]:
     """What the headings mean."""
     if not result.summary.truth.known:
         return notes_without_truth()
-    cutoff = result.summary.score.cutoff_m
+    cutoff = result.summary.score.cutoff_m or 0.0
+    any_reference = any(tracker.is_reference for tracker in result.scored)
     return [
         f"missed, false: parts of GOSPA (cutoff {cutoff:g} m); sw/min: switches per object-minute",
-        "pos. m, NEES (4 expected): of matched tracks alone",
-        f"intervals are in the report, {basis_of_intervals(result)}",
+        f"pos. m, NEES (4 expected): of tracks within {cutoff / 2:g} m of their object",
+        *(["*: a reference, which knows which detection is whose; no competitor"] if any_reference else []),
+        "intervals are in the report; they are",
+        basis_of_intervals(result),
+        *([reused] if (reused := reused_identities(result)) else []),
     ]
 
 

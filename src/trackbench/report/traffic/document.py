@@ -32,7 +32,7 @@ from trackbench.report.traffic import without_truth
 from trackbench.report.traffic.events import events_section
 from trackbench.report.traffic.figures import existence_calibration, gospa_over_time
 from trackbench.report.traffic.map import map_of_tracks
-from trackbench.report.traffic.sentences import association_against_filtering, verdict
+from trackbench.report.traffic.sentences import association_against_filtering, censored, reused_identities, verdict
 from trackbench.report.traffic.strips import strip_chart
 from trackbench.results import Result, TrackerResult
 from trackbench.traffic_metrics import METRICS
@@ -42,12 +42,13 @@ RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota",
 GROUPS: dict[str, tuple[str, ...]] = {
     "Identity": ("tgospa", "gospa_switch", "id_switches", "fragmentations", "assa", "track_purity"),
     "Detection": ("deta", "matched_share", "false_tracks", "confirm_latency", "never_confirmed", "lost_time_share"),
-    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "motp", "matched_share"),
+    "Errors of matched tracks": ("position_rmse", "velocity_rmse", "nees", "nees_inside", "motp", "matched_share"),
     "Association": (
         "association_right", "association_wrong_object", "association_clutter", "association_missed",
     ),
 }  # fmt: skip
 
+SAME_ID = "Tracks of one identity are scored as one track: a second track of it on the same object is no switch."
 #: Words of the metrics' names that are written otherwise.
 ACRONYMS = {
     "gospa": "GOSPA", "tgospa": "T-GOSPA", "hota": "HOTA", "deta": "DetA", "assa": "AssA", "idf1": "IDF1",
@@ -73,8 +74,11 @@ def _standings(result: Result) -> Iterator[Block]:
     for sentence in association_against_filtering(result):
         yield Paragraph(sentence)
     if result.scored:
-        items = (Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.scored)
+        items = [Item(f"{verdict(t)}.", t.name, about(t), t.name) for t in result.contenders]
         yield Items(tuple(items), numbered=True)
+        beside = [t for t in result.scored if t not in result.contenders]
+        if beside:
+            yield Items(tuple(Item(f"{verdict(t)}.", f"{t.name} (reference)", about(t), t.name) for t in beside))
 
 
 def _of_truth(result: Result, styles: Mapping[str, TrackerStyle], shown: Sequence[TrackerStyle]) -> Iterator[Section]:
@@ -91,10 +95,14 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     trackers = result.scored
     if not trackers:
         return
-    note = Paragraph(f"Small print is the 95 % interval, {basis_of_intervals(result)}.")
+    margin = margin_words(result.summary.score.margin, "m")
+    said = f"Small print is the 95 % interval, {basis_of_intervals(result)}. No difference of GOSPA over {margin} was "
+    said += "shown between trackers that share a letter under “group”."
+    if any(tracker.is_reference for tracker in trackers):
+        said += " A reference knows which detection is whose: it is no competitor."
+    note = Paragraph(said)
     yield Section("Ranking", (note, ranking(result)))
     if len(trackers) > 1:
-        margin = margin_words(result.summary.score.margin, "m")
         cost = cost_against_accuracy(result.drawn, styles, "gospa")
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
         pairs = Section("All pairs", (tables.all_differences(result, result.drawn),), folded=True)
@@ -143,8 +151,11 @@ def _named(path: str) -> str:
 
 
 def _details(result: Result) -> Iterator[Section]:
+    notes = {"Errors of matched tracks": (Paragraph(censored(result)),)}
+    if reused := reused_identities(result):
+        notes["Identity"] = (Paragraph(f"{reused[0].upper()}{reused[1:]}. {SAME_ID}"),)
     for title, paths in GROUPS.items() if result.scored else ():
-        yield Section(title, (_table(title, result.scored, paths),))
+        yield Section(title, (_table(title, result.scored, paths), *notes.get(title, ())))
 
 
 def about(tracker: TrackerResult) -> str:

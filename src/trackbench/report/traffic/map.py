@@ -13,7 +13,7 @@ from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import panel_title
 from trackbench.document.drawing import INK, MUTED, WIDTH
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.palette import ERROR_COLOURS, TRACKER_COLOURS
+from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, names, where
 from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
@@ -21,12 +21,13 @@ from trackbench.report.run.figures.map import mapped
 from trackbench.results import Result
 from trackbench.words import counted
 
-#: Marks of events, each with its colour.
+_LOST, _FALSE = ERROR_COLOURS[4], "#B42D00"
+#: Marks of events, each with its colour and whether it is filled.
 MARKS = {
-    "switched": ("x", INK),
-    "lost": ("o", ERROR_COLOURS[4]),
-    "merged": ("o", ERROR_COLOURS[4]),
-    "false": ("^", ERROR_COLOURS[3]),
+    "switched": ("x", INK, "none"),
+    "lost": ("o", _LOST, "none"),
+    "merged": ("o", _LOST, "none"),
+    "false": ("^", _FALSE, _FALSE),
 }
 
 
@@ -55,10 +56,10 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
         every = list(canvas.subplots(*shape, sharex=True, sharey=True, squeeze=False).flat)
         for axes, style in zip(every, shown, strict=True):
             axes.grid(visible=False)
-            draw_surroundings(axes, roads, observer, targets)
+            draw_surroundings(axes, roads, observer, targets, box.points(across))
             panel_title(axes, style.name, across)
-            for number, (x, y) in enumerate(tracks[style.key].values()):
-                axes.plot(x, y, color=TRACKER_COLOURS[number % len(TRACKER_COLOURS)], linewidth=1.5)
+            for x, y in tracks[style.key].values():
+                axes.plot(x, y, color=style.colour, linewidth=1.5)
             _marks(axes, events[style.key])
             axes.set(xlim=(box.left, box.right), ylim=(box.bottom, box.top), ylabel="y, m")
             if not box.stretched:
@@ -69,18 +70,24 @@ def map_of_tracks(result: Result, styles: Sequence[TrackerStyle]) -> Figure | No
     return Figure(
         "map",
         "Tracks from above",
-        f"Run {run}: true paths in grey from the dot to the name, the observer's dotted; each track has its own "
-        "colour." + (" The axes have different scales." if box.stretched else ""),
+        f"Run {run}, {_which(shown, len(styles))}: true paths in grey from the dot to the name, the observer's dotted; "
+        "tracks in the tracker's colour." + (" The axes have different scales." if box.stretched else ""),
         f"Map of run {run}: {counted(len(targets), 'vehicle')}; {joined(said)}.",
         paint,
         30 + (height if beside else len(shown) * height),
         legend=(
             LegendEntry("true path", MUTED),
-            LegendEntry("switch (cross)", INK, "dot"),
-            LegendEntry("lost", ERROR_COLOURS[4], "dot"),
-            LegendEntry("false track begins", ERROR_COLOURS[3], "dot"),
+            LegendEntry("switch", INK, "cross"),
+            LegendEntry("lost or merged", _LOST, "ring"),
+            LegendEntry("false track begins", _FALSE, "triangle"),
         ),
     )
+
+
+def _which(shown: Sequence[TrackerStyle], every: int) -> str:
+    """Of the trackers, and where the others are."""
+    names = joined([style.name for style in shown])
+    return names if len(shown) == every else f"the best and the last ranked tracker, {names} (the recording has all)"
 
 
 def _tracks(rows: pa.Table) -> Mapping[int, tuple[np.ndarray, np.ndarray]]:
@@ -90,9 +97,9 @@ def _tracks(rows: pa.Table) -> Mapping[int, tuple[np.ndarray, np.ndarray]]:
 
 
 def _marks(axes: Axes, events: Sequence[TrackEvent]) -> None:
-    for kind, (marker, colour) in MARKS.items():
+    for kind, (marker, colour, filled) in MARKS.items():
         own = [event for event in events if event.kind == kind]
         axes.plot(
-            [event.x_m for event in own], [event.y_m for event in own], marker=marker, markersize=5, color=colour,
-            markerfacecolor="none", linestyle="none",
+            [event.x_m for event in own], [event.y_m for event in own], marker=marker, markersize=7, color=colour,
+            markerfacecolor=filled, markeredgewidth=1.6, linestyle="none", zorder=5,
         )  # fmt: skip

@@ -58,17 +58,17 @@ def strip_chart(objects: pa.Table, styles: Sequence[TrackerStyle], run: int) -> 
     return Figure(
         "objects",
         "What happened to each object",
-        f"Run {run}, {_which(shown, len(styles))}: a row for each object that was due. No colour: it was not due. A "
-        "line across marks a switch to another track."
+        f"Run {run}, {_which(shown, len(styles))}: a row for each object that was due. No colour: it was not due. An "
+        "upright line marks a switch to another track."
         + (f" {counted(left_out, 'object')} that were due for a shorter time are left out." if left_out else ""),
         f"Strips of {counted(len(drawn), 'object')} over time. Share of the due time that is tracked: {joined(said)}.",
         paint,
         height,
         legend=(
-            LegendEntry("not yet tracked", _WAITING, "band"),
-            LegendEntry("tracked", _TRACKED, "band"),
-            LegendEntry("lost", _LOST, "band"),
-            LegendEntry("switch", INK),
+            LegendEntry("not yet tracked", _WAITING, "box"),
+            LegendEntry("tracked", _TRACKED, "box"),
+            LegendEntry("lost", _LOST, "box"),
+            LegendEntry("switch", INK, "upright"),
         ),
     )
 
@@ -78,7 +78,7 @@ def _panel(axes: Axes, rows: pa.Table, drawn: Sequence[str]) -> None:
     for number, name in enumerate(drawn):
         own = where(rows, object=name)
         state, start, until = own["state"].to_pylist(), column(own, "time_s"), column(own, "until_s")
-        axes.axhline(number, color=GRID, linewidth=0.6)
+        axes.axhline(number, color=GRID, linewidth=0.6, zorder=0.5)
         for word, colour in COLOURS.items():
             spans = [(a, b - a) for a, b, which in zip(start, until, state, strict=True) if which == word]
             if spans:

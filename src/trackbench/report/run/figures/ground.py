@@ -21,6 +21,9 @@ MARGIN_M = 6.0
 TALLEST, STRETCHED = 400.0, 150.0
 #: The widest name of an object, points.
 NAME = 90.0
+#: Of a letter and a line of a name, and where a name may stand above the end of its path, points.
+LETTER, LINE = 5.2, 10.0
+ABOVE = (3.0, -11.0, 14.0, -22.0, 25.0)
 
 
 @dataclass(frozen=True)
@@ -51,21 +54,41 @@ class MapBox:
         """Points of a map that is so many points wide."""
         return STRETCHED if self.stretched else min(TALLEST, 30 + (across - 50) * self.height / self.width)
 
+    def points(self, across: float) -> tuple[float, float]:
+        """Of one metre in x and in y, on a map that is so many points wide."""
+        return (across - 50) / self.width, (self.drawn_height(across) - 30) / self.height
+
 
 def draw_surroundings(
-    axes: Axes, roads: pa.Table, observer: Sequence[tuple[Array, Array]], targets: Mapping[str, tuple[Array, Array]]
+    axes: Axes,
+    roads: pa.Table,
+    observer: Sequence[tuple[Array, Array]],
+    targets: Mapping[str, tuple[Array, Array]],
+    points: tuple[float, float],
 ) -> None:
-    """Roads, the observer's path and those of the objects, with their names."""
+    """Roads, the observer's path and those of the objects, with their names; ``points`` are of a metre in x and y."""
     lines, x, y = (column(roads, name) for name in ("line", "x_m", "y_m"))
     for line in np.unique(lines):
         axes.plot(x[lines == line], y[lines == line], color=GRID, linewidth=1.5)
     for x, y in observer:
         axes.plot(x, y, color=MUTED, linewidth=1.4, linestyle=(0, (1.5, 1.5)))
         axes.plot(x[:1], y[:1], color=MUTED, marker="s", markersize=5)
+    placed: list[tuple[float, float, float]] = []
     for name, (x, y) in targets.items():
         axes.plot(x, y, color=MUTED, linewidth=0.8)
         axes.plot(x[:1], y[:1], color=INK, marker="o", markersize=3.5)
-        axes.annotate(shortened(name, NAME, 9), (x[-1], y[-1]), xytext=(3, 3), textcoords="offset points", fontsize=9)
+        text = shortened(name, NAME, 9)
+        left, at, width = x[-1] * points[0] + 3, y[-1] * points[1], LETTER * len(text)
+        above = next((each for each in ABOVE if _free(left, at + each, width, placed)), ABOVE[0])
+        placed.append((left, at + above, width))
+        axes.annotate(text, (x[-1], y[-1]), xytext=(3, above), textcoords="offset points", fontsize=9)
+
+
+def _free(left: float, bottom: float, width: float, placed: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether a name covers none of those that are there."""
+    return all(
+        abs(bottom - other) >= LINE or left >= start + wide or start >= left + width for start, other, wide in placed
+    )
 
 
 def alive_path(truth: pa.Table, name: str) -> tuple[Array, Array]:

@@ -74,7 +74,7 @@ def map_of_run(
         every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
         for i, axes in enumerate(every):
             axes.grid(visible=False)
-            draw_surroundings(axes, roads, observer, targets)
+            draw_surroundings(axes, roads, observer, targets, box.points(across))
             if drawn:
                 panel_title(axes, drawn[i].name, across)
                 _coloured(axes, tracks[i], limits)
