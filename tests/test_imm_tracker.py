@@ -1,5 +1,6 @@
 """A tracker with several motion models, as a scenario has it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -74,34 +75,8 @@ def test_two_equal_models_are_one(motion, filter, start):
                 np.testing.assert_allclose(found[there], expected[there], rtol=1e-11, atol=1e-12 * scale, err_msg=name)
 
 
-SCENARIO = """\
-name: lane_changes
-description: A vehicle that drives straight and then turns
-truth:
-  source: scripted
-  duration_s: 16
-  rate_hz: 20
-  objects:
-    car:
-      start: {x: 20, y: -20, speed_mps: 12, course_deg: 90}
-      pieces:
-        - {for_s: 6}
-        - {for_s: 4, turn_rate_degps: 30}
-        - {for_s: 6}
-sensors:
-  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.3}
-trackers:
-  straight: {filter: ekf, motion: cv, acceleration_sigma_mps2: 0.3}
-  turning: {filter: ekf, motion: ctrv, acceleration_sigma_mps2: 0.3, yaw_acceleration_sigma_radps2: 1}
-  imm:
-    filter: ekf
-    motion:
-      imm:
-        - {model: cv, acceleration_sigma_mps2: 0.3}
-        - {model: ctrv, acceleration_sigma_mps2: 0.3, yaw_acceleration_sigma_radps2: 1}
-      stay_s: [5, 5]
-monte_carlo: {runs: 50, seed: 1}
-"""
+#: The example of the page on filters.
+SCENARIO = re.search(r"```yaml\n(name:.*?)```", (Path(__file__).parents[1] / "docs/filters.md").read_text(), re.S)[1]
 
 
 def loaded(tmp_path: Path, change=lambda tracker: None):

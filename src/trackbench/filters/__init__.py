@@ -14,6 +14,7 @@ from trackbench.filters.base import (
 from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import ExtendedKalmanFilter, IteratedExtendedKalmanFilter, KalmanFilter
 from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, SymmetricSet, classic, scaled
+from trackbench.filters.smoothers import smoothed
 
 __all__ = [
     "CUBATURE",
@@ -34,4 +35,5 @@ __all__ = [
     "choose",
     "classic",
     "scaled",
+    "smoothed",
 ]

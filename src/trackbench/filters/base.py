@@ -139,6 +139,10 @@ class SingleModelFilter(ABC):
         """The belief after ``dt`` seconds (zero or more)."""
 
     @abstractmethod
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        """``(n, n, ...)`` covariance of the state before (rows) and after (columns) ``dt`` seconds."""
+
+    @abstractmethod
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filter compares them with its predictions."""
 

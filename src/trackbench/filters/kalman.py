@@ -36,6 +36,12 @@ def predict_linearised(motion: MotionModel, belief: Belief, dt: float) -> Belief
     return Belief(mean, linalg.symmetrise(linalg.quadratic(f, p)) + linalg.expand(q, p))
 
 
+def linearised_cross(motion: MotionModel, belief: Belief, dt: float) -> Array:
+    """Covariance of the state before and after ``dt``: ``P F^T`` (Särkkä 2013, algorithm 9.1)."""
+    f = motion.jacobian(belief.mean, dt)
+    return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
+
+
 @lru_cache(maxsize=256)
 def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
     """Transition and process noise of a linear model, which are the same for every state."""
@@ -52,6 +58,9 @@ class KalmanFilter(SingleModelFilter):
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return linearised_cross(self.motion, belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         position = SENSOR_MODELS[scan.kind].position(scan)
@@ -79,6 +88,9 @@ class ExtendedKalmanFilter(SingleModelFilter):
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
 
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return linearised_cross(self.motion, belief, dt)
+
     def measured(self, scan: Scan) -> Measured:
         return as_measured(scan)
 
@@ -102,6 +114,9 @@ class IteratedExtendedKalmanFilter(SingleModelFilter):
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return linearised_cross(self.motion, belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         return as_measured(scan)
