@@ -11,7 +11,7 @@ from trackbench.filters.base import wrap_components
 from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, UNKNOWN_ANGLE, VELOCITY, YAW
 from trackbench.types import Array, Gaussian
-from trackbench.units import cos_sin, difference
+from trackbench.units import cos_sin, difference, wrap_angle
 
 #: What position and velocity determine.
 DETERMINED = {*POSITION, *VELOCITY, *YAW}
@@ -35,7 +35,8 @@ def moment_matched(weights: Array | Sequence[Array], parts: Sequence[Gaussian], 
         share = weight / total
         away = difference(part.mean, mean, angular)
         spread = np.sqrt(share * (1.0 - share)) * away
-        joined = share * (part.covariance - covariance)
+        joined = part.covariance - covariance
+        joined *= share
         joined += covariance
         joined += spread[:, None] * spread
         mean, covariance = wrap_components(mean + share * away, angular), joined
@@ -94,7 +95,7 @@ def _yaw_left_open(own: Gaussian, names: tuple[str, ...], other: Gaussian, carte
 def _facing(yaw: Array, names: tuple[str, ...], belief: Gaussian) -> Gaussian:
     """The belief, its yaw within a right angle of ``yaw``: at the opposite yaw and speed the motion is the same."""
     i = names.index("yaw")
-    opposite = np.cos(belief.mean[i] - yaw) < 0.0
+    opposite = np.abs(wrap_angle(belief.mean[i] - yaw)) > np.pi / 2
     if not np.any(opposite):
         return belief
     sign = np.ones_like(belief.mean)
