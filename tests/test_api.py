@@ -180,7 +180,7 @@ def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
 
 
 def test_scans_with_hidden_identities_are_the_detections_of_one_run(tmp_path: Path) -> None:
-    text = SCENARIO.partition("trackers:")[0] + "trackers: {raw: {use: raw}}\nmonte_carlo: {runs: 6}\n"
+    text = SCENARIO.partition("trackers:")[0] + "trackers: {own: {use: own:Tracker}}\nmonte_carlo: {runs: 6}\n"
     text = text.replace("    clutter: {per_scan: 2}\n", "    fov_deg: 90\n").replace(": 0.95", ": 0.2")
     scans = {}
     for identities in ("known", "hidden"):

@@ -20,6 +20,7 @@ from trackbench.doctor.subject import SENSORS, subject
 from trackbench.doctor.traffic.examine import TrafficDoctor
 from trackbench.doctor.traffic.ranking import CONSEQUENCES
 from trackbench.errors import InputError
+from trackbench.scaffold import new
 from trackbench.testing.kinds import Identities
 
 FAULTS = set(faults_of("trackbench.doctor.traffic"))
@@ -34,6 +35,45 @@ def first_fault(sensor: str, make: Make) -> str:
 @pytest.mark.parametrize("name", ["builtin gnn", "builtin pmb", "nearest global"])
 def test_a_sound_tracker_has_no_fault(sensor: str, name: str) -> None:
     assert first_fault(sensor, SOUND[name]) == ""
+
+
+class ByColumn(NearestGlobal):
+    """Gives each track the detection in its own column."""
+
+    def associated(self, distances, scan):
+        return {k: k for k in range(min(distances[0].shape))}
+
+
+class ByColumnInGate(ByColumn):
+    def associated(self, distances, scan):
+        inside = self.inside(distances[0], scan)
+        return {k: k for k in super().associated(distances, scan) if inside[k, k]}
+
+
+@pytest.mark.parametrize("kind", [ByColumn, ByColumnInGate])
+def test_a_column_taken_for_an_object_depends_on_the_order(kind: type[NearestGlobal]) -> None:
+    findings = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(kind)).findings
+    assert findings[0].fault == "order_dependent"
+    assert {finding.consequence_of for finding in findings[1:]} <= {"order_dependent"}
+
+
+def test_a_tracker_without_a_track_is_said_to_have_none() -> None:
+    class Silent(NearestGlobal):
+        def reported(self):
+            return []
+
+    finding, *_ = TrafficDoctor(SENSORS).examine("tracker", looped(Silent)).findings
+    assert (finding.fault, finding.evidence) == ("confirms_too_late", "There is no track at all of it in 3 s.")
+
+
+def test_an_identity_taken_modulo_is_reused() -> None:
+    class Modulo(NearestGlobal):
+        def next_id(self):
+            free = set(range(9)) - {track.id for track in self.tracks}
+            self.count += 1
+            return next(one % 9 for one in range(self.count, self.count + 9) if one % 9 in free)
+
+    assert first_fault("lidar", looped(Modulo)) == "ids_reused"
 
 
 def test_a_sensor_that_the_tracker_does_not_read_is_left_out() -> None:
@@ -99,16 +139,15 @@ def test_nine_of_ten_faults_are_named_first_and_sound_trackers_have_none(held_ou
 
 
 def test_a_tracker_of_a_scenario_and_a_class_are_examined(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "mine.py").write_text(
-        "import numpy as np\nfrom trackbench.types import Tracks\n\n\nclass Silent:\n"
-        "    def step(self, state, scan):\n        return state, None\n"
-    )
+    new("multi-tracker", "nearest_of_several", tmp_path)
+    slow = "from nearest_of_several import NearestOfSeveral\n\n\nclass Slow(NearestOfSeveral):\n"
+    (tmp_path / "mine.py").write_text(f"{slow}    def __init__(self):\n        super().__init__(confirm=(40, 45))\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
     for arguments, fault in (
         (["traffic/dense_highway#naive"], "order_dependent"),
-        (["mine:Silent", "--identities", "hidden", "--in-process"], "confirms_too_late"),
-        (["mine:Silent", "--identities", "hidden"], "confirms_too_late"),
+        (["mine:Slow", "--identities", "hidden", "--in-process"], "confirms_too_late"),
+        (["mine:Slow", "--identities", "hidden"], "confirms_too_late"),
     ):
         done = CliRunner().invoke(cli, ["doctor", *arguments, "--json", "--out", str(tmp_path / "out")])
         assert done.exit_code == 1, done.output

@@ -126,7 +126,8 @@ class PairDifference(Part):
     def identical(self) -> bool:
         """Whether the two had the same value in every run, but for rounding."""
         reach = max(abs(self.value), abs(self.reference)) * ROUNDING
-        return self.paired_runs is not None and self.ci95 is not None and max(map(abs, self.ci95)) <= reach
+        ends = self.ci95 or (self.difference,)
+        return self.paired_runs is not None and max(map(abs, ends)) <= reach
 
 
 class NotCompared(Part):

@@ -138,7 +138,7 @@ def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Itera
             verdict=UNDECIDED,
         )
         # The rest of rounding is another on each machine.
-        update = {"difference": 0.0, "ci95": (0.0, 0.0)} if item.identical else {}
+        update = {"difference": 0.0, "ci95": item.ci95 and (0.0, 0.0)} if item.identical else {}
         yield _Found(item.model_copy(update=update), result)
 
 

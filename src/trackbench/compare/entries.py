@@ -21,7 +21,12 @@ from trackbench.scenario.load import scenario_of
 from trackbench.types import Array
 
 #: What a comparison does not read of a scenario, and may be code that is not here.
-LEFT_OUT = ("trackers={raw: {use: raw}}", "score.metrics=[]", "expect=[]")
+LEFT_OUT = ("score.metrics=[]", "expect=[]")
+#: Trackers that any scenario may have, by whether identities are known.
+ANY = {
+    "known": "trackers={raw: {use: raw}}",
+    "hidden": "trackers={one: {filter: kf, motion: cv, acceleration_sigma_mps2: 1, associate: {method: gnn}}}",
+}
 #: Difference, relative to the value or to 1, up to which the tables and the summary of one run agree.
 AGREEMENT = 1e-6
 
@@ -46,9 +51,10 @@ class Entry:
         Raises:
             InputError: this version does not read it, or its truth or a sensor is a plug-in that is not there.
         """
-        kept = self.result.summary.scenario
+        summary = self.result.summary
+        kept, trackers = summary.scenario, ANY[summary.identities]
         try:
-            return scenario_of(kept.text, Path(kept.name), [*kept.overrides, *LEFT_OUT]).config
+            return scenario_of(kept.text, Path(kept.name), [*kept.overrides, trackers, *LEFT_OUT]).config
         except InputError as error:
             problem = "its scenario is not one that this version reads"
             if error.message.startswith("cannot import "):

@@ -44,14 +44,16 @@ def stated_figures(make: Make, site: Site) -> PartResult:
     certain = little / (1 - LITTLE) if heeds else before
     implied = {stated: 1 - odds / certain for stated, odds in after.items()}
     off = max(abs(one - stated) for stated, one in implied.items())
-    said = " and ".join(f"{one:.2f} where {stated:g} is stated" for stated, one in implied.items())
-    note(found, "detection_probability", question, off < PROBABILITY, f"it counts as of {said}", "pd_misstated")
+    told_of = " and ".join(f"{one:.2f} where {stated:g} is stated" for stated, one in implied.items())
+    said = f"a miss lowers the odds of existence as if the detection probability were {told_of}"
+    note(found, "detection_probability", question, off < PROBABILITY, said, "pd_misstated")
     factors = _clutter_factors(track, certain) if off < PROBABILITY else []
     if factors:
         factor = max(factors, key=lambda one: abs(np.log(one)))
         note(
             found, "clutter", "Does a detection count as the stated clutter says?",
-            abs(np.log(factor)) < np.log(FACTOR), f"it counts as at {factor:.3g} times the stated clutter",
+            abs(np.log(factor)) < np.log(FACTOR),
+            f"a detection raises the odds of existence as if the clutter were {factor:.3g} times what is stated",
             "clutter_misstated",
         )  # fmt: skip
     return found
