@@ -54,7 +54,9 @@ def test_estimates_agree_to_four_digits(peer, keys):
         found.append(estimate.state)
     angular = ours.filter.motion.angular
     for i in range(BATCH_SIZE):
-        theirs = peer(ours.prior.mean[:, i], ours.prior.covariance, [member(seen, i) for seen in scans], DT)
+        theirs = peer(
+            ours.prior.belief.mean[:, i], ours.prior.belief.covariance[..., i], [member(seen, i) for seen in scans], DT
+        )
         for k in range(STEPS):
             miss = reference.residual(angular)(found[k][:, i], theirs[k])
             np.testing.assert_allclose(miss, 0, atol=1e-4)

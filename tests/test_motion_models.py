@@ -208,3 +208,12 @@ def test_batches_of_any_shape_give_what_single_states_give(model):
             expected = getattr(model, name)(state, 0.3)
             here = found[..., i, j] if found.ndim == expected.ndim + 2 else found
             np.testing.assert_allclose(here, expected, rtol=1e-13, atol=1e-13)
+
+
+@turning_models
+@pytest.mark.parametrize("speed", [0.0, 1e-16, 1e-9, 1e-4, 1e-2])
+def test_the_speed_of_a_body_nearly_at_rest_is_as_uncertain_as_its_velocity(model, speed):
+    belief = Gaussian(np.array([1.0, 2.0, 0.6 * speed, 0.8 * speed]), np.diag([1.0, 1.0, 4.0, 4.0]))
+    found = model.from_cartesian(belief, InitialSigmas(1.0, 0.2))
+    np.testing.assert_allclose(found.covariance[2, 2], 4.0, rtol=1e-12)
+    np.testing.assert_allclose(found.covariance[3, 3], UNKNOWN_ANGLE**2, rtol=1e-12)

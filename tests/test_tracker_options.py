@@ -110,8 +110,8 @@ def test_from_truth_the_stated_covariance_is_claimed_and_the_sigmas_are_drawn():
     made = tracker(filter="ekf", motion="cv", process_noise_diag=Q, initial=initial)
     zero = np.zeros(1)
     made = made.with_prior(zero, Kinematics(*[zero] * 6), np.ones((6, 1)))
-    assert made.prior.mean[0, 0] == 3
-    np.testing.assert_array_equal(made.prior.covariance, np.diag(P0))
+    assert made.prior.belief.mean[0, 0] == 3
+    np.testing.assert_array_equal(made.prior.belief.covariance[..., 0], np.diag(P0))
 
 
 def test_radial_velocity_starts_a_track():

@@ -84,14 +84,14 @@ def test_from_truth_draws_the_stated_error_and_takes_the_first_reading_in():
     assert made.starts_from_truth
     motion = Kinematics(*(np.full(batch, value) for value in (40.0, 30.0, 10.0, np.pi / 2, 0.0, 0.0)))
     made = made.with_prior(np.full(batch, 1.0), motion, np.random.default_rng(0).normal(size=(6, batch)))
-    error = made.prior.mean - np.array([[40.0], [30.0], [0.0], [10.0]])
+    error = made.prior.belief.mean - np.array([[40.0], [30.0], [0.0], [10.0]])
     np.testing.assert_allclose(np.cov(error), np.diag([4, 4, 0.25, 0.25]), atol=0.1)
     state, before = made.step(None, scan("lidar", 0.5, np.repeat(FAR, batch, axis=1), valid=False))
     assert np.isnan(before.mean).all()
     _, estimate = made.step(state, scan("lidar", 1.0, np.repeat(FAR, batch, axis=1)))
-    np.testing.assert_allclose(estimate.innovation, FAR - made.prior.mean[:2], atol=1e-12)
+    np.testing.assert_allclose(estimate.innovation, FAR - made.prior.belief.mean[:2], atol=1e-12)
     gain = 4 / (4 + LIDAR_NOISE[0, 0])
-    np.testing.assert_allclose(estimate.mean[:2], made.prior.mean[:2] + gain * estimate.innovation, atol=1e-12)
+    np.testing.assert_allclose(estimate.mean[:2], made.prior.belief.mean[:2] + gain * estimate.innovation, atol=1e-12)
 
 
 def test_the_common_state_of_a_turning_model_is_cartesian():

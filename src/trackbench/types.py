@@ -137,6 +137,8 @@ class Estimate(NamedTuple):
     """``(m, ...)`` ``L^-1`` times the innovation, where its covariance is ``L L^T``: saves computing it again."""
     repaired: Mask | None = None
     """``(...)`` True where a covariance had to be made positive definite again at this scan."""
+    mode_probabilities: Array | None = None
+    """``(M, ...)`` of each motion model of a tracker with several."""
 
 
 class RecordedMeasurements(NamedTuple):

@@ -112,11 +112,11 @@ class AdaptedTracker(ABC):
             return track._replace(time=scan.time), None
         # A stated covariance is in the order of the filter's state, and is put in its place there.
         without = config.model_copy(update={"covariance_diag": None})
-        begin = initial.start(self.layout.motion, without, scan, track.waiting)
+        begin = initial.start(without, scan, track.waiting)
         if not begin.ready:
             before = Estimate(*initial.at_rest(begin.waiting, config)) if config.waiting == "at_rest" else None
             return Track(scan.time, None, begin.waiting), before
-        belief = self._begun(begin.belief, scan.time)
+        belief = self._begun(begin.state_of(self.layout.motion), scan.time)
         return Track(scan.time, belief, None), self._estimate(belief)
 
     def _placed(self, belief: Gaussian, own: Gaussian) -> Gaussian:

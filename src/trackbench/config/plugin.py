@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple, get_args
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError, ValidationInfo, model_validator
@@ -183,7 +184,8 @@ class OptionsBeside(Config):
 def beside(model: type[Config]) -> tuple[str, Plugin]:
     """The field of a class beside which a plug-in's options may stand, and its mark."""
     for name, info in model.model_fields.items():
-        for mark in info.metadata:
+        members = (getattr(member, "__metadata__", ()) for member in get_args(info.annotation))
+        for mark in chain(info.metadata, *members):
             if isinstance(mark, Plugin) and mark.word:
                 return name, mark
     raise TypeError(f"{model.__name__} has no field with a plug-in that a word names")

@@ -1,21 +1,39 @@
 """Filters: pure predict and update on a belief."""
 
-from trackbench.filters.base import Belief, Filter, Measured, PredictedMeasurement, Update
+from trackbench.filters.base import (
+    AnyBelief,
+    Belief,
+    Filter,
+    Measured,
+    MultiModelBelief,
+    PredictedMeasurement,
+    SingleModelFilter,
+    Update,
+    choose,
+)
+from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import ExtendedKalmanFilter, IteratedExtendedKalmanFilter, KalmanFilter
 from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, SymmetricSet, classic, scaled
+from trackbench.filters.smoothers import smoothed
 
 __all__ = [
     "CUBATURE",
+    "AnyBelief",
     "Belief",
     "ExtendedKalmanFilter",
     "Filter",
+    "InteractingMultipleModel",
     "IteratedExtendedKalmanFilter",
     "KalmanFilter",
     "Measured",
+    "MultiModelBelief",
     "PredictedMeasurement",
     "SigmaPointFilter",
+    "SingleModelFilter",
     "SymmetricSet",
     "Update",
+    "choose",
     "classic",
     "scaled",
+    "smoothed",
 ]

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, Protocol
 
 import numpy as np
+from typing_extensions import TypeVar
 
 from trackbench import linalg
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array, Mask, Scan
-from trackbench.units import difference
+from trackbench.types import Array, Gaussian, Mask, Scan
+from trackbench.units import TWO_PI, difference
 
 
 class Belief(NamedTuple):
@@ -27,16 +31,41 @@ class Belief(NamedTuple):
     """``(...)`` True where the covariance had to be made positive definite again."""
 
 
-class Update(NamedTuple):
+class MultiModelBelief(NamedTuple):
+    """What a filter with several motion models believes: a mixture of what it believes under each."""
+
+    probability: Array
+    """``(M, ...)`` that the motion is that of each model."""
+    modes: tuple[Belief, ...]
+    """``(M,)`` under each model, in its state."""
+    repaired: Mask | None = None
+    """``(...)`` True where the covariance of a mode had to be made positive definite again."""
+
+
+#: What the filters that trackers run believe.
+AnyBelief = Belief | MultiModelBelief
+B = TypeVar("B", bound=AnyBelief, default=Belief)
+
+
+class Update(NamedTuple, Generic[B]):
     """A belief after a measurement, and what the measurement said."""
 
-    belief: Belief
+    belief: B
     innovation: Array
     """``(m, ...)`` measurement minus its prediction."""
     innovation_covariance: Array
     """``(m, m, ...)``"""
     whitened_innovation: Array
     """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
+    innovation_factor: linalg.Cholesky
+    """``L``"""
+
+    @property
+    def log_likelihood(self) -> Array:
+        """``(...)`` logarithm of the density of the measurement, ``N(y; 0, S)``."""
+        y = self.whitened_innovation
+        normalised = np.prod(np.stack(self.innovation_factor.inverse_diagonal), axis=0) * TWO_PI ** (-len(y) / 2)
+        return np.asarray(np.log(normalised) - 0.5 * np.einsum("i...,i...->...", y, y))
 
 
 class Measured(NamedTuple):
@@ -61,30 +90,72 @@ class PredictedMeasurement(NamedTuple):
     """``(m, n, ...)`` covariance of measurement and state."""
 
 
-class Filter(Protocol):
+class Filter(Protocol[B]):
     """A recursive Bayesian filter on beliefs with any batch axes."""
 
     @property
-    def motion(self) -> MotionModel: ...
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The motion models that it runs."""
+        ...
 
-    def predict(self, belief: Belief, dt: float) -> Belief:
+    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> B:
+        """The belief of a track that starts; ``state_of`` says where, in the state of a motion model."""
+        ...
+
+    def predict(self, belief: B, dt: float) -> B:
         """The belief after ``dt`` seconds (zero or more)."""
         ...
 
+    def update(self, belief: B, scan: Scan) -> Update[B]:
+        """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
+        ...
+
+    def cartesian(self, belief: B) -> Gaussian:
+        """px, py, vx, vy under the belief."""
+        ...
+
+
+@dataclass(frozen=True)
+class SingleModelFilter(ABC):
+    """A filter with one motion model."""
+
+    motion: MotionModel
+
+    @property
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The motion model."""
+        return (self.motion,)
+
+    def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
+        """The belief of a track that starts where ``state_of`` says."""
+        return Belief(*state_of(self.motion))
+
+    def cartesian(self, belief: Belief) -> Gaussian:
+        """px, py, vx, vy under the belief."""
+        return self.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
+
+    @abstractmethod
+    def predict(self, belief: Belief, dt: float) -> Belief:
+        """The belief after ``dt`` seconds (zero or more)."""
+
+    @abstractmethod
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        """``(n, n, ...)`` covariance of the state before (rows) and after (columns) ``dt`` seconds."""
+
+    @abstractmethod
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filter compares them with its predictions."""
-        ...
 
+    @abstractmethod
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         """What the belief expects of a scan, whose measurements are not looked at."""
-        ...
 
+    @abstractmethod
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
         """The belief after a scan; where the scan is not valid, the mean and covariance stay.
 
         ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
         """
-        ...
 
 
 def correct(
@@ -116,9 +187,9 @@ def correct(
         used, gain = np.where(valid, whitened, 0.0), np.where(valid, gain, 0.0)
     mean = belief.mean + linalg.apply_transposed(gain, used)
     covariance = belief.covariance - linalg.gram(gain)
-    repaired = _either(belief.repaired, s.repaired)
+    repaired = either(belief.repaired, s.repaired)
     corrected = Belief(wrap_components(mean, angular), covariance, repaired=repaired)
-    return Update(corrected, innovation, s.covariance, whitened)
+    return Update(corrected, innovation, s.covariance, whitened, s.factor)
 
 
 def take_in(
@@ -141,11 +212,36 @@ def guarded(belief: Belief) -> Belief:
     return belief._replace(
         covariance=definite.covariance,
         factor=definite.factor.lower(),
-        repaired=_either(belief.repaired, definite.repaired),
+        repaired=either(belief.repaired, definite.repaired),
     )
 
 
-def _either(a: Mask | None, b: Mask | None) -> Mask | None:
+def either(a: Mask | None, b: Mask | None) -> Mask | None:
+    """Where one of two marks is set."""
     if a is None or b is None:
         return b if a is None else a
     return a | b
+
+
+def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
+    """``a`` where it holds, ``b`` elsewhere; both are of the same filter.
+
+    Sigma points are kept if ``a`` has them; if ``b`` has none, it is a placeholder whose points do not count.
+    """
+    if isinstance(a, Belief):
+        assert isinstance(b, Belief)
+        return _choose_one(where, a, b)
+    assert isinstance(b, MultiModelBelief)
+    probability = np.where(where, a.probability, b.probability)
+    modes = tuple(_choose_one(where, one, other) for one, other in zip(a.modes, b.modes, strict=True))
+    return MultiModelBelief(probability, modes, _choose_marks(where, a.repaired, b.repaired))
+
+
+def _choose_one(where: Mask, a: Belief, b: Belief) -> Belief:
+    points = a.points if a.points is None or b.points is None else np.where(where, a.points, b.points)
+    mean, covariance = np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance)
+    return Belief(mean, covariance, points=points, repaired=_choose_marks(where, a.repaired, b.repaired))
+
+
+def _choose_marks(where: Mask, a: Mask | None, b: Mask | None) -> Mask | None:
+    return None if a is None and b is None else np.where(where, a is not None and a, b is not None and b)

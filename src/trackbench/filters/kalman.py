@@ -12,6 +12,7 @@ from trackbench.filters.base import (
     Belief,
     Measured,
     PredictedMeasurement,
+    SingleModelFilter,
     Update,
     correct,
     guarded,
@@ -35,6 +36,12 @@ def predict_linearised(motion: MotionModel, belief: Belief, dt: float) -> Belief
     return Belief(mean, linalg.symmetrise(linalg.quadratic(f, p)) + linalg.expand(q, p))
 
 
+def linearised_cross(motion: MotionModel, belief: Belief, dt: float) -> Array:
+    """Covariance of the state before and after ``dt``: ``P F^T`` (Särkkä 2013, algorithm 9.1)."""
+    f = motion.jacobian(belief.mean, dt)
+    return linalg.matmul_transposed(belief.covariance, linalg.expand(f, belief.covariance))
+
+
 @lru_cache(maxsize=256)
 def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
     """Transition and process noise of a linear model, which are the same for every state."""
@@ -43,16 +50,17 @@ def _constant(motion: MotionModel, dt: float) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class KalmanFilter:
+class KalmanFilter(SingleModelFilter):
     """The Kalman filter: a linear motion model, and measurements converted to a position with its covariance.
 
     Source: Kalman (1960). The range rate of a radar is not linear in the state and is left out.
     """
 
-    motion: MotionModel
-
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return linearised_cross(self.motion, belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         position = SENSOR_MODELS[scan.kind].position(scan)
@@ -71,16 +79,17 @@ class KalmanFilter:
 
 
 @dataclass(frozen=True)
-class ExtendedKalmanFilter:
+class ExtendedKalmanFilter(SingleModelFilter):
     """The extended Kalman filter of first order.
 
     Source: Särkkä (2013), "Bayesian Filtering and Smoothing", algorithm 5.4.
     """
 
-    motion: MotionModel
-
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return linearised_cross(self.motion, belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         return as_measured(scan)
@@ -95,17 +104,19 @@ class ExtendedKalmanFilter:
 
 
 @dataclass(frozen=True)
-class IteratedExtendedKalmanFilter:
+class IteratedExtendedKalmanFilter(SingleModelFilter):
     """The extended Kalman filter, its measurement linearised again at each corrected state (Gauss-Newton).
 
     Source: Bell and Cathey (1993), "The iterated Kalman filter update as a Gauss-Newton method", equation 22.
     """
 
-    motion: MotionModel
     iterations: int = 5
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return predict_linearised(self.motion, belief, dt)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return linearised_cross(self.motion, belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         return as_measured(scan)

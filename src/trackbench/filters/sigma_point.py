@@ -7,9 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, Measured, PredictedMeasurement, Update, guarded, take_in, wrap_components
+from trackbench.filters.base import (
+    Belief,
+    Measured,
+    PredictedMeasurement,
+    SingleModelFilter,
+    Update,
+    guarded,
+    take_in,
+    wrap_components,
+)
 from trackbench.filters.kalman import as_measured
-from trackbench.models.motion import MotionModel, process_noise
+from trackbench.models.motion import process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Scan
 from trackbench.units import difference
@@ -47,7 +56,7 @@ CUBATURE = SymmetricSet(1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class SigmaPointFilter:
+class SigmaPointFilter(SingleModelFilter):
     """The unscented Kalman filter, and with ``CUBATURE`` the cubature Kalman filter.
 
     ``augmented``: the driving noise is part of the state whose points go through the transition, and the points that
@@ -55,14 +64,13 @@ class SigmaPointFilter:
     points are drawn anew. Source: Wan and van der Merwe (2000), algorithm 2.1; Särkkä (2013), algorithms 5.14 and 5.15.
     """
 
-    motion: MotionModel
     rule: SymmetricSet
     augmented: bool = True
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         motion = self.motion
         belief = belief if belief.factor is not None else guarded(belief)
-        noises = len(motion.noise_sigma) if self.augmented else 0
+        noises = self._noises
         distance, _, centre_weight, weight = self.rule.weights(len(belief.mean) + noises)
         moved = motion.transition(_points(belief, distance), dt)
         if noises:
@@ -76,6 +84,16 @@ class SigmaPointFilter:
             covariance += linalg.expand(process_noise(motion, belief.mean, dt), covariance)
         mean = wrap_components(moved[:, 0] + shift, motion.angular)
         return Belief(mean, covariance, points=moved if noises else None, repaired=belief.repaired)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        belief, size = guarded(belief), len(belief.mean)
+        distance, _, _, weight = self.rule.weights(size + self._noises)
+        moved = self.motion.transition(_points(belief, distance), dt)
+        away = difference(moved, moved[:, :1], self.motion.angular)
+        # Of the other points, the centre and those of the noises, the state before has no deviation.
+        across = away[:, 1 : size + 1] - away[:, size + 1 :]
+        assert belief.factor is not None
+        return weight * distance * linalg.matmul_transposed(belief.factor, across)
 
     def measured(self, scan: Scan) -> Measured:
         return as_measured(scan)
@@ -101,6 +119,11 @@ class SigmaPointFilter:
         predicted = predicted or self.predict_measurement(belief, scan)
         update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
         return update._replace(belief=guarded(update.belief))
+
+    @property
+    def _noises(self) -> int:
+        """How many driving noises are part of the state whose points go through the transition."""
+        return len(self.motion.noise_sigma) if self.augmented else 0
 
     def _noise_columns(self, x: Array, dt: float) -> Array:
         """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.filters import Belief, Filter, PredictedMeasurement
+from trackbench.filters import Belief, PredictedMeasurement, SingleModelFilter
 from trackbench.multi.detections import RunDetections
 from trackbench.multi.intensity import Intensity
 from trackbench.multi.table import NONE
@@ -16,7 +16,7 @@ from trackbench.types import Array, Indices
 class Situation(NamedTuple):
     """The tracks and the detections of a scan, before they are associated."""
 
-    filter: Filter
+    filter: SingleModelFilter
     belief: Belief
     """``(n, L)`` predicted to the scan."""
     predicted: PredictedMeasurement

@@ -10,7 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.distributions import chi_square_quantile
-from trackbench.filters import Belief, Filter
+from trackbench.filters import Belief, SingleModelFilter
 from trackbench.multi import assign
 from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
@@ -55,7 +55,7 @@ class MultiObjectTracker:
     may have as many as it needs.
     """
 
-    filter: Filter
+    filter: SingleModelFilter
     associate: AssociateConfig
     initial: InitialConfig
     assumed: AssumedSensors = field(default_factory=AssumedSensors)

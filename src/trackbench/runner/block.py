@@ -244,7 +244,7 @@ class TrackerRun:
 
         fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
         motion = Kinematics(*(at_start(values) for values in fields))
-        size = max(6, len(tracker.filter.motion.components))
+        size = max(6, *(len(motion.components) for motion in tracker.filter.motions))
         normal = np.stack(
             [
                 stream(work.seed, work.noise_of(self._piece.scene), run, "initial state").standard_normal(

@@ -33,6 +33,7 @@ HEADINGS = {
     "SpeedRadar": "Speed radar",
     "Lidar": "Lidar",
     "FilterConfig": "A built-in filter",
+    "ImmConfig": "`motion` with several models",
     "PluginConfig": "Your own tracker",
 }
 
@@ -123,8 +124,8 @@ def _table(part: Schema) -> str:
 
 
 def _type(field: Schema) -> str:
-    options = field.get("anyOf") or field.get("oneOf") or ()
-    if options:
+    options = list(_alternatives(field))
+    if options != [field]:
         return " or ".join(dict.fromkeys(_type(option) for option in options if option != {"type": "null"}))
     if "const" in field:
         return f"`{field['const']}`"
@@ -138,6 +139,16 @@ def _type(field: Schema) -> str:
         return f"list of {_type(field['items'])}".replace("mapping", "mappings")
     names = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true or false"}
     return names[field["type"]] + _bounds(field)
+
+
+def _alternatives(field: Schema) -> Iterator[Schema]:
+    """The forms that a value may have, however deep they are nested."""
+    options = field.get("anyOf") or field.get("oneOf")
+    if options is None:
+        yield field
+    else:
+        for option in options:
+            yield from _alternatives(option)
 
 
 def _bounds(field: Schema) -> str:

@@ -101,6 +101,16 @@ sensors:
       places: [{frame: observer, line: [[5, 6], [130, 6]], per_scan: 3, spread_m: 0.3}]   # a guard rail
     states: {detection_probability: 0.9, clutter_per_scan: 5}
 """,
+    "ImmConfig": """\
+trackers:
+  imm:
+    filter: ekf
+    motion:
+      imm:
+        - {model: cv, acceleration_sigma_mps2: 0.5}
+        - {model: ctrv, acceleration_sigma_mps2: 3, yaw_acceleration_sigma_radps2: 0.5}
+      stay_s: [10, 5]
+""",
     "ScriptedTruth": """\
 truth:
   source: scripted

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 from trackbench.errors import TrackbenchError
+from trackbench.filters import AnyBelief
 from trackbench.types import Array, Estimate, Scan
 
 
@@ -38,7 +39,5 @@ class Prior(NamedTuple):
 
     time: Array
     """``(...)`` s."""
-    mean: Array
-    """``(n, ...)`` drawn from the truth."""
-    covariance: Array
-    """``(n, n)`` of the draw."""
+    belief: AnyBelief
+    """Its mean drawn from the truth, with the covariance of the draw."""

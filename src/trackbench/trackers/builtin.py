@@ -10,14 +10,18 @@ from trackbench.filters import (
     CUBATURE,
     ExtendedKalmanFilter,
     Filter,
+    InteractingMultipleModel,
     IteratedExtendedKalmanFilter,
     KalmanFilter,
     SigmaPointFilter,
+    SingleModelFilter,
     classic,
     scaled,
 )
+from trackbench.models.motion import MotionModel
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.imm import ImmConfig
 
 #: What each name stands for, as ``trackbench list filters`` shows it.
 FILTERS = {
@@ -71,9 +75,16 @@ for _factory in (kf, ekf, iekf, ukf, ckf):
     _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined]
 
 
-def filter_of(config: FilterConfig) -> Filter:
+def filter_of(config: FilterConfig) -> Filter[Any]:
     """The filter that the keys describe."""
-    motion = config.model
+    filters = tuple(filter_with(config, motion) for motion in config.models)
+    if not isinstance(config.motion, ImmConfig):
+        return filters[0]
+    return InteractingMultipleModel(filters, tuple(config.motion.stay_s), config.motion.first_probabilities)
+
+
+def filter_with(config: FilterConfig, motion: MotionModel) -> SingleModelFilter:
+    """The filter that the keys describe, with one motion model."""
     match config.filter:
         case "kf":
             return KalmanFilter(motion)

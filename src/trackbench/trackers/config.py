@@ -7,13 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from trackbench.config import PROBLEM, Config, NonNegative, OptionsBeside, Plugin, PluginName, Positive, Problem
+from trackbench.config import PROBLEM, Config, NonNegative, OptionsBeside, PluginName, Positive, Problem
 from trackbench.config.key_units import in_words
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
+from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 InitialSource = Literal["first_reading", "two_readings", "truth"]
@@ -127,9 +128,10 @@ class FilterConfig(OptionsBeside):
     """A built-in filter with a motion model."""
 
     filter: FilterName = Field(description="The filter (`trackbench list filters` shows them).")
-    motion: Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)] = Field(
+    motion: OneOrSeveralMotions = Field(
         description="The motion model (`trackbench list motion-models` shows them), or one of your own as "
-        "`module:Class`. Its options stand beside it, or with it in a mapping: {model: cv, ...}."
+        "`module:Class`. Its options stand beside it, or with it in a mapping: {model: cv, ...}. Several models, "
+        "between which the motion switches: {imm: [{model: cv, ...}, {model: ctrv, ...}], stay_s: [10, 5]}."
     )
     sensors: list[str] | None = Field(
         None, min_length=1, description="Names of the sensors it reads; all unless given."
@@ -206,18 +208,21 @@ class FilterConfig(OptionsBeside):
         return AssumedSensors(self.sensor_models, self.measurement_noise)
 
     @property
-    def model(self) -> MotionModel:
-        """The motion model with the process noise that the filter takes."""
+    def models(self) -> tuple[MotionModel, ...]:
+        """The motion models with the process noise that the filter takes."""
+        if isinstance(self.motion, ImmConfig):
+            return tuple(self.motion.imm)
         if self.process_noise_diag is None:
-            return self.motion
-        return ConstantProcessNoise(motion=self.motion, variances=tuple(self.process_noise_diag))
+            return (self.motion,)
+        return (ConstantProcessNoise(motion=self.motion, variances=tuple(self.process_noise_diag)),)
 
     @property
     def motion_in_words(self) -> list[str]:
         """The motion model and each of its options that counts: "cv", "acceleration sigma 3 m/s^2"."""
-        unused = () if self.process_noise_diag is None else self.motion.driving_noise
-        options = {name: getattr(self.motion, name) for name in type(self.motion).model_fields if name not in unused}
-        return [MOTION_MODELS.name_of(type(self.motion)), *(in_words(name, value) for name, value in options.items())]
+        if isinstance(self.motion, ImmConfig):
+            models = zip(self.motion.imm, self.motion.stay_s, strict=True)
+            return ["imm of " + " and ".join(f"{', '.join(_words(model))} for {stay:g} s" for model, stay in models)]
+        return _words(self.motion, () if self.process_noise_diag is None else self.motion.driving_noise)
 
     @classmethod
     def replaced(cls, data: Mapping[str, Any], found: type[MotionModel]) -> dict[str, str]:
@@ -227,10 +232,11 @@ class FilterConfig(OptionsBeside):
         return dict.fromkeys(found.driving_noise, reason)
 
     def problems(self) -> Iterator[Problem]:
-        given, motion = self.model_fields_set, MOTION_MODELS.name_of(type(self.motion))
-        if self.filter == "kf" and not self.motion.linear:
-            linear = " or ".join(name for name, model in MOTION_MODELS.loaded().items() if model.linear)
-            yield Problem(("motion",), f"kf needs a linear motion model: use {linear}, or filter: ekf with {motion}")
+        given, models = self.model_fields_set, self.models
+        for motion in models:
+            yield from self._unfit(motion, _name(motion))
+        if isinstance(self.motion, ImmConfig):
+            yield from self._not_for_several()
         for name, keys in FILTER_KEYS.items():
             for key in keys:
                 if key in given and self.filter != name:
@@ -239,21 +245,35 @@ class FilterConfig(OptionsBeside):
             if key in given and self.filter == "ukf" and self.sigma_points == "classic":
                 yield Problem((key,), "not used with sigma_points: classic; remove it, or use sigma_points: scaled")
         for key, about in ABOUT.items():
-            if key in self.initial.model_fields_set and not set(about) & set(self.motion.components):
+            if key in self.initial.model_fields_set and not any(set(about) & set(model.components) for model in models):
                 others = " and ".join(with_component(about))
-                yield Problem(("initial", key), f"motion {motion} has no such component; {others} have")
-        for at, diagonal in (
-            (("process_noise_diag",), self.process_noise_diag),
-            (("initial", "covariance_diag"), self.initial.covariance_diag),
-        ):
-            components = self.motion.components
-            if diagonal is not None and len(diagonal) != len(components):
-                needed = f"motion {motion} needs {len(components)} variances ({', '.join(components)})"
-                yield Problem(at, f"{needed}, not {len(diagonal)}")
+                names = " and ".join(dict.fromkeys(map(_name, models)))
+                yield Problem(("initial", key), f"motion {names} has no such component; {others} have")
         if self.associate is not None:
             yield from self._not_associated()
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
+
+    def _unfit(self, motion: MotionModel, name: str) -> Iterator[Problem]:
+        """What does not go with one of the motion models."""
+        if self.filter == "kf" and not motion.linear:
+            linear = " or ".join(name for name, model in MOTION_MODELS.loaded().items() if model.linear)
+            yield Problem(("motion",), f"kf needs a linear motion model: use {linear}, or filter: ekf with {name}")
+        for at, diagonal in (
+            (("process_noise_diag",), None if isinstance(self.motion, ImmConfig) else self.process_noise_diag),
+            (("initial", "covariance_diag"), self.initial.covariance_diag),
+        ):
+            components = motion.components
+            if diagonal is not None and len(diagonal) != len(components):
+                needed = f"motion {name} needs {len(components)} variances ({', '.join(components)})"
+                yield Problem(at, f"{needed}, not {len(diagonal)}")
+
+    def _not_for_several(self) -> Iterator[Problem]:
+        """What a tracker with one motion model has and one with several has not."""
+        if self.process_noise_diag is not None:
+            yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
+        if self.associate is not None:
+            yield Problem(("motion",), "imm follows one object; with associate use a single motion model")
 
     def _not_associated(self) -> Iterator[Problem]:
         """What a tracker of one object has and one of several has not."""
@@ -263,6 +283,16 @@ class FilterConfig(OptionsBeside):
         for key in ("skip", "waiting"):
             if key in self.initial.model_fields_set:
                 yield Problem(("initial", key), "not used with associate, which has confirm; remove it")
+
+
+def _name(motion: MotionModel) -> str:
+    """The name of a motion model in a scenario."""
+    return MOTION_MODELS.name_of(type(motion.motion if isinstance(motion, ConstantProcessNoise) else motion))
+
+
+def _words(motion: MotionModel, unused: tuple[str, ...] = ()) -> list[str]:
+    options = {name: getattr(motion, name) for name in type(motion).model_fields if name not in unused}
+    return [_name(motion), *(in_words(name, value) for name, value in options.items())]
 
 
 class PluginConfig(Config):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import Belief, Filter, Update
-from trackbench.models.motion import Kinematics
+from trackbench.filters import AnyBelief, Filter, MultiModelBelief, Update, choose
+from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior, require_in_sequence
@@ -24,7 +24,7 @@ class TrackState(NamedTuple):
 
     time: float
     """Of the last scan at which the state advanced, s."""
-    belief: Belief
+    belief: AnyBelief
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
     waiting: TentativeTrack | None = None
@@ -38,7 +38,7 @@ class FilterTracker:
     whole time since its last own scan, and is not kept. So no estimate depends on a sensor that is not read.
     """
 
-    filter: Filter
+    filter: Filter[Any]
     initial: InitialConfig
     prior: Prior | None = None
     """Set by the bench where ``initial`` says that tracks start from the truth."""
@@ -64,15 +64,15 @@ class FilterTracker:
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
-        said: Update | None = None
+        said: Update[Any] | None = None
         if np.any(scan.valid) and _named(scan, self.sensors):
             said = self.filter.update(belief, scan)
             belief = said.belief
         known, waiting = started, state.waiting
         if self.prior is None and not np.all(started) and _named(scan, self.initial.sensors or self.sensors):
-            begin = initial.start(self.filter.motion, self.initial, scan, waiting)
-            begun = _choose(begin.ready & ~started, begin.belief, belief)
-            belief = begun._replace(repaired=belief.repaired)
+            begin = initial.start(self.initial, scan, waiting)
+            if np.any(begin.ready):
+                belief = choose(begin.ready & ~started, self.filter.begin(begin.state_of), belief)
             started, waiting = started | begin.ready, begin.waiting
         estimate = self._estimate(belief, started, waiting)
         if said is not None:
@@ -107,10 +107,8 @@ class FilterTracker:
             motion: the true motion at that time, each ``(...)``.
             normal: ``(6 or more, ...)`` standard normal numbers, of which the first ``n`` are used.
         """
-        sigma = initial.prior_sigma(self.filter.motion, self.initial)
-        truth = self.filter.motion.from_kinematics(motion)
-        drawn = truth + linalg.expand(sigma, truth) * normal[: len(sigma)]
-        return replace(self, prior=Prior(time, drawn, np.diag(self.initial.covariance_diag or sigma**2)))
+        begun = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
+        return replace(self, prior=Prior(time, begun))
 
     def _asked(self, state: TrackState, time: float) -> Estimate:
         elapsed = time - state.time
@@ -118,38 +116,33 @@ class FilterTracker:
         belief = self._predict(state, elapsed) if elapsed > 0.0 else state.belief
         return self._estimate(belief, state.started, state.waiting)
 
-    def _placeholder(self, valid: Mask) -> Belief:
-        size = len(self.filter.motion.components)
-        shape = np.shape(valid)
-        covariance = linalg.expand(np.eye(size), np.empty((size, size, *shape)))
-        return Belief(np.ones((size, *shape)), np.broadcast_to(covariance, (size, size, *shape)).copy())
+    def _placeholder(self, valid: Mask) -> AnyBelief:
+        def anything(motion: MotionModel) -> Gaussian:
+            mean = np.ones((len(motion.components), *np.shape(valid)))
+            return Gaussian(mean, np.zeros((len(mean), *mean.shape)) + linalg.expand(np.eye(len(mean)), mean[None]))
 
-    def _predict(self, state: TrackState, elapsed: float) -> Belief:
+        placeholder: AnyBelief = self.filter.begin(anything)
+        return placeholder
+
+    def _predict(self, state: TrackState, elapsed: float) -> AnyBelief:
         if not np.any(state.started):
             return state.belief
-        belief = self.filter.predict(state.belief, elapsed)
+        belief: AnyBelief = self.filter.predict(state.belief, elapsed)
         if np.all(state.started):
             return belief
         # A placeholder stays what it is, so that its covariance does not grow without bound.
-        held = _choose(state.started, belief, state.belief)
-        return belief._replace(mean=held.mean, covariance=held.covariance)
+        return choose(state.started, belief, state.belief)
 
-    def _given(self, prior: Prior, time: float, belief: Belief, started: Mask) -> tuple[Belief, Mask]:
+    def _given(self, prior: Prior, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
         """The belief with the tracks whose time has come started from the truth, ready for their first update."""
         fresh = (time >= prior.time) & ~started
         if not np.any(fresh):
             return belief, started
-        covariance = np.broadcast_to(linalg.expand(prior.covariance, prior.mean[None]), belief.covariance.shape)
         # A prediction over no time gives the sigma points that an update may reuse.
-        begun = self.filter.predict(Belief(prior.mean, covariance), 0.0)
-        chosen = _choose(fresh, Gaussian(begun.mean, begun.covariance), belief)
-        if begun.points is not None:
-            points = begun.points if belief.points is None else np.where(fresh, begun.points, belief.points)
-            chosen = chosen._replace(points=points)
-        return chosen, started | fresh
+        return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
 
-    def _estimate(self, belief: Belief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
-        mean, covariance = self.filter.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
+    def _estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
+        mean, covariance = self.filter.cartesian(belief)
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)
             if waiting is not None and self.initial.waiting == "at_rest":
@@ -157,6 +150,9 @@ class FilterTracker:
             mean = np.where(started, mean, before[0])
             covariance = np.where(started, covariance, before[1])
         repaired = None if belief.repaired is None else belief.repaired & started
+        if isinstance(belief, MultiModelBelief):
+            probability = _where(started, belief.probability)
+            return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
         return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
 
 
@@ -167,7 +163,3 @@ def _where(known: Mask, values: Array) -> Array:
 
 def _named(scan: Scan, sensors: Collection[str] | None) -> bool:
     return sensors is None or scan.sensor in sensors
-
-
-def _choose(where: Mask, a: Gaussian | Belief, b: Gaussian | Belief) -> Belief:
-    return Belief(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))

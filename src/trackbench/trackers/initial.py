@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion import InitialSigmas, MotionModel
+from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.config import InitialConfig
@@ -34,7 +36,8 @@ class Start(NamedTuple):
     """Tracks that can start now."""
 
     ready: Mask
-    belief: Gaussian
+    state_of: Callable[[MotionModel], Gaussian]
+    """Where they start, in the state of a motion model."""
     waiting: TentativeTrack
 
 
@@ -44,20 +47,19 @@ def sigmas(config: InitialConfig) -> InitialSigmas:
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(motion: MotionModel, config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
+def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
     """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one."""
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
     counts = scan.valid & (waiting.measurements >= config.skip)
     after = _taken_in(waiting, scan, position, counts)
     if config.source == "first_reading":
-        return Start(counts, from_first(motion, config, scan, position), after)
+        return Start(counts, partial(from_first, config=config, scan=scan, position=position), after)
     elapsed = scan.time - waiting.time
     ready = counts & (elapsed > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
-        begun = motion.from_cartesian(belief, sigmas(config))
-    return Start(ready, _stated(begun, config), after)
+    return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
 
 
 def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
@@ -68,7 +70,7 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
     known = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
     if config.velocity == "range_rate" and "vx" in motion.components:
         known = _with_range_rate(known, scan)
-    return _stated(motion.from_cartesian(known, sigmas(config)), config)
+    return _of_cartesian(motion, config, known)
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
@@ -77,7 +79,18 @@ def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
     return Gaussian(*(np.where(waiting.measurements > 0, part, np.nan) for part in belief))
 
 
-def prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
+def from_truth(motion: MotionModel, config: InitialConfig, truth: Kinematics, normal: Array) -> Gaussian:
+    """A state ``(n, ...)`` drawn from the truth, with the covariance of the draw.
+
+    ``normal`` is ``(n or more, ...)`` standard normal numbers.
+    """
+    exact = motion.from_kinematics(truth)
+    sigma = linalg.expand(_prior_sigma(motion, config), exact)
+    covariance = linalg.expand(np.diag(config.covariance_diag or np.ravel(sigma) ** 2), exact[None])
+    return Gaussian(exact + sigma * normal[: len(sigma)], np.broadcast_to(covariance, (len(sigma), *exact.shape)))
+
+
+def _prior_sigma(motion: MotionModel, config: InitialConfig) -> Array:
     """``(n,)`` standard deviations of a state drawn from the truth."""
     yaw = TRUE_YAW_SIGMA if config.yaw_sigma_rad is None else config.yaw_sigma_rad
     sigmas = {
@@ -126,6 +139,11 @@ def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
     covariance[:2, 2:] = covariance[2:, :2] = second.covariance / dt
     covariance[2:, 2:] = (first.covariance + second.covariance) / dt**2
     return Gaussian(np.concatenate([second.mean, velocity]), covariance)
+
+
+def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _stated(motion.from_cartesian(belief, sigmas(config)), config)
 
 
 def _stated(belief: Gaussian, config: InitialConfig) -> Gaussian:

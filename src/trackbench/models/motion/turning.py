@@ -132,7 +132,9 @@ class SpeedAndYaw(MotionModel):
         px, py, vx, vy = belief.mean
         speed = np.hypot(vx, vy)
         safe = np.maximum(speed, 1e-3)
-        c, s = np.where(speed > 0, vx / safe, 1.0), np.where(speed > 0, vy / safe, 0.0)
+        moving = speed > 0.0
+        length = np.where(moving, speed, 1.0)
+        c, s = np.where(moving, vx / length, 1.0), np.where(moving, vy / length, 0.0)
         slope = linalg.matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / safe, c / safe]])
         p = linalg.quadratic(slope, belief.covariance)
         scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))

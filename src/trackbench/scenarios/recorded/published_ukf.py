@@ -84,7 +84,7 @@ def stopped_cholesky(matrix: Array) -> Array:
 def faulty_ukf(**options: Any) -> FaultyTracker:
     """The tracker, with the options of a built-in UKF."""
     sound = build(FilterConfig.model_validate({"filter": "ukf", **options}))
-    faulty = FaultyUkf(sound.filter.motion, classic(None))
+    faulty = FaultyUkf(sound.filter.motions[0], classic(None))
     return FaultyTracker(faulty, sound.initial, sensors=sound.sensors, advance_at=sound.advance_at)
 
 
