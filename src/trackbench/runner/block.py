@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
@@ -14,18 +15,16 @@ from trackbench.metrics import BlockScores, Scorer, Sums, score_together
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.prior import primed
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.stepping.faults import TrackFault, fault_of
 from trackbench.stepping.remote import start
 from trackbench.stepping.steppers import Stepper, masked
-from trackbench.streams import stream
-from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress, of_runs
+from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress
 
 
 @dataclass
@@ -204,7 +203,9 @@ class TrackerRun:
         instant, scan = 0, scans[0]
         stepper: Stepper | None = None
         try:
-            stepper = start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
+            stepper = start(
+                config, work.folder, self._none.mean.shape[1], partial(primed, work, self._piece), work.isolation
+            )
             for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
                 latest = self._none
                 for scan in group:
@@ -224,39 +225,6 @@ class TrackerRun:
         finally:
             if stepper is not None:
                 stepper.close()
-
-    def _primed(self, tracker: FilterTracker) -> FilterTracker:
-        """The tracker, given its first states drawn from the truth if that is how it starts."""
-        work, truth = self._work, self._scene.truth
-        # When it starts must not depend on sensors that it does not read.
-        own = [sensor.steps for sensor in self._scene.sensors if tracker.advances(sensor.name)]
-        if not tracker.starts_from_truth or not own:
-            return tracker
-        instants = np.unique(np.concatenate(own))
-        objects = np.arange(len(truth.ids))
-        first = instants[np.argmax(truth.alive[instants], axis=0)]
-        shape = (len(objects), len(self._runs))
-
-        def at_start(values: Array) -> Array:
-            found = values[first, objects]
-            own = of_runs(found, self._runs)
-            return np.broadcast_to(own, shape).reshape(-1)
-
-        fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
-        motion = Kinematics(*(at_start(values) for values in fields))
-        size = max(6, *(len(motion.components) for motion in tracker.filter.motions))
-        normal = np.stack(
-            [
-                stream(work.seed, work.noise_of(self._piece.scene), run, "initial state").standard_normal(
-                    (size, len(objects))
-                )
-                for run in self._runs
-            ],
-            axis=-1,
-        )
-        when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
-        times = np.broadcast_to(when[:, None], shape).reshape(-1)
-        return tracker.with_prior(times, motion, normal.reshape(size, -1))
 
     def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
         """What the recorded run has of an estimate."""

@@ -1,0 +1,42 @@
+"""The trials that were made, in the order in which they were proposed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Values that were tried, and what came of them."""
+
+    values: Mapping[str, Any]
+    parts: Mapping[str, float] = field(default_factory=dict)
+    """Quantities of the objective; empty where it failed."""
+    losses: tuple[float, ...] = ()
+    failed: str = ""
+    measures: Mapping[str, float] = field(default_factory=dict)
+    """Geometric mean over the scenarios of what start and tuned are compared by."""
+
+    @property
+    def loss(self) -> float:
+        """The first loss; infinite where it failed."""
+        return self.losses[0] if self.losses else math.inf
+
+
+def best_of(trials: Sequence[Trial]) -> Trial | None:
+    """The trial with the smallest loss, the first of several; None where all failed."""
+    done = [trial for trial in trials if trial.losses]
+    return min(done, key=lambda trial: trial.loss) if done else None
+
+
+def front_of(trials: Sequence[Trial]) -> list[Trial]:
+    """The trials that no other one beats in both losses, by the first one."""
+    done = sorted((trial for trial in trials if trial.losses), key=lambda trial: trial.losses)
+    front: list[Trial] = []
+    for trial in done:
+        if not front or trial.losses[1] < front[-1].losses[1]:
+            front.append(trial)
+    return front

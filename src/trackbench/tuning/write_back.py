@@ -1,0 +1,89 @@
+"""The scenario with the values that were found: the text as it was, and the tracker's entry twice."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import yaml
+
+from trackbench.scenario import Scenario
+from trackbench.tuning.entry import plain
+from trackbench.tuning.parameters import Values
+
+START = "_start"
+#: Columns of a line.
+WIDTH = 110
+
+
+def written(loaded: Scenario, found: Mapping[str, Values]) -> str:
+    """The text of the scenario, each tuned tracker with its new values under its name, and as it was under NAME_start.
+
+    Comments, anchors and the other trackers stay as they are. Where the command line changed the scenario, or the
+    tracker is a point of a sweep, what is not in the text is written anew.
+
+    Args:
+        loaded: the scenario.
+        found: by tracker the values of its options.
+    """
+    text = loaded.text
+    if loaded.overrides:
+        text = _anew(loaded)
+    for tracker, values in found.items():
+        text = _with(text, tracker, plain(loaded, tracker, values))
+    return text
+
+
+def _with(text: str, tracker: str, entry: dict[str, Any]) -> str:
+    """The text with the tracker's entry under another name, and the new one in its place."""
+    trackers = _value(yaml.compose(text, Loader=yaml.SafeLoader), "trackers")
+    key = next((key for key, _ in trackers.value if key.value == tracker), None)
+    line = f"{tracker}: {_flow(entry)}"
+    if key is None:
+        # A point of a sweep, which has no entry of its own.
+        last = trackers.value[0][0]
+        return _inserted(text, last.start_mark.index, last.start_mark.column, f"{tracker}{TUNED}: {_flow(entry)}")
+    start, end = key.start_mark.index, key.end_mark.index
+    renamed = text[:start] + tracker + START + text[end:]
+    return _inserted(renamed, start, key.start_mark.column, line)
+
+
+TUNED = "_tuned"
+
+
+def _inserted(text: str, index: int, column: int, entry: str) -> str:
+    """The text with an entry of a mapping before the one that begins there."""
+    before = text[:index]
+    if before.rpartition("\n")[2].strip():
+        # A mapping in braces.
+        return f"{before}{entry}, {text[index:]}"
+    return f"{before}{entry}\n{' ' * column}{text[index:]}"
+
+
+def _flow(entry: dict[str, Any]) -> str:
+    """The entry in braces; JSON is YAML, and plain words need no quotes."""
+    return _shown(entry)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_shown(key)}: {_shown(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_shown, value)) + "]"
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value) and value.lower() not in _WORDS:
+        return value
+    return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)
+
+
+_WORDS = ("true", "false", "null", "yes", "no", "on", "off", "y", "n")
+
+
+def _anew(loaded: Scenario) -> str:
+    """The text of a scenario that the command line changed: its values, without comments."""
+    return yaml.safe_dump(loaded.document.value, sort_keys=False, width=WIDTH, allow_unicode=True)
+
+
+def _value(node: Any, key: str) -> Any:
+    return next(value for name, value in node.value if name.value == key)
