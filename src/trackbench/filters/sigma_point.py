@@ -127,7 +127,7 @@ class SigmaPointFilter(SingleModelFilter):
 
     def _noise_columns(self, x: Array, dt: float) -> Array:
         """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``."""
-        sigma = np.asarray(self.motion.noise_sigma)
+        sigma = linalg.vector(self.motion.noise_sigma)
         gain = linalg.expand(self.motion.noise_gain(x, dt), sigma[None])
         return linalg.expand(gain * linalg.expand(sigma, gain[0]), x[:, None])
 

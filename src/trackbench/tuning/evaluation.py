@@ -7,6 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from pydantic import ValidationError
 
 from trackbench.execution import Task
@@ -57,13 +58,16 @@ class Bench:
 class _Batch(NamedTuple):
     """Trials that go through the measurements together."""
 
-    entry: Entry
-    """Of the first of them."""
     trials: tuple[int, ...]
     """Their places among all."""
+    entries: tuple[Entry, ...]
     points: tuple[Values, ...]
     keys: tuple[str, ...]
     """In which they differ."""
+
+    def part(self, here: slice) -> _Batch:
+        """Some of the trials."""
+        return _Batch(self.trials[here], self.entries[here], self.points[here], self.keys)
 
 
 class Evaluator:
@@ -128,12 +132,11 @@ class Evaluator:
                 continue
             keys = tuple(key for key in point if varies_in_batch(entry, key))
             name = structure(point, keys)
-            group = groups.get(name, _Batch(entry, (), (), keys))
-            groups[name] = group._replace(trials=(*group.trials, trial), points=(*group.points, point))
+            group = groups.get(name, _Batch((), (), (), keys))
+            groups[name] = _Batch((*group.trials, trial), (*group.entries, entry), (*group.points, point), keys)
         for group in groups.values():
             for first in range(0, len(group.trials), MOST_TRIALS):
-                here = slice(first, first + MOST_TRIALS)
-                yield group._replace(trials=group.trials[here], points=group.points[here])
+                yield group.part(slice(first, first + MOST_TRIALS))
 
 
 def _pieces(work: Work, trials: int) -> Iterator[BlockRuns]:
@@ -145,25 +148,27 @@ def _pieces(work: Work, trials: int) -> Iterator[BlockRuns]:
 
 
 def _labelled(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
-    """The trials of a batch; where the batch fails, each by itself."""
+    """The trials of a batch; where the arithmetic of one fails, each by itself."""
+    number, entry = len(batch.trials), batch.entries[0]
     size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
-    entry = batch.entry
+    if number == 1:
+        try:
+            return [*score_labelled(work, piece, entry, 1)]
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
+            return [fault_of(error).cause]
     if isinstance(entry, FilterConfig) and batch.keys:
         entry = combined(entry, columns_of(batch.points, batch.keys, size))
     try:
-        return list(score_labelled(work, piece, entry, len(batch.trials)))
-    except (KeyboardInterrupt, GeneratorExit):
-        raise
-    except BaseException as error:
-        if len(batch.trials) == 1:
-            return [fault_of(error).cause]
-    alone = [batch._replace(trials=(trial,), points=(batch.points[i],)) for i, trial in enumerate(batch.trials)]
-    return [_labelled(work, piece, one)[0] for one in alone]
+        return [*score_labelled(work, piece, entry, number)]
+    except np.linalg.LinAlgError:
+        return [_labelled(work, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
 
 
 def _hidden(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [score_hidden(work, piece, batch.entry) for _ in batch.trials]
+    return [score_hidden(work, piece, entry) for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

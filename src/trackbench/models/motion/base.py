@@ -154,7 +154,7 @@ def first_sigma(model: MotionModel, component: str, sigmas: InitialSigmas) -> fl
 
 def process_noise(model: MotionModel, x: Array, dt: float) -> Array:
     """``(n, n, ...)`` covariance of the process noise over ``dt``: ``G diag(sigma^2) G^T``."""
-    sigma = np.asarray(model.noise_sigma)
+    sigma = linalg.vector(model.noise_sigma)
     gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
     scaled = gain * linalg.expand(sigma, gain[0])
     return linalg.matmul_transposed(scaled, scaled)
