@@ -86,6 +86,7 @@ def test_a_batch_of_trials_gives_what_each_gives_by_itself(tracker: str) -> None
     together = [outcomes[0].sums for outcomes in together]
     assert len({one.value("position_rmse") for one in apart if one is not None}) == len(points)
     for one, other in zip(together, apart, strict=True):
-        assert one is not None and other is not None
+        assert one is not None
+        assert other is not None
         for name, values in one.values.items():
             np.testing.assert_allclose(values, other.values[name], rtol=1e-12, err_msg=name)

@@ -20,7 +20,7 @@ from trackbench.tuning.ranges import has_option, parse_range, require_no_repetit
 from trackbench.tuning.search import usual_trials
 from trackbench.tuning.split import Split, halved
 from trackbench.tuning.study import require_optuna
-from trackbench.tuning.tune import Task, Tuning, require_objective, tune
+from trackbench.tuning.tune import TuningTask, Tuning, require_objective, tune
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def tune_trackers(
     return found
 
 
-def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: TunePlan) -> Task:
+def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: TunePlan) -> TuningTask:
     """What is tuned of one tracker; the first scenario says what its options are, and the others must take them."""
     first = scenarios[0]
     given = [text for text in plan.ranges if _is_for(text, first, name, names)]
@@ -88,7 +88,7 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
             parse_range(str(item), other, name)
     trials = plan.trials or usual_trials(parameters, len(plan.objective.axes) > 1)
     start = start_values(first, name, parameters)
-    return Task(name, plan.objective, tuple(parameters), start, trials, plan.seed, plan.storage)
+    return TuningTask(name, plan.objective, tuple(parameters), start, trials, plan.seed, plan.storage)
 
 
 def _is_for(text: str, loaded: Scenario, name: str, names: Sequence[str]) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.tuning.parameters import Parameter
-from trackbench.tuning.trials import Trial
+from trackbench.tuning.trials import TuningTrial
 from trackbench.types import Array
 
 #: Random points at which the model is looked at for its smallest value, in two passes.
@@ -54,14 +54,16 @@ class LocalModel:
         return best
 
 
-def shares_of(parameters: Sequence[Parameter], trials: Sequence[Trial]) -> Array:
+def shares_of(parameters: Sequence[Parameter], trials: Sequence[TuningTrial]) -> Array:
     """``(trials, d)`` where in their ranges the values of the trials lie."""
     return np.array([[item.to_unit(trial.values[item.key]) for item in parameters] for trial in trials]).reshape(
         len(trials), len(parameters)
     )
 
 
-def fit(parameters: Sequence[Parameter], trials: Sequence[Trial], centre: Array, radius: float) -> LocalModel | None:
+def fit(
+    parameters: Sequence[Parameter], trials: Sequence[TuningTrial], centre: Array, radius: float
+) -> LocalModel | None:
     """The model from trials that did not fail, which count less the further away they are; None with too few of them.
 
     Args:

@@ -11,17 +11,17 @@ import numpy as np
 from trackbench.tuning.local_model import SMALLEST_RADIUS, Loss, fit, shares_of
 from trackbench.tuning.parameters import Parameter, Values
 from trackbench.tuning.study import Study
-from trackbench.tuning.trials import Trial, best_of
+from trackbench.tuning.trials import TuningTrial, best_of
 
 #: Share of each range within which the local model begins; each further batch looks at half of it.
 RADIUS = 0.15
 LOCAL_BATCHES = 4
 
 #: Makes some trials.
-Make = Callable[[Sequence[Values]], list[Trial]]
+Make = Callable[[Sequence[Values]], list[TuningTrial]]
 
 
-class Batch(NamedTuple):
+class Proposals(NamedTuple):
     """Trials that are proposed at once."""
 
     how: Literal["spread", "promising", "local"]
@@ -29,7 +29,7 @@ class Batch(NamedTuple):
     radius: float = 0.0
 
 
-def schedule(parameters: Sequence[Parameter], front: bool) -> Iterator[Batch]:
+def schedule(parameters: Sequence[Parameter], front: bool) -> Iterator[Proposals]:
     """The batches of a search, without end; how many trials are made does not change them.
 
     Args:
@@ -38,12 +38,12 @@ def schedule(parameters: Sequence[Parameter], front: bool) -> Iterator[Batch]:
     """
     continuous = sum(item.continuous for item in parameters)
     size = max(6, (continuous + 1) * (continuous + 2) // 2 + 2)
-    yield Batch("spread", 4 + 6 * len(parameters))
+    yield Proposals("spread", 4 + 6 * len(parameters))
     discrete = len(parameters) > continuous
     while True:
-        yield from [Batch("promising", size)] * (3 if discrete or front else 1)
+        yield from [Proposals("promising", size)] * (3 if discrete or front else 1)
         if continuous and not front:
-            yield from (Batch("local", size, RADIUS * 0.5**number) for number in range(LOCAL_BATCHES))
+            yield from (Proposals("local", size, RADIUS * 0.5**number) for number in range(LOCAL_BATCHES))
 
 
 def usual_trials(parameters: Sequence[Parameter], front: bool) -> int:
@@ -95,7 +95,12 @@ def search(
 
 
 def _proposed(
-    parameters: Sequence[Parameter], study: Study, known: Sequence[Trial], batch: Batch, loss: Loss, seed: list[int]
+    parameters: Sequence[Parameter],
+    study: Study,
+    known: Sequence[TuningTrial],
+    batch: Proposals,
+    loss: Loss,
+    seed: list[int],
 ) -> list[dict[str, Any]]:
     """The values of a batch."""
     random = np.random.default_rng(seed)
@@ -110,9 +115,9 @@ def _proposed(
 
 def _around(
     parameters: Sequence[Parameter],
-    known: Sequence[Trial],
-    best: Trial,
-    batch: Batch,
+    known: Sequence[TuningTrial],
+    best: TuningTrial,
+    batch: Proposals,
     loss: Loss,
     random: np.random.Generator,
 ) -> list[dict[str, Any]]:

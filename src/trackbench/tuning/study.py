@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from trackbench.errors import InputError
 from trackbench.tuning.parameters import Parameter
-from trackbench.tuning.trials import Trial
+from trackbench.tuning.trials import TuningTrial
 
 if TYPE_CHECKING:
     import optuna
@@ -64,7 +64,7 @@ class Study:
             self._study.set_metric_names(list(axes))
         self.trials = [self._trial(item) for item in self._study.get_trials(deepcopy=False)]
 
-    def add(self, trial: Trial) -> None:
+    def add(self, trial: TuningTrial) -> None:
         """Keep a trial; it is there whole, or not at all."""
         self._study.add_trial(self._frozen(trial))
         self.trials.append(trial)
@@ -77,7 +77,7 @@ class Study:
             sampler = optuna.samplers.QMCSampler(qmc_type="sobol", scramble=True, seed=seed)
             return self._asked(sampler, [], count)
 
-    def promising(self, count: int, seed: int, known: Sequence[Trial]) -> list[dict[str, Any]]:
+    def promising(self, count: int, seed: int, known: Sequence[TuningTrial]) -> list[dict[str, Any]]:
         """Values where good ones are frequent among the known trials: the tree-structured Parzen estimator."""
         import optuna
 
@@ -85,7 +85,9 @@ class Study:
             sampler = optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True, n_startup_trials=5)
             return self._asked(sampler, known, count)
 
-    def _asked(self, sampler: optuna.samplers.BaseSampler, known: Sequence[Trial], count: int) -> list[dict[str, Any]]:
+    def _asked(
+        self, sampler: optuna.samplers.BaseSampler, known: Sequence[TuningTrial], count: int
+    ) -> list[dict[str, Any]]:
         import optuna
 
         # A study of its own: what it proposes depends on the known trials and the seed alone, however often the search
@@ -94,7 +96,7 @@ class Study:
         study.add_trials([self._frozen(trial) for trial in known])
         return [self._values(study.ask(self._distributions).params) for _ in range(count)]
 
-    def _frozen(self, trial: Trial) -> optuna.trial.FrozenTrial:
+    def _frozen(self, trial: TuningTrial) -> optuna.trial.FrozenTrial:
         import optuna
 
         state = optuna.trial.TrialState.COMPLETE if trial.losses else optuna.trial.TrialState.FAIL
@@ -108,10 +110,10 @@ class Study:
             user_attrs=kept,
         )
 
-    def _trial(self, frozen: optuna.trial.FrozenTrial) -> Trial:
+    def _trial(self, frozen: optuna.trial.FrozenTrial) -> TuningTrial:
         kept = frozen.user_attrs
         losses = tuple(frozen.values or ())
-        return Trial(self._values(frozen.params), kept["parts"], losses, kept["failed"], kept["measures"])
+        return TuningTrial(self._values(frozen.params), kept["parts"], losses, kept["failed"], kept["measures"])
 
     def _values(self, params: Mapping[str, Any]) -> dict[str, Any]:
         return {item.key: _from_optuna(item, params[item.key]) for item in self._parameters}

@@ -9,7 +9,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Trial:
+class TuningTrial:
     """Values that were tried, and what came of them."""
 
     values: Mapping[str, Any]
@@ -26,16 +26,16 @@ class Trial:
         return self.losses[0] if self.losses else math.inf
 
 
-def best_of(trials: Sequence[Trial]) -> Trial | None:
+def best_of(trials: Sequence[TuningTrial]) -> TuningTrial | None:
     """The trial with the smallest loss, the first of several; None where all failed."""
     done = [trial for trial in trials if trial.losses]
     return min(done, key=lambda trial: trial.loss) if done else None
 
 
-def front_of(trials: Sequence[Trial]) -> list[Trial]:
+def front_of(trials: Sequence[TuningTrial]) -> list[TuningTrial]:
     """The trials that no other one beats in both losses, by the first one."""
     done = sorted((trial for trial in trials if trial.losses), key=lambda trial: trial.losses)
-    front: list[Trial] = []
+    front: list[TuningTrial] = []
     for trial in done:
         if not front or trial.losses[1] < front[-1].losses[1]:
             front.append(trial)

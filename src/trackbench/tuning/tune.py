@@ -23,7 +23,7 @@ from trackbench.tuning.objectives import Objective
 from trackbench.tuning.parameters import Parameter, Values, at_edges
 from trackbench.tuning.search import search
 from trackbench.tuning.study import Study
-from trackbench.tuning.trials import Trial, best_of, front_of
+from trackbench.tuning.trials import TuningTrial, best_of, front_of
 from trackbench.types import Progress, no_progress
 
 
@@ -37,8 +37,8 @@ class Tuning:
     parameters: tuple[Parameter, ...]
     start: dict[str, Any] | None
     """The values that it had; None where one of them is in no range."""
-    best: Trial
-    trials: tuple[Trial, ...]
+    best: TuningTrial
+    trials: tuple[TuningTrial, ...]
     held_out: HeldOut
     apart: tuple[str, ...]
     """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
@@ -51,13 +51,13 @@ class Tuning:
         return at_edges(self.parameters, self.best.values)
 
     @property
-    def front(self) -> list[Trial]:
+    def front(self) -> list[TuningTrial]:
         """The trials that no other beats in both losses; empty where there is one."""
         return front_of(self.trials) if len(self.objective.axes) > 1 else []
 
 
 @dataclass(frozen=True)
-class Task:
+class TuningTask:
     """The tuning of one tracker."""
 
     tracker: str
@@ -70,7 +70,7 @@ class Task:
 
 
 def tune(
-    task: Task,
+    task: TuningTask,
     train: Sequence[Bench],
     test: Sequence[Bench],
     apart: Sequence[str],
@@ -97,7 +97,7 @@ def tune(
     start = _start(evaluator, objective)
     study = Study(task.tracker, task.storage, task.parameters, objective.axes, _signature(task, train))
 
-    def make(points: Sequence[Values]) -> list[Trial]:
+    def make(points: Sequence[Values]) -> list[TuningTrial]:
         done = len(study.trials)
 
         def advance(part: float, parts: float) -> None:
@@ -168,12 +168,12 @@ def _nothing(objective: Objective, bench: Bench, where: str) -> str:
     return f"{where} has no {objective.measure}: nothing is scored"
 
 
-def _trial(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> Trial:
+def _trial(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> TuningTrial:
     parts = objective(outcomes, start)
     if isinstance(parts, str):
-        return Trial(dict(values), failed=parts)
+        return TuningTrial(dict(values), failed=parts)
     sums = [outcome.sums for outcome in outcomes if outcome.sums is not None]
-    return Trial(dict(values), parts, objective.losses(parts), measures=measures_of(sums))
+    return TuningTrial(dict(values), parts, objective.losses(parts), measures=measures_of(sums))
 
 
 def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
@@ -186,7 +186,7 @@ def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
     return found
 
 
-def _signature(task: Task, train: Sequence[Bench]) -> dict[str, Any]:
+def _signature(task: TuningTask, train: Sequence[Bench]) -> dict[str, Any]:
     """What determines the trials, by the words in which a difference is told."""
     scenarios = {
         bench.name: hashlib.sha256(
