@@ -147,7 +147,7 @@ OBJECTIVES = {
         ),
         Objective(
             "pareto",
-            "the front of position error and consistency of the mean NEES",
+            "front of position error and consistency of the mean NEES",
             "position_rmse",
             _error_and_nees,
             _both,

@@ -103,7 +103,7 @@ def _root_of_rise(point: ResponsePoint) -> float:
 
 
 def _evidence(point: ResponsePoint) -> float:
-    """The rise over half of its interval: the one grows with the square of the distance, the other with the distance."""
+    """The rise over half of its interval: one grows with the square of the distance, the other with the distance."""
     if point.best:
         return 0.0
     return point.rise / point.reach if point.reach else math.nan
