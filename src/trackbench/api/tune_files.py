@@ -12,6 +12,7 @@ from trackbench.document.files import files
 from trackbench.errors import InputError
 from trackbench.report.tuning import tuning_document
 from trackbench.scenario import Scenario
+from trackbench.scenario.modules import own_modules
 from trackbench.scenario.shipped import shown_name
 from trackbench.tuning.as_json import to_json
 from trackbench.tuning.tune import Tuning
@@ -41,6 +42,12 @@ def require_out(out: Path, scenarios: Sequence[Scenario]) -> None:
         if file.resolve() == scenario.path.resolve():
             raise InputError("is the scenario that is tuned, which is not overwritten; give another name", key="--out")
         results.require_file(file, "--out")
+        for module in own_modules(scenario):
+            there = file.parent / module.name
+            if there.is_file() and there.read_bytes() != module.read_bytes():
+                raise InputError(
+                    f"{module.name} there is another one than beside {scenario.path}", key="--out", file=out
+                )
 
 
 def scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
@@ -65,10 +72,12 @@ def save_tuning(found: Sequence[Tuning], scenarios: Sequence[Scenario], out: Pat
             content[base.parent / name] = make()
     values = {item.tracker: item.best.values for item in found}
     for scenario, file in zip(scenarios, scenario_files(out, scenarios), strict=True):
+        # Trackers are looked for beside the scenario that names them.
+        content |= {file.parent / module.name: module.read_bytes() for module in own_modules(scenario)}
         content[file] = written(scenario, values, file.parent).encode()
     for file, each in content.items():
         results.write_bytes(file, each)
-    return [file for file in content if file.parent in (base.parent, out.parent)]
+    return [file for file in content if file.suffix != ".svg"]
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:

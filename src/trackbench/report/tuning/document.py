@@ -16,7 +16,8 @@ from trackbench.words import counted
 _METHOD = (
     "All trials took the same measurements. The search begins with evenly spread values, goes on where good ones are "
     "frequent (the tree-structured Parzen estimator), then follows a quadratic model around the best, and ends with "
-    "each option by itself. Start and tuned values are then held against each other on other scenes or noise, run by run."
+    "each option by itself. Start and tuned values are then held against each other on other scenes or noise, run by "
+    "run."
 )
 
 
