@@ -20,7 +20,7 @@ from trackbench.tuning.ranges import has_option, parse_range, require_no_repetit
 from trackbench.tuning.search import usual_trials
 from trackbench.tuning.split import Split, halved
 from trackbench.tuning.study import require_optuna
-from trackbench.tuning.tune import TuningTask, Tuning, require_objective, tune
+from trackbench.tuning.tune import Tuning, TuningTask, require_objective, tune
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+from rich.console import Console
 
 from trackbench import results
 from trackbench.api.scenario import load_several
@@ -27,32 +28,34 @@ from trackbench.stepping.isolation import Isolation
     shell_complete=scenario_paths,
 )
 @click.option("--trackers", required=True, metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
-@click.option("--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C.")
-@click.option("--objective", metavar="NAME", help="likelihood, position_rmse, consistent_rmse, gospa or pareto.")
-@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many values are tried.")
 @click.option(
-    "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="Keep the trials: SQLite."
+    "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
 )
-@click.option("--train-scenes", type=click.IntRange(1), metavar="N", help="Scenes that are tuned on.")
-@click.option("--test-scenes", type=click.IntRange(1), metavar="N", help="Scenes that are tried on.")
+@click.option(
+    "--objective", metavar="NAME", help="likelihood, position_rmse, consistent_rmse, gospa or pareto.  [likelihood]"
+)
+@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
+@click.option(
+    "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="SQLite file of the trials."
+)
+@click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that are tuned on.")
+@click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that the values are tried on.")
 @click.option("--train-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tuned on.")
 @click.option("--test-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tried on.")
 @click.option("--train-seed", type=click.IntRange(0), metavar="S", help="Seed of the noise that is tuned on.")
 @click.option("--test-seed", type=click.IntRange(0), metavar="S", help="Seed of the noise that is tried on.")
 @click.option("--seed", type=click.IntRange(0), metavar="S", default=0, help="Seed of the search.")
-@click.option("--set", "changes", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
+@click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    default=Path("tuned.yaml"),
-    show_default=True,
-    help="The scenario with the found values; a folder for several.",
+    help="The scenario with the found values.  [tuned.yaml; for several the folder tuned]",
 )
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
-@quiet_option("One line a tracker.")
+@quiet_option("The verdict on each tracker alone.")
 @verbose_option
 def tune_command(
     scenarios: tuple[Path, ...],
@@ -68,33 +71,55 @@ def tune_command(
     train_seed: int | None,
     test_seed: int | None,
     seed: int,
-    changes: tuple[str, ...],
-    out: Path,
+    settings: tuple[str, ...],
+    out: Path | None,
     workers: int,
     isolation: Isolation,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Find the options with which trackers do best."""
-    from trackbench.api.tune import TunePlan, objective_of, tune_trackers
-    from trackbench.tuning.parameters import settings
-    from trackbench.tuning.split import Split
-    from trackbench.tuning.write_back import written
+    """Find the options with which trackers do best.
 
-    loaded, _ = load_several(scenario_files(scenarios), changes)
+    Each tracker is tuned by itself, with one set of values for all scenarios, on some scenes and noise, and then held
+    against its start on others. Writes the scenario with the found values, a report and all numbers. An interrupted
+    search goes on where it was if its trials are kept in a --storage.
+
+    \b
+    Examples:
+      trackbench tune highway --trackers ukf_ctrv --out tuned.yaml
+      trackbench tune u_turn racetrack --trackers ekf_cv,ukf_ctrv \\
+          --objective consistent_rmse --storage study.db --workers 2
+
+    \b
+    Exit status: 0 tuned, 2 bad input, 4 cannot write
+    """
+    from trackbench.api.tune import TunePlan, objective_of, tune_trackers
+    from trackbench.api.tune_files import command_of_tuning, default_out, require_out, save_tuning
+    from trackbench.document.terminal import print_document
+    from trackbench.report.tuning import tuning_summary
+    from trackbench.tuning.as_json import to_json
+    from trackbench.tuning.outcome import headline
+    from trackbench.tuning.split import Split
+
+    loaded, notes = load_several(scenario_files(scenarios), settings)
     split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
     plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, split, isolation)
     names = [name for item in trackers.split(",") if (name := item.strip())]
+    out = out or default_out(loaded)
+    require_out(out, loaded)
     output = RunOutput(as_json, quiet)
+    for note in notes:
+        output.note(note)
+    command = command_of_tuning(loaded, names, plan, out)
     with executor(workers, None) as chosen:
         found = tune_trackers(loaded, names, plan, chosen, output)
-    for item in found:
-        click.echo(f"{item.tracker}: {settings(item.best.values)} (start {settings(item.start or {})})")
-        for measure in item.held_out.comparisons:
-            values = f"{measure.start.value:.4g} -> {measure.tuned.value:.4g}"
-            click.echo(f"  {measure.scenario} {measure.measure}: {values}, p {measure.p_value:.3g}: {measure.verdict}")
-    best = {item.tracker: item.best.values for item in found}
-    for scenario in loaded:
-        file = out if len(loaded) == 1 else out / f"{scenario.config.name}.yaml"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        results.write_text(file, written(scenario, best))
+    files = save_tuning(found, loaded, out, command)
+    if as_json:
+        click.echo(results.to_json(to_json(found, command)), nl=False)
+        return
+    if quiet:
+        for item in found:
+            click.echo(f"{item.tracker}: {headline(item)[0]}")
+        return
+    print_document(tuning_summary(found), Console())
+    click.echo(f"\n{', '.join(map(str, files))}")

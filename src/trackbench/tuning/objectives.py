@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -19,6 +20,13 @@ PRICE = 10.0
 #: How far the logarithm of the mean NEES over its degrees of freedom may be off: half of what the verdict tolerates,
 #: so that it holds on other scenes too.
 SLACK = math.log(1.0 + TOLERANCE / 2)
+
+
+class Tried(Protocol):
+    """A trial that was made."""
+
+    @property
+    def parts(self) -> Parts: ...
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,12 @@ class Objective:
     needs_truth: bool = True
     hidden: bool = False
     """Whether it is of detections that nobody labelled."""
+
+    def rank(self, trial: Tried) -> float:
+        """By which the best trial is chosen: its loss; of a front the error with a price on the inconsistency."""
+        if not trial.parts:
+            return math.inf
+        return (self.losses if len(self.axes) == 1 else _consistent)(trial.parts)[0]
 
     def __call__(self, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> Parts | str:
         """The parts of a trial; why it does not count."""
@@ -133,7 +147,7 @@ OBJECTIVES = {
         ),
         Objective(
             "pareto",
-            "the front of position error and consistency of the mean NEES",
+            "front of position error and consistency of the mean NEES",
             "position_rmse",
             _error_and_nees,
             _both,

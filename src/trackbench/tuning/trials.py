@@ -7,6 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
+from trackbench.tuning.evaluation import Outcome
+from trackbench.tuning.measures import TRAFFIC_UNITS, UNITS, Sums
+from trackbench.tuning.objectives import Objective
+from trackbench.tuning.parameters import Values
+
 
 @dataclass(frozen=True)
 class TuningTrial:
@@ -24,6 +31,25 @@ class TuningTrial:
     def loss(self) -> float:
         """The first loss; infinite where it failed."""
         return self.losses[0] if self.losses else math.inf
+
+
+def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> TuningTrial:
+    """What came of a trial, from its outcome in each scenario and the start's."""
+    parts = objective(outcomes, start)
+    if isinstance(parts, str):
+        return TuningTrial(dict(values), failed=parts)
+    sums = [outcome.sums for outcome in outcomes if outcome.sums is not None]
+    return TuningTrial(dict(values), parts, objective.losses(parts), measures=_measures(sums))
+
+
+def _measures(sums: Sequence[Sums]) -> dict[str, float]:
+    """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
+    found = {}
+    for name in {**UNITS, **TRAFFIC_UNITS}:
+        values = np.array([one.value(name) for one in sums])
+        if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
+            found[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
+    return found
 
 
 def best_of(trials: Sequence[TuningTrial]) -> TuningTrial | None:

@@ -16,14 +16,16 @@ from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.tuning.entry import plain
-from trackbench.tuning.evaluation import Bench, Evaluator, Outcome
+from trackbench.tuning.evaluation import Bench, Evaluator
 from trackbench.tuning.held_out import HeldOut, compare_held_out
-from trackbench.tuning.measures import TRAFFIC_UNITS, UNITS, Sums
+from trackbench.tuning.measures import Sums
 from trackbench.tuning.objectives import Objective
 from trackbench.tuning.parameters import Parameter, Values, at_edges
+from trackbench.tuning.polish import polished
+from trackbench.tuning.response import Response
 from trackbench.tuning.search import search
 from trackbench.tuning.study import Study
-from trackbench.tuning.trials import TuningTrial, best_of, front_of
+from trackbench.tuning.trials import TuningTrial, front_of, trial_of
 from trackbench.types import Progress, no_progress
 
 
@@ -39,6 +41,8 @@ class Tuning:
     """The values that it had; None where one of them is in no range."""
     best: TuningTrial
     trials: tuple[TuningTrial, ...]
+    responses: tuple[Response, ...]
+    """Along each parameter; the one that matters most comes first."""
     held_out: HeldOut
     apart: tuple[str, ...]
     """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
@@ -104,13 +108,15 @@ def tune(
             progress(done + part / parts * len(points), task.trials)
 
         outcomes = evaluator(points, advance)
-        return [_trial(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
+        return [trial_of(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
 
     front = len(objective.axes) > 1
     search(task.parameters, study, task.start, make, objective.losses, task.trials, task.seed, front)
-    best = best_of(study.trials)
-    if best is None:
-        raise InputError(f"{task.tracker}: every trial failed; the first: {study.trials[0].failed}", key="--range")
+    made = study.trials[: task.trials]
+    best = min(made, key=objective.rank)
+    if not best.losses:
+        raise InputError(f"{task.tracker}: every trial failed; the first: {best.failed}", key="--range")
+    best, responses = polished(evaluator, objective, start, best)
     held_out = compare_held_out(Evaluator(test, task.tracker, task.parameters, executor, isolation), best.values)
     return Tuning(
         tracker=task.tracker,
@@ -119,7 +125,8 @@ def tune(
         parameters=task.parameters,
         start=task.start,
         best=best,
-        trials=tuple(study.trials[: task.trials]),
+        trials=tuple(made),
+        responses=tuple(responses),
         held_out=held_out,
         apart=tuple(apart),
         train_scenes=tuple(len(bench.truths) for bench in train),
@@ -166,24 +173,6 @@ def _nothing(objective: Objective, bench: Bench, where: str) -> str:
             return f"{where}: with hidden identities there is a likelihood of built-in trackers on logs without a truth"
         return f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
     return f"{where} has no {objective.measure}: nothing is scored"
-
-
-def _trial(objective: Objective, values: Values, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> TuningTrial:
-    parts = objective(outcomes, start)
-    if isinstance(parts, str):
-        return TuningTrial(dict(values), failed=parts)
-    sums = [outcome.sums for outcome in outcomes if outcome.sums is not None]
-    return TuningTrial(dict(values), parts, objective.losses(parts), measures=measures_of(sums))
-
-
-def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
-    """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
-    found = {}
-    for name in {**UNITS, **TRAFFIC_UNITS}:
-        values = np.array([one.value(name) for one in sums])
-        if np.isfinite(values).all() and (name == "log_likelihood" or (values > 0).all()):
-            found[name] = float(values.mean() if name == "log_likelihood" else np.exp(np.log(values).mean()))
-    return found
 
 
 def _signature(task: TuningTask, train: Sequence[Bench]) -> dict[str, Any]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -18,7 +20,7 @@ START = "_start"
 WIDTH = 110
 
 
-def written(loaded: Scenario, found: Mapping[str, Values]) -> str:
+def written(loaded: Scenario, found: Mapping[str, Values], folder: Path) -> str:
     """The text of the scenario, each tuned tracker with its new values under its name, and as it was under NAME_start.
 
     Comments, anchors and the other trackers stay as they are. Where the command line changed the scenario, or the
@@ -27,10 +29,12 @@ def written(loaded: Scenario, found: Mapping[str, Values]) -> str:
     Args:
         loaded: the scenario.
         found: by tracker the values of its options.
+        folder: where it is written; a relative path of a recording is as seen from there.
     """
     text = loaded.text
     if loaded.overrides:
         text = _anew(loaded)
+    text = _with_path(text, loaded, folder)
     for tracker, values in found.items():
         text = _with(text, tracker, plain(loaded, tracker, values))
     return text
@@ -51,6 +55,16 @@ def _with(text: str, tracker: str, entry: dict[str, Any]) -> str:
 
 
 TUNED = "_tuned"
+
+
+def _with_path(text: str, loaded: Scenario, folder: Path) -> str:
+    """The text with the path of a recording as seen from another folder."""
+    given = loaded.document.value["truth"].get("path")
+    if not isinstance(given, str) or given.startswith("$") or Path(given).is_absolute():
+        return text
+    seen = os.path.relpath(loaded.path.resolve().parent / given, folder.resolve())
+    node = _value(_value(yaml.compose(text, Loader=yaml.SafeLoader), "truth"), "path")
+    return f"{text[: node.start_mark.index]}{json.dumps(seen)}{text[node.end_mark.index :]}"
 
 
 def _inserted(text: str, index: int, column: int, entry: str) -> str:
