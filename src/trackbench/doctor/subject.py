@@ -16,8 +16,9 @@ from trackbench.stepping.remote import fresh, fresh_tracks
 from trackbench.testing.kinds import Identities
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
-from trackbench.trackers.config import FilterConfig, InitialConfig, PluginConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.initial_config import InitialConfig
 
 #: For a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {

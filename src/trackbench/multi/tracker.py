@@ -24,8 +24,9 @@ from trackbench.multi.undetected import Undetected
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import require_in_sequence
-from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import from_first
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Indices, Mask, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.

@@ -14,8 +14,9 @@ from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior, require_in_sequence
-from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import TentativeTrack
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
 
