@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from typing_extensions import TypeVar
 
 from trackbench import linalg
 from trackbench.models.motion import MotionModel
@@ -44,7 +43,7 @@ class MultiModelBelief(NamedTuple):
 
 #: What the filters that trackers run believe.
 AnyBelief = Belief | MultiModelBelief
-B = TypeVar("B", bound=AnyBelief, default=Belief)
+B = TypeVar("B", bound=AnyBelief)
 
 
 class Update(NamedTuple, Generic[B]):
@@ -151,7 +150,7 @@ class SingleModelFilter(ABC):
         """What the belief expects of a scan, whose measurements are not looked at."""
 
     @abstractmethod
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         """The belief after a scan; where the scan is not valid, the mean and covariance stay.
 
         ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
@@ -165,7 +164,7 @@ def correct(
     cross: Array,
     valid: Mask,
     angular: tuple[int, ...],
-) -> Update:
+) -> Update[Belief]:
     """The linear minimum mean square error update.
 
     With ``S = L L^T`` and ``W = L^-1 C`` the gain is ``K = W^T L^-1`` and the covariance loses ``W^T W``, which is
@@ -194,7 +193,7 @@ def correct(
 
 def take_in(
     belief: Belief, predicted: PredictedMeasurement, measured: Measured, valid: Mask, angular: tuple[int, ...]
-) -> Update:
+) -> Update[Belief]:
     """The linear update with a measurement and its prediction; ``valid`` and ``angular`` as ``correct`` has them."""
     innovation = difference(measured.value, predicted.mean, measured.angular)
     s = predicted.covariance + linalg.expand(measured.noise, predicted.covariance)
