@@ -109,6 +109,10 @@ class Filter(Protocol[B]):
         """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
         ...
 
+    def smooth(self, belief: B, later: B, dt: float) -> B:
+        """The belief once it is known what is believed ``dt`` seconds (more than zero) later from more measurements."""
+        ...
+
     def cartesian(self, belief: B) -> Gaussian:
         """px, py, vx, vy under the belief."""
         ...
@@ -128,6 +132,26 @@ class SingleModelFilter(ABC):
     def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
         """The belief of a track that starts where ``state_of`` says."""
         return Belief(*state_of(self.motion))
+
+    def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
+        """The belief once it is known what is believed ``dt`` seconds later, by Rauch, Tung and Striebel.
+
+        With ``D`` the covariance of the states before and after the interval, the prediction ``x^-, P^-`` and the gain
+        ``G = D P^-^-1``: ``x <- x + G (x^s - x^-)`` and ``P <- P + G (P^s - P^-) G^T``. Source: Särkkä (2013), theorem
+        8.2 for the Kalman filter, algorithm 9.1 for its linearisations and 10.2 for the sigma points.
+        """
+        angular, predicted = self.motion.angular, self.predict(belief, dt)
+        definite = linalg.ensure_definite(predicted.covariance)
+        # With P^- = L L^T and V = L^-1 D^T the gain is G = V^T L^-1.
+        whiten = definite.factor.whiten
+        gain = whiten(np.swapaxes(self.cross_covariance(belief, dt), 0, 1))
+        change = whiten(difference(later.mean, predicted.mean, angular))
+        mean = wrap_components(belief.mean + linalg.apply_transposed(gain, change), angular)
+        loss = whiten(np.swapaxes(whiten(definite.covariance - later.covariance), 0, 1))
+        covariance = belief.covariance - linalg.quadratic(np.swapaxes(gain, 0, 1), loss)
+        found = linalg.ensure_definite(linalg.symmetrise(covariance))
+        repaired = either(predicted.repaired, either(definite.repaired, found.repaired))
+        return Belief(mean, found.covariance, repaired=repaired)
 
     def cartesian(self, belief: Belief) -> Gaussian:
         """px, py, vx, vy under the belief."""
