@@ -269,6 +269,8 @@ class TrackerResult(Part):
     describe: str
     association: str | None = None
     """How a built-in tracker of several objects associates; None of any other."""
+    smoother: str | None = None
+    """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
@@ -279,8 +281,8 @@ class TrackerResult(Part):
 
     @property
     def is_reference(self) -> bool:
-        """Whether it knows the true origin of each detection, so that it is no competitor."""
-        return self.association == ORACLE
+        """Whether it knows what no tracker knows, origins of detections or later ones, so that it is no competitor."""
+        return self.association == ORACLE or self.smoother is not None
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

@@ -21,6 +21,7 @@ from trackbench.runner.summary import summarised
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.trackers.answers import NOT_FINITE
+from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
 
 log = logging.getLogger(__name__)
@@ -80,11 +81,13 @@ class _Assembly:
     def tracker(self, name: str) -> TrackerResult:
         """The entry of one tracker."""
         failure = self.found.failures.get(name)
-        described = describe(self._work.trackers[name])
+        config = self._work.trackers[name]
+        described, smoother = describe(config), config.smoother if isinstance(config, FilterConfig) else None
         if failure is not None:
             return TrackerResult(
                 name=name,
                 describe=described,
+                smoother=smoother,
                 failed=failure,
                 metrics=no_metrics("the tracker failed", self._work.metrics),
                 health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE)),
@@ -93,6 +96,7 @@ class _Assembly:
         return TrackerResult(
             name=name,
             describe=described,
+            smoother=smoother,
             failed=None,
             metrics=evaluation.values,
             health=health(self.found.scores[name]),

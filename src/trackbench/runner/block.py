@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
@@ -22,9 +23,12 @@ from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.stepping.faults import TrackFault, fault_of
 from trackbench.stepping.remote import start
-from trackbench.stepping.steppers import Stepper, masked
+from trackbench.stepping.steppers import Offline, Stepper, masked
 from trackbench.streams import stream
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.smoothed import SmoothedTracker
 from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress, of_runs
 
 
@@ -198,20 +202,18 @@ class TrackerRun:
         return self.failure or sums
 
     def _through(self, scans: Sequence[Scan]) -> Generator[Gaussian | None]:
-        work = self._work
-        config = work.trackers[self.name]
-        named = config.sensors_used
         instant, scan = 0, scans[0]
         stepper: Stepper | None = None
         try:
-            stepper = start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
+            stepper = self._stepper(scans)
             for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
                 latest = self._none
                 for scan in group:
-                    given = scan if named is None or scan.sensor in named else masked(scan)
+                    given = self._given(scan)
                     begin = time.perf_counter()
                     answer = stepper.step(given)
-                    seconds = time.perf_counter() - begin
+                    # A smoother does not work step by step.
+                    seconds = math.nan if isinstance(stepper, Offline) else time.perf_counter() - begin
                     latest = answer or self._none
                     self.scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
@@ -224,6 +226,18 @@ class TrackerRun:
         finally:
             if stepper is not None:
                 stepper.close()
+
+    def _given(self, scan: Scan) -> Scan:
+        """What the tracker is given of a scan."""
+        named = self._work.trackers[self.name].sensors_used
+        return scan if named is None or scan.sensor in named else masked(scan)
+
+    def _stepper(self, scans: Sequence[Scan]) -> Stepper:
+        work = self._work
+        config = work.trackers[self.name]
+        if isinstance(config, FilterConfig) and config.smoother is not None:
+            return Offline(SmoothedTracker(self._primed(build(config))), [self._given(scan) for scan in scans])
+        return start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from trackbench.errors import InputError
 from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
@@ -15,6 +16,7 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.trackers.published import create
+from trackbench.trackers.smoothed import SmoothedTracker
 from trackbench.types import Estimate, Scan
 
 
@@ -42,9 +44,11 @@ def local(
         primed: gives a built-in tracker its first states, where it starts from the truth.
 
     Raises:
-        InputError: a plug-in cannot be found or does not take its options.
+        InputError: a plug-in cannot be found or does not take its options, or it is a smoother.
     """
     if isinstance(config, FilterConfig):
+        if config.smoother is not None:
+            raise InputError("a smoother needs all measurements of a run before it says anything", key="smoother")
         return Direct(primed(build(config)))
     make = create(config.use, config.options, folder)
     tracker = make()
@@ -78,6 +82,20 @@ class Direct(_Here):
         """The estimates of all batch."""
         self._state, estimate = self._tracker.step(self._state, scan)
         return estimate
+
+
+class Offline(_Here):
+    """A smoother, which is told all scans before the first step."""
+
+    def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
+        self._tracker, self._scans = tracker, scans
+        self._estimates: Iterator[Estimate] | None = None
+
+    def step(self, scan: Scan) -> Estimate:
+        """The estimates of all batch at the next of the scans."""
+        if self._estimates is None:
+            self._estimates = iter(self._tracker.estimates(self._scans))
+        return next(self._estimates)
 
 
 class Batched(_Here):

@@ -97,6 +97,11 @@ class FilterConfig(OptionsBeside):
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
         "ones cost.",
     )
+    smoother: Literal["rts"] | None = Field(
+        None,
+        description="rts: what was to be had offline. Each estimate is made of all measurements of the run, those after "
+        "it too, by the smoother of Rauch, Tung and Striebel. Such an entry is a reference, and no competitor.",
+    )
     associate: AssociateConfig | None = Field(
         None,
         description="Follows several objects from detections of hidden identities: how it associates them, and when "
@@ -199,6 +204,8 @@ class FilterConfig(OptionsBeside):
         if self.initial.source != "first_reading":
             message = "with associate a track starts from one detection: use from: first_reading"
             yield Problem(("initial", "from"), message)
+        if self.smoother is not None:
+            yield Problem(("smoother",), "a smoother follows one object; remove it, or associate")
         for key in ("skip", "waiting"):
             if key in self.initial.model_fields_set:
                 yield Problem(("initial", key), "not used with associate, which has confirm; remove it")

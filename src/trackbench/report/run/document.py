@@ -48,6 +48,10 @@ _MANOEUVRES = (
     "that applies. The range is the distance from the observer. The first second begins when a sensor could first see "
     "the object."
 )
+SMOOTHERS = (
+    "A reference is a smoother: it knows the measurements after each instant too, and shows what was to be had offline "
+    "from the same data. It is no competitor."
+)
 _CALIBRATION = (
     "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
     f"large as stated. Optimistic is a ratio whose whole 95 % interval is above {LIMITS[1]:.2f}, pessimistic one below "
@@ -84,14 +88,13 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
 
 def _standings(result: Result) -> Iterator[Block]:
     summary = result.summary
-    if result.scored:
-        yield Items(
-            tuple(
-                Item(f"{verdict(t, summary.runs, summary.held_against.label)}.", t.name, t.describe, t.name)
-                for t in result.scored
-            ),
-            numbered=True,
-        )
+    said = {t.name: f"{verdict(t, summary.runs, summary.held_against.label)}." for t in result.scored}
+    if said:
+        items = [Item(said[t.name], t.name, t.describe, t.name) for t in result.contenders]
+        yield Items(tuple(items), numbered=True)
+        beside = [t for t in result.scored if t not in result.contenders]
+        if beside:
+            yield Items(tuple(Item(said[t.name], f"{t.name} (reference)", t.describe, t.name) for t in beside))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -103,6 +106,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
         f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
+        + (f" {SMOOTHERS}" if any(tracker.is_reference for tracker in trackers) else "")
     )
     others = tables.other_metrics(result)
     more = Section(
