@@ -48,7 +48,7 @@ def local(
     """
     if isinstance(config, FilterConfig):
         if config.smoother is not None:
-            raise InputError("a smoother needs all measurements of a run before it says anything", key="smoother")
+            raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
         return Direct(primed(build(config)))
     make = create(config.use, config.options, folder)
     tracker = make()
