@@ -143,8 +143,8 @@ def test_of_motions_that_switch_between_unequal_states_it_is_consistent_and_bett
         whitened = np.linalg.solve(np.stack(covariances).transpose(0, 3, 1, 2), error.transpose(0, 2, 1)[..., None])
         nees.append(np.mean(np.einsum("kir,kri->kr", error, whitened[..., 0])))
         square.append(np.mean(error**2, axis=(0, 2)))
-    # Errors under a mixture are no chi-square, so that only the mean is held against 4. Where several Gaussians are merged
-    # into one it comes out some 5 % too large: between 4.04 and 4.35 in other draws of 400 runs.
+    # Errors under a mixture are no chi-square, so that only the mean is held against 4. Where several Gaussians are
+    # merged into one it comes out some 5 % too large: between 4.04 and 4.35 in other draws of 400 runs.
     assert all(3.8 < mean < 4.4 for mean in nees)
     assert np.all(np.sqrt(square[1]) < 0.6 * np.sqrt(square[0]))
 

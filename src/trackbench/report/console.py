@@ -189,7 +189,7 @@ def _notes(result: Result) -> list[str]:
     ]
     notes += _note_on_groups(result)
     if any(tracker.is_reference for tracker in trackers):
-        notes.append("*: a smoother, which knows later measurements too: what was to be had offline; no competitor")
+        notes.append("*: a smoother, which knows later measurements too; no competitor")
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]

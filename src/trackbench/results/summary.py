@@ -280,9 +280,16 @@ class TrackerResult(Part):
     """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     @property
+    def aside(self) -> str:
+        """In a word, why it is no competitor: it knows what no tracker knows. Empty of one that is a competitor."""
+        if self.smoother is not None:
+            return "offline"
+        return "reference" if self.association == ORACLE else ""
+
+    @property
     def is_reference(self) -> bool:
-        """Whether it knows what no tracker knows, origins of detections or later ones, so that it is no competitor."""
-        return self.association == ORACLE or self.smoother is not None
+        """Whether it is no competitor."""
+        return bool(self.aside)
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

@@ -17,6 +17,7 @@ from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.expectations import judge
+from trackbench.runner.mode_tables import mode_tables
 from trackbench.runner.summary import summarised
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
@@ -127,6 +128,13 @@ class _Assembly:
             "estimates": recorded_tables.estimates_table(recorded, truth, instants, run),
             "recorded_nis": recorded_tables.recorded_nis_table(recorded, truth.ids, own),
             "roads": recorded_tables.roads_table(truth),
+            **mode_tables(
+                {name: work.trackers[name] for name in evaluations},
+                self._blocks,
+                longest.truth.time[longest.instants()],
+                truth.time[instants],
+                truth.ids,
+            ),
         }
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +17,8 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.modes import ModeSums
+from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
@@ -29,31 +30,7 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.smoothed import SmoothedTracker
-from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress, of_runs
-
-
-@dataclass
-class RecordedEstimates:
-    """One tracker's estimates of the recorded run."""
-
-    mean: Array
-    """``(4, instants, objects)``, NaN where there is none."""
-    covariance: Array
-    """``(4, 4, instants, objects)``"""
-    due: Mask
-    """``(instants, objects)`` where an estimate is due, and scored."""
-    nis: dict[str, list[Array]] = field(default_factory=dict)
-    """Per sensor and measurement ``(objects,)``, NaN where there is none."""
-
-
-class RecordedInstant(NamedTuple):
-    """The estimates of the recorded run at one instant."""
-
-    number: int
-    """Of the instant, from 0."""
-    estimates: dict[str, Gaussian]
-    """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
-
+from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress, of_runs
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
@@ -67,6 +44,8 @@ class Block:
     sums: dict[str, Sums | Failure]
     """By tracker."""
     recorded: dict[str, RecordedEstimates]
+    modes: dict[str, ModeSums]
+    """By tracker that has modes."""
     scans: list[Scan] | None
     """Those of the recorded run, if it is in this block; batch axis ``(objects,)``."""
     detections: dict[str, Array]
@@ -124,7 +103,8 @@ def run_block(
         _score(list(trackers.values()))
     sums = {name: tracker.close() for name, tracker in trackers.items()}
     recorded = {name: tracker.recorded for name, tracker in trackers.items() if tracker.recorded is not None}
-    return Block(piece, sums, recorded, scans, measurements.detections, measurements.digests)
+    modes = {name: tracker.modes for name, tracker in trackers.items() if tracker.modes is not None}
+    return Block(piece, sums, recorded, modes, scans, measurements.detections, measurements.digests)
 
 
 def _score(trackers: Sequence[TrackerRun]) -> None:
@@ -175,6 +155,7 @@ class TrackerRun:
                 np.full((4, 4, instants, objects), np.nan),
                 self._target.due[..., kept],
             )
+        self.modes: ModeSums | None = None
         self._instants = self._through(measurements.scans)
 
     @property
@@ -218,6 +199,9 @@ class TrackerRun:
                     self.scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
                 self.scorer.estimate(latest)
+                if latest.mode_probabilities is not None:
+                    self.modes = self.modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
+                    self.modes.take(instant, latest.mode_probabilities, self._target)
                 yield self._keep(instant, latest)
         except (KeyboardInterrupt, GeneratorExit):
             raise

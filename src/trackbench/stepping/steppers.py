@@ -17,7 +17,7 @@ from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.trackers.published import create
 from trackbench.trackers.smoothed import SmoothedTracker
-from trackbench.types import Estimate, Scan
+from trackbench.types import Array, Estimate, Scan
 
 
 class Stepper(Protocol):
@@ -166,6 +166,7 @@ def together(answers: list[Estimate | None], size: int) -> Estimate | None:
     mean, covariance = np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan)
     innovation, innovation_covariance = np.full((size, batch), np.nan), np.full((size, size, batch), np.nan)
     repaired = np.zeros(batch, dtype=bool)
+    modes = _together_modes(answers)
     for member, answer in enumerate(answers):
         if answer is None:
             continue
@@ -174,7 +175,23 @@ def together(answers: list[Estimate | None], size: int) -> Estimate | None:
         if answer.innovation is not None and answer.innovation_covariance is not None:
             innovation[:, member], innovation_covariance[:, :, member] = answer.innovation, answer.innovation_covariance
     if np.isnan(innovation).all():
-        return Estimate(mean, covariance, repaired=repaired)
+        return Estimate(mean, covariance, repaired=repaired, mode_probabilities=modes)
     return Estimate(
-        mean, covariance, innovation=innovation, innovation_covariance=innovation_covariance, repaired=repaired
+        mean,
+        covariance,
+        innovation=innovation,
+        innovation_covariance=innovation_covariance,
+        repaired=repaired,
+        mode_probabilities=modes,
     )
+
+
+def _together_modes(answers: list[Estimate | None]) -> Array | None:
+    given = [None if answer is None else answer.mode_probabilities for answer in answers]
+    sizes = {len(modes) for modes in given if modes is not None}
+    if not sizes:
+        return None
+    if len(sizes) > 1:
+        raise TrackerFault(f"it gave {' and '.join(map(str, sorted(sizes)))} mode probabilities")
+    nothing = np.full(sizes.pop(), np.nan)
+    return np.stack([nothing if modes is None else modes for modes in given], axis=-1)

@@ -100,7 +100,7 @@ class FilterConfig(OptionsBeside):
     smoother: Literal["rts"] | None = Field(
         None,
         description="rts: what was to be had offline. Each estimate is made of all measurements of the run, later ones "
-        "too, by the smoother of Rauch, Tung and Striebel. Such an entry is a reference, and no competitor.",
+        "too, by the smoother of Rauch, Tung and Striebel. Such an entry is no competitor.",
     )
     associate: AssociateConfig | None = Field(
         None,

@@ -29,6 +29,7 @@ from trackbench.report.run.figures.consistency import nees_over_time, nis_over_t
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
 from trackbench.report.run.figures.map import map_of_run, mapped
+from trackbench.report.run.figures.modes import mean_modes, recorded_modes
 from trackbench.report.run.frame import framed
 from trackbench.report.run.moments import moments_section, worst_moments
 from trackbench.report.run.scenes import basis_of_intervals, scenes
@@ -49,8 +50,8 @@ _MANOEUVRES = (
     "the object."
 )
 SMOOTHERS = (
-    "A reference is a smoother: it knows the measurements after each instant too, and shows what was to be had offline "
-    "from the same data. It is no competitor."
+    "Offline: a smoother, which knows the measurements after each instant too, and shows what was to be had from the "
+    "same data. It is no competitor."
 )
 _CALIBRATION = (
     "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
@@ -80,6 +81,7 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
         if result.summary.truth.scenes:
             yield Section("Scene by scene", tuple(scenes(result)))
         yield from _accuracy(result, shown)
+        yield from _modes(result)
         yield from _breakdown(result, styles)
         yield from _consistency(result, shown)
 
@@ -94,7 +96,7 @@ def _standings(result: Result) -> Iterator[Block]:
         yield Items(tuple(items), numbered=True)
         beside = [t for t in result.scored if t not in result.contenders]
         if beside:
-            yield Items(tuple(Item(said[t.name], f"{t.name} (reference)", t.describe, t.name) for t in beside))
+            yield Items(tuple(Item(said[t.name], f"{t.name} ({t.aside})", t.describe, t.name) for t in beside))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -130,13 +132,22 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
     steps, reference = result.tables.steps, result.summary.held_against
     moments, run = worst_moments(result), result.summary.recorded_run
+    names = [tracker.name for tracker in result.contenders]
+    competing = [style for style in shown if style.name in names]
     figures = [
         *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
         spread(steps, shown, reference.label),
-        map_of_run(result.tables, run, shown, moments),
+        map_of_run(result.tables, run, competing, moments),
     ]
     yield from _figures("Accuracy", figures)
-    yield from moments_section(moments, run, [style.name for style in mapped(shown)])
+    yield from moments_section(moments, run, [style.name for style in mapped(competing)])
+
+
+def _modes(result: Result) -> Iterator[Section]:
+    drawn = [tracker.name for tracker in result.drawn]
+    modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
+    of_run = recorded_modes(recorded, drawn, result.summary.recorded_run)
+    yield from _figures("Modes", [mean_modes(modes, drawn) if result.summary.runs > 1 else None, of_run])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
