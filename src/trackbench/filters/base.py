@@ -86,7 +86,9 @@ class PredictedMeasurement(NamedTuple):
     covariance: Array
     """``(m, m, ...)`` without the noise of the measurement."""
     cross: Array
-    """``(m, n, ...)`` covariance of measurement and state."""
+    """``(m, n, ...)`` covariance of measurement and state; nothing of a mixture, whose modes have theirs."""
+    modes: tuple[PredictedMeasurement, ...] = ()
+    """Of a mixture, under each motion model."""
 
 
 class Filter(Protocol[B]):
@@ -105,8 +107,19 @@ class Filter(Protocol[B]):
         """The belief after ``dt`` seconds (zero or more)."""
         ...
 
-    def update(self, belief: B, scan: Scan) -> Update[B]:
-        """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
+    def measured(self, scan: Scan) -> Measured:
+        """The measurements of a scan in the space in which the filter compares them with its predictions."""
+        ...
+
+    def predict_measurement(self, belief: B, scan: Scan) -> PredictedMeasurement:
+        """What the belief expects of a scan, whose measurements are not looked at."""
+        ...
+
+    def update(self, belief: B, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[B]:
+        """The belief after a scan; where the scan is not valid, the mean and covariance stay.
+
+        ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
+        """
         ...
 
     def smooth(self, belief: B, later: B, dt: float) -> B:
@@ -244,27 +257,3 @@ def either(a: Mask | None, b: Mask | None) -> Mask | None:
     if a is None or b is None:
         return b if a is None else a
     return a | b
-
-
-def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
-    """``a`` where it holds, ``b`` elsewhere; both are of the same filter.
-
-    Sigma points are kept if ``a`` has them; if ``b`` has none, it is a placeholder whose points do not count.
-    """
-    if isinstance(a, Belief):
-        assert isinstance(b, Belief)
-        return _choose_one(where, a, b)
-    assert isinstance(b, MultiModelBelief)
-    probability = np.where(where, a.probability, b.probability)
-    modes = tuple(_choose_one(where, one, other) for one, other in zip(a.modes, b.modes, strict=True))
-    return MultiModelBelief(probability, modes, _choose_marks(where, a.repaired, b.repaired))
-
-
-def _choose_one(where: Mask, a: Belief, b: Belief) -> Belief:
-    points = a.points if a.points is None or b.points is None else np.where(where, a.points, b.points)
-    mean, covariance = np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance)
-    return Belief(mean, covariance, points=points, repaired=_choose_marks(where, a.repaired, b.repaired))
-
-
-def _choose_marks(where: Mask, a: Mask | None, b: Mask | None) -> Mask | None:
-    return None if a is None and b is None else np.where(where, a is not None and a, b is not None and b)

@@ -9,7 +9,15 @@ from functools import lru_cache
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, MultiModelBelief, SingleModelFilter, Update, either
+from trackbench.filters.base import (
+    Belief,
+    Measured,
+    MultiModelBelief,
+    PredictedMeasurement,
+    SingleModelFilter,
+    Update,
+    either,
+)
 from trackbench.filters.future import future
 from trackbench.filters.mixing import in_state_of, moment_matched
 from trackbench.models.motion import MotionModel
@@ -65,13 +73,31 @@ class InteractingMultipleModel:
         modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
         return joined(belief.probability, modes, belief.repaired)
 
-    def update(self, belief: MultiModelBelief, scan: Scan) -> Update[MultiModelBelief]:
+    def measured(self, scan: Scan) -> Measured:
+        """The measurements of a scan in the space in which the filters compare them with their predictions."""
+        return self.filters[0].measured(scan)
+
+    def predict_measurement(self, belief: MultiModelBelief, scan: Scan) -> PredictedMeasurement:
+        """What the mixture expects of a scan, with what each mode expects."""
+        pairs = zip(self.filters, belief.modes, strict=True)
+        modes = tuple(filter.predict_measurement(mode, scan) for filter, mode in pairs)
+        said = [Gaussian(mode.mean, mode.covariance) for mode in modes]
+        mean, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
+        return PredictedMeasurement(mean, covariance, np.empty((len(mean), 0, *mean.shape[1:])), modes)
+
+    def update(
+        self, belief: MultiModelBelief, scan: Scan, predicted: PredictedMeasurement | None = None
+    ) -> Update[MultiModelBelief]:
         """Update each mode, and weigh it by the likelihood of the measurement.
 
         The innovation and its covariance are those of the mixture of what the modes predicted; the innovation is 0
         where the scan is not valid.
         """
-        updates = [filter.update(mode, scan) for filter, mode in zip(self.filters, belief.modes, strict=True)]
+        expected = predicted.modes if predicted is not None else (None,) * len(self.filters)
+        updates = [
+            filter.update(mode, scan, each)
+            for filter, mode, each in zip(self.filters, belief.modes, expected, strict=True)
+        ]
         log_likelihood = np.stack([update.log_likelihood for update in updates])
         said = [Gaussian(update.innovation, update.innovation_covariance) for update in updates]
         if not np.all(scan.valid):
@@ -79,7 +105,7 @@ class InteractingMultipleModel:
             said = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in said]
         probability = normalised(np.log(belief.probability) + log_likelihood)
         after = joined(probability, [update.belief for update in updates], belief.repaired)
-        innovation, covariance = moment_matched(belief.probability, said, self.filters[0].measured(scan).angular)
+        innovation, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
         s = linalg.ensure_definite(covariance)
         return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor)
 

@@ -196,8 +196,6 @@ class FilterConfig(OptionsBeside):
         """What a tracker with one motion model has and one with several has not."""
         if self.process_noise_diag is not None:
             yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
-        if self.associate is not None:
-            yield Problem(("motion",), "imm follows one object; with associate use a single motion model")
 
     def _not_associated(self) -> Iterator[Problem]:
         """What a tracker of one object has and one of several has not."""

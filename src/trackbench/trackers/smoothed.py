@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import NamedTuple
 
-from trackbench.filters import AnyBelief, Belief, MultiModelBelief, choose
+from trackbench.filters import bare, choose
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.types import Estimate, Scan
 
@@ -56,13 +56,5 @@ class SmoothedTracker:
                 own = own or self.tracker.advances(scan.sensor)
             assert state is not None
             belief = state.belief if own else self.tracker.predicted(state, time)
-            instants.append(_Instant(state._replace(time=time, belief=_kept(belief)), own))
+            instants.append(_Instant(state._replace(time=time, belief=bare(belief)), own))
         return instants
-
-
-def _kept(belief: AnyBelief) -> AnyBelief:
-    """Without what it can be computed from."""
-    if isinstance(belief, MultiModelBelief):
-        modes = tuple(Belief(mode.mean, mode.covariance) for mode in belief.modes)
-        return MultiModelBelief(belief.probability, modes)
-    return Belief(belief.mean, belief.covariance)
