@@ -17,7 +17,7 @@ from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
-InitialSource = Literal["first_reading", "two_readings", "truth"]
+InitialSource = Literal["first_reading", "two_readings", "batch", "truth"]
 AdvanceAt = Literal["own_scans", "all_scans"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
@@ -37,12 +37,14 @@ FILTER_KEYS: dict[str, tuple[str, ...]] = {
 
 #: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
-    "sensors": ("first_reading", "two_readings"),
-    "skip": ("first_reading", "two_readings"),
-    "waiting": ("first_reading", "two_readings"),
+    "sensors": ("first_reading", "two_readings", "batch"),
+    "skip": ("first_reading", "two_readings", "batch"),
+    "waiting": ("first_reading", "two_readings", "batch"),
     "velocity": ("first_reading",),
+    "measurements": ("batch",),
+    "least_time_s": ("two_readings", "batch"),
     "position_sigma_m": ("truth",),
-    "velocity_sigma_mps": ("first_reading", "truth"),
+    "velocity_sigma_mps": ("first_reading", "batch", "truth"),
 }
 #: The components of the state that a key of the initial state is about, where not every state has them.
 ABOUT: dict[str, tuple[str, ...]] = {
@@ -78,6 +80,15 @@ class InitialConfig(Config):
         "nothing",
         description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
         "latest measurement says, its velocity being as unknown as from first_reading.",
+    )
+    measurements: int = Field(
+        3, ge=2, le=50, description="From a batch: how many measurements of an object it has at least."
+    )
+    least_time_s: NonNegative = Field(
+        0.3,
+        le=60,
+        description="From two_readings and batch: least time from the first to the last of them, s. The longer, the "
+        "better is the velocity known.",
     )
     velocity: Literal["zero", "radial", "range_rate"] = Field(
         "zero",

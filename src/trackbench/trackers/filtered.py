@@ -70,7 +70,7 @@ class FilterTracker:
             belief = said.belief
         known, waiting = started, state.waiting
         if self.prior is None and not np.all(started) and _named(scan, self.initial.sensors or self.sensors):
-            begin = initial.start(self.initial, scan, waiting)
+            begin = initial.start(self.initial, scan, waiting, ~started)
             if np.any(begin.ready):
                 belief = choose(begin.ready & ~started, self.filter.begin(begin.state_of), belief)
             started, waiting = started | begin.ready, begin.waiting

@@ -12,11 +12,14 @@ from trackbench import linalg
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers import batch_fit
 from trackbench.trackers.config import InitialConfig
-from trackbench.types import Array, Gaussian, Mask, Scan
+from trackbench.types import Array, Gaussian, Indices, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1
+#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+SAME_TIME = 1e-6
 
 
 class TentativeTrack(NamedTuple):
@@ -30,6 +33,10 @@ class TentativeTrack(NamedTuple):
     """Of the first measurement that counts."""
     latest: Gaussian
     """Position of the latest measurement; NaN where there was none yet."""
+    scans: tuple[Scan, ...] = ()
+    """Those with measurements that count, where a batch of them starts a track."""
+    counted: tuple[Mask, ...] = ()
+    """For each of them, which do."""
 
 
 class Start(NamedTuple):
@@ -47,8 +54,11 @@ def sigmas(config: InitialConfig) -> InitialSigmas:
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
-    """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one."""
+def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None, wanted: Mask | None = None) -> Start:
+    """Start the tracks that a scan allows to start, from its measurement alone or with earlier ones.
+
+    ``wanted`` says of which objects; of all unless given.
+    """
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
     counts = scan.valid & (waiting.measurements >= config.skip)
@@ -56,7 +66,9 @@ def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> 
     if config.source == "first_reading":
         return Start(counts, partial(from_first, config=config, scan=scan, position=position), after)
     elapsed = scan.time - waiting.time
-    ready = counts & (elapsed > 0.0)
+    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time_s - SAME_TIME)
+    if config.source == "batch":
+        return _from_batch(config, scan, after, counts, ready, wanted)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
     return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
@@ -71,6 +83,37 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
     if config.velocity == "range_rate" and "vx" in motion.components:
         known = _with_range_rate(known, scan)
     return _of_cartesian(motion, config, known)
+
+
+def _from_batch(
+    config: InitialConfig, scan: Scan, after: TentativeTrack, counts: Mask, ready: Mask, wanted: Mask | None
+) -> Start:
+    counts = counts if wanted is None else counts & wanted
+    scans, counted = (*after.scans, scan), (*after.counted, counts)
+    enough = after.measurements - config.skip >= config.measurements
+    ready = ready & counts & enough
+
+    def state_of(motion: MotionModel) -> Gaussian:
+        size = len(motion.components)
+        mean, covariance = np.ones((size, ready.size)), np.repeat(np.eye(size)[..., None], ready.size, axis=2)
+        lanes = np.flatnonzero(ready)
+        taken = np.stack([np.ravel(mask)[lanes] for mask in counted])
+        own = [(_of(one, lanes), mask) for one, mask in zip(scans, taken, strict=True) if mask.any()]
+        measurements = batch_fit.collect([one for one, _ in own], np.stack([mask for _, mask in own]))
+        found = batch_fit.fit(motion, measurements, batch_fit.Prior(config.velocity_sigma_mps, sigmas(config)))
+        mean[:, lanes], covariance[..., lanes] = found.latest
+        return _stated(Gaussian(mean.reshape(size, *ready.shape), covariance.reshape(size, size, *ready.shape)), config)
+
+    waits = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
+    kept = [(one, mask) for one, mask in waits if mask.any()]
+    left = after._replace(scans=tuple(one for one, _ in kept), counted=tuple(mask for _, mask in kept))
+    return Start(ready, state_of, left)
+
+
+def _of(scan: Scan, lanes: Indices) -> Scan:
+    """The scan of some objects, ``(m, L)``."""
+    measurement = scan.measurement.reshape(len(scan.measurement), -1)
+    return scan._replace(measurement=measurement[:, lanes], valid=np.ravel(scan.valid)[lanes])
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
@@ -168,6 +211,8 @@ def _taken_in(waiting: TentativeTrack, scan: Scan, position: Gaussian, counts: M
         np.where(first, scan.time, waiting.time),
         _choose(first, position, waiting.position),
         _choose(scan.valid, position, waiting.latest),
+        waiting.scans,
+        waiting.counted,
     )
 
 
