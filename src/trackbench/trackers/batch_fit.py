@@ -14,6 +14,8 @@ from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.types import Array, Gaussian, Indices, Mask, Scan
 from trackbench.units import difference
 
+#: Those before the latest so many are not used.
+MOST_MEASUREMENTS = 20
 #: Steps after which a fit that still moves counts as not converged.
 MOST_STEPS = 20
 #: Length of a step below which a fit has converged, in standard deviations.
@@ -70,7 +72,7 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
         scans: in order of time, measurements ``(m, L)``.
         taken: ``(scans, L)`` which of them count; the last for every object.
     """
-    count = int(taken.sum(axis=0).max())
+    count = min(int(taken.sum(axis=0).max()), MOST_MEASUREMENTS)
     # Stable: of each object those that count come last, in their order.
     number = np.argsort(taken, axis=0, kind="stable")[-count:]
     there = np.take_along_axis(taken, number, axis=0)
@@ -84,7 +86,6 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
         whitener[i, :own, :own] = np.linalg.inv(np.linalg.cholesky(scan.noise_covariance))
     time = np.array([scan.time for scan in scans])[number]
     kind = np.array([kinds.index(SENSOR_MODELS[scan.kind]) for scan in scans])[number]
-    first = np.argmax(taken, axis=0)
     position = np.stack([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans])
     lanes = np.arange(taken.shape[1])
     return FirstMeasurements(
@@ -95,7 +96,7 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
         np.moveaxis(whitener[number], 1, -1) * there[:, None, None],
         np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
         np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
-        position[first, :, lanes].T,
+        position[number[np.argmax(there, axis=0), lanes], :, lanes].T,
     )
 
 
@@ -112,19 +113,26 @@ def fit(motion: MotionModel, measurements: FirstMeasurements, prior: Prior) -> F
     3.4 (nonlinear least squares), with the process noise among the unknowns as in Bell (1994), "The iterated Kalman
     smoother as a Gauss-Newton method".
     """
-    straight = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
+    straight = fit_straight(measurements, prior)
+    own = _fit(motion, measurements, prior, motion.from_cartesian(straight.first, prior.others).mean)
+    if own.converged.all():
+        return own
+    driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
+    other = _fit(driven, measurements, prior, straight.first.mean).latest
+    return own._replace(latest=_choose(own.converged, own.latest, motion.from_cartesian(other, prior.others)))
+
+
+def fit_straight(measurements: FirstMeasurements, prior: Prior) -> Fit:
+    """The fit of a velocity that is constant, without any noise: px, py, vx, vy."""
     standing = np.concatenate([measurements.position, np.zeros_like(measurements.position)])
-    simple = _fit(straight, measurements, prior, standing)
-    if isinstance(motion, ConstantVelocity):
-        return _fit(motion, measurements, prior, simple.first.mean)
-    begun = motion.from_cartesian(simple.first, prior.others)
-    own = _fit(motion, measurements, prior, begun.mean)
-    return own._replace(latest=_choose(own.converged, own.latest, motion.from_cartesian(simple.latest, prior.others)))
+    return _fit(ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False)
 
 
-def _fit(motion: MotionModel, measurements: FirstMeasurements, prior: Prior, first: Array) -> Fit:
+def _fit(
+    motion: MotionModel, measurements: FirstMeasurements, prior: Prior, first: Array, *, driven: bool = True
+) -> Fit:
     size, lanes = first.shape
-    noises = len(motion.noise_sigma) * len(measurements.interval)
+    noises = len(motion.noise_sigma) * len(measurements.interval) * driven
     found = np.concatenate([first, np.zeros((noises, lanes))])
     at = _Linearised.of(motion, measurements, prior, found)
     damping = np.full(lanes, 1e-6)
@@ -167,14 +175,15 @@ class _Linearised(NamedTuple):
     def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: Prior, point: Array) -> _Linearised:
         size, lanes = len(motion.components), point.shape[1]
         sigma = linalg.expand(np.asarray(motion.noise_sigma), point)
+        driven = len(point) > size
         x = point[:size]
         slope = np.zeros((size, len(point), lanes))
         slope[range(size), range(size)] = 1.0
         residuals, derivatives = _of_prior(motion, prior, point, slope)
         for k in range(len(measurements.kind)):
             if k:
-                own = slice(size + len(sigma) * (k - 1), size + len(sigma) * k)
-                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, sigma * point[own], own, sigma)
+                own = slice(size + len(sigma) * (k - 1), size + len(sigma) * k) if driven else None
+                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, point, own, sigma)
             residual, derivative = _of_measurement(motion, measurements, k, x, slope)
             residuals.append(residual)
             derivatives.append(derivative)
@@ -202,18 +211,19 @@ def _of_prior(motion: MotionModel, prior: Prior, point: Array, slope: Array) -> 
 
 
 def _moved(
-    motion: MotionModel, interval: Array, x: Array, slope: Array, noise: Array, own: slice, sigma: Array
+    motion: MotionModel, interval: Array, x: Array, slope: Array, point: Array, own: slice | None, sigma: Array
 ) -> tuple[Array, Array]:
-    """The state after the interval and its derivative; ``noise`` is at the places ``own`` among the unknowns."""
+    """The state after the interval and its derivative; ``own`` is where its noises stand among the unknowns."""
     after, turned = x.copy(), slope.copy()
     for dt in np.unique(interval[interval > 0.0]):
         where = interval == dt
-        here = x[:, where]
-        gain = linalg.expand(motion.noise_gain(here, dt), slope[:, : len(noise), where])
-        f = linalg.expand(motion.jacobian(here, dt), gain)
-        after[:, where] = motion.transition(here, dt) + linalg.apply(gain, noise[:, where])
-        turned[..., where] = linalg.matmul(f, slope[..., where])
-        turned[:, own, where] += gain * sigma
+        here, before = x[:, where], slope[..., where]
+        after[:, where] = motion.transition(here, dt)
+        turned[..., where] = linalg.matmul(linalg.expand(motion.jacobian(here, dt), before), before)
+        if own is not None:
+            gain = sigma * linalg.expand(motion.noise_gain(here, dt), before)
+            after[:, where] += linalg.apply(gain, point[own, where])
+            turned[:, own, where] += gain
     return after, turned
 
 

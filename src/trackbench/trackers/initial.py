@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
+from trackbench.filters import AnyBelief, Belief, MultiModelBelief
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers import batch_fit
+from trackbench.trackers.batch_fit import FirstMeasurements, Prior
 from trackbench.trackers.config import InitialConfig
-from trackbench.types import Array, Gaussian, Indices, Mask, Scan
+from trackbench.types import Array, Gaussian, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1
+#: A state with a yaw is Gaussian as far as the standard deviation of the yaw is below this one, rad.
+COURSE_KNOWN = 0.3
+#: Time after which a batch starts a track though the course is not known: the object may be standing, s.
+LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
 
@@ -54,10 +60,21 @@ def sigmas(config: InitialConfig) -> InitialSigmas:
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None, wanted: Mask | None = None) -> Start:
+def start(
+    config: InitialConfig,
+    scan: Scan,
+    waiting: TentativeTrack | None,
+    motions: Sequence[MotionModel],
+    wanted: Mask | None = None,
+) -> Start:
     """Start the tracks that a scan allows to start, from its measurement alone or with earlier ones.
 
-    ``wanted`` says of which objects; of all unless given.
+    Args:
+        config: how.
+        scan: the measurements.
+        waiting: what the start of the scan before left; None at first.
+        motions: the motion models in whose states they start.
+        wanted: of which objects; of all unless given.
     """
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
@@ -68,10 +85,49 @@ def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None, wan
     elapsed = scan.time - waiting.time
     ready = counts & (elapsed > 0.0) & (elapsed > config.least_time_s - SAME_TIME)
     if config.source == "batch":
-        return _from_batch(config, scan, after, counts, ready, wanted)
+        return _from_batch(config, scan, after, counts if wanted is None else counts & wanted, ready, motions)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
     return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
+
+
+def forgotten(waiting: TentativeTrack, where: Mask) -> TentativeTrack:
+    """What is known of objects, without the measurements of some of them."""
+    return waiting._replace(
+        measurements=np.where(where, 0.0, waiting.measurements),
+        time=np.where(where, np.nan, waiting.time),
+        counted=tuple(mask & ~where for mask in waiting.counted),
+    )
+
+
+def course_known(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask | bool:
+    """``(...)`` whether a state with a yaw can still be believed to be Gaussian."""
+    known: Mask | bool = True
+    for motion, mode in zip(motions, _modes(belief), strict=True):
+        for name in set(YAW) & set(motion.components):
+            i = motion.components.index(name)
+            known = known & (mode.covariance[i, i] < COURSE_KNOWN**2)
+    return known
+
+
+def placed(motions: Sequence[MotionModel], belief: AnyBelief, scan: Scan, where: Mask) -> AnyBelief:
+    """The belief with the position that the measurements state in some places, and all else as it was."""
+    position = _position(scan)
+    moved = []
+    for motion, mode in zip(motions, _modes(belief), strict=True):
+        own = [motion.components.index(name) for name in POSITION]
+        mean, covariance = mode.mean.copy(), mode.covariance.copy()
+        mean[own] = np.where(where, position.mean, mean[own])
+        covariance[own] = np.where(where, 0.0, covariance[own])
+        covariance[:, own] = np.where(where, 0.0, covariance[:, own])
+        block = np.ix_(own, own)
+        covariance[block] = np.where(where, position.covariance, covariance[block])
+        moved.append(Belief(mean, covariance, repaired=mode.repaired))
+    return belief._replace(modes=tuple(moved)) if isinstance(belief, MultiModelBelief) else moved[0]
+
+
+def _modes(belief: AnyBelief) -> tuple[Belief, ...]:
+    return belief.modes if isinstance(belief, MultiModelBelief) else (belief,)
 
 
 def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
@@ -86,23 +142,30 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
 
 
 def _from_batch(
-    config: InitialConfig, scan: Scan, after: TentativeTrack, counts: Mask, ready: Mask, wanted: Mask | None
+    config: InitialConfig,
+    scan: Scan,
+    after: TentativeTrack,
+    counts: Mask,
+    ready: Mask,
+    motions: Sequence[MotionModel],
 ) -> Start:
-    counts = counts if wanted is None else counts & wanted
     scans, counted = (*after.scans, scan), (*after.counted, counts)
-    enough = after.measurements - config.skip >= config.measurements
-    ready = ready & counts & enough
+    prior = Prior(config.velocity_sigma_mps, sigmas(config))
+    ready = ready & counts & (after.measurements - config.skip >= config.measurements)
+    if any(set(YAW) & set(motion.components) for motion in motions) and np.any(ready):
+        late = scan.time - after.time > LONGEST - SAME_TIME
+        straight = batch_fit.fit_straight(_collected(scans, counted, ready), prior).latest
+        known = np.zeros_like(ready)
+        known[ready] = _course_sigma(straight) < COURSE_KNOWN
+        ready = ready & (known | late)
 
     def state_of(motion: MotionModel) -> Gaussian:
         size = len(motion.components)
-        mean, covariance = np.ones((size, ready.size)), np.repeat(np.eye(size)[..., None], ready.size, axis=2)
-        lanes = np.flatnonzero(ready)
-        taken = np.stack([np.ravel(mask)[lanes] for mask in counted])
-        own = [(_of(one, lanes), mask) for one, mask in zip(scans, taken, strict=True) if mask.any()]
-        measurements = batch_fit.collect([one for one, _ in own], np.stack([mask for _, mask in own]))
-        found = batch_fit.fit(motion, measurements, batch_fit.Prior(config.velocity_sigma_mps, sigmas(config)))
-        mean[:, lanes], covariance[..., lanes] = found.latest
-        return _stated(Gaussian(mean.reshape(size, *ready.shape), covariance.reshape(size, size, *ready.shape)), config)
+        mean = np.ones((size, *ready.shape))
+        covariance = np.zeros((size, *mean.shape)) + linalg.expand(np.eye(size), mean[None])
+        found = batch_fit.fit(motion, _collected(scans, counted, ready), prior)
+        mean[:, ready], covariance[..., ready] = found.latest
+        return _stated(Gaussian(mean, covariance), config)
 
     waits = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
     kept = [(one, mask) for one, mask in waits if mask.any()]
@@ -110,10 +173,23 @@ def _from_batch(
     return Start(ready, state_of, left)
 
 
-def _of(scan: Scan, lanes: Indices) -> Scan:
-    """The scan of some objects, ``(m, L)``."""
-    measurement = scan.measurement.reshape(len(scan.measurement), -1)
-    return scan._replace(measurement=measurement[:, lanes], valid=np.ravel(scan.valid)[lanes])
+def _collected(scans: Sequence[Scan], counted: Sequence[Mask], where: Mask) -> FirstMeasurements:
+    """The measurements that count, of some of the objects."""
+    own = [
+        (scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where]), mask[where])
+        for scan, mask in zip(scans, counted, strict=True)
+        if mask[where].any()
+    ]
+    return batch_fit.collect([scan for scan, _ in own], np.stack([mask for _, mask in own]))
+
+
+def _course_sigma(belief: Gaussian) -> Array:
+    """Standard deviation of the course that px, py, vx, vy say, rad."""
+    vx, vy = belief.mean[2:]
+    p = belief.covariance[2:, 2:]
+    square = vx * vx + vy * vy
+    across = (vy * vy * p[0, 0] - 2.0 * vx * vy * p[0, 1] + vx * vx * p[1, 1]) / square
+    return np.asarray(np.sqrt(across / square))
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
