@@ -15,7 +15,7 @@ from trackbench.types import Array, Gaussian, Indices, Mask, Scan
 from trackbench.units import difference
 
 #: Those before the latest so many are not used.
-MOST_MEASUREMENTS = 20
+MOST_MEASUREMENTS = 30
 #: Steps after which a fit that still moves counts as not converged.
 MOST_STEPS = 20
 #: Length of a step below which a fit has converged, in standard deviations.

@@ -35,6 +35,9 @@ FILTER_KEYS: dict[str, tuple[str, ...]] = {
     "iekf": ("iterations",),
 }
 
+#: Least time from the first of the measurements that start a track to the last, s; the second from a batch for a state
+#: with a yaw, which is Gaussian only once the course is known.
+LEAST_TIME, BEFORE_YAW = 0.2, 0.5
 #: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "sensors": ("first_reading", "two_readings", "batch"),
@@ -58,11 +61,12 @@ class InitialConfig(Config):
     """How a track starts, and how uncertain its first state is said to be."""
 
     source: InitialSource = Field(
-        "two_readings",
+        "batch",
         alias="from",
         description="first_reading: position of the first measurement, velocity unknown. two_readings: velocity "
-        "from the displacement between the first two. truth: drawn from the truth with the standard "
-        "deviations below, for consistency tests.",
+        "from the displacement between two. batch: the most probable state of the motion model under the first few "
+        "measurements, by Gauss-Newton. truth: drawn from the truth with the standard deviations below, for "
+        "consistency tests.",
     )
     sensors: list[str] | None = Field(
         None,
@@ -82,13 +86,14 @@ class InitialConfig(Config):
         "latest measurement says, its velocity being as unknown as from first_reading.",
     )
     measurements: int = Field(
-        3, ge=2, le=50, description="From a batch: how many measurements of an object it has at least."
+        2, ge=2, le=50, description="From a batch: how many measurements of an object it has at least."
     )
-    least_time_s: NonNegative = Field(
-        0.3,
+    least_time_s: float | None = Field(
+        None,
+        ge=0,
         le=60,
-        description="From two_readings and batch: least time from the first to the last of them, s. The longer, the "
-        "better is the velocity known.",
+        description="Least time from the first of the measurements that start a track to the last, s. Unless given: "
+        "0.2; from batch 0.5 for a motion model with a yaw.",
     )
     velocity: Literal["zero", "radial", "range_rate"] = Field(
         "zero",
@@ -100,7 +105,9 @@ class InitialConfig(Config):
         1, description="Standard deviation of each position component, m; from truth only."
     )
     velocity_sigma_mps: Positive = Field(
-        20, description="Standard deviation of each velocity component, m/s; from first_reading and truth."
+        20,
+        description="Standard deviation of each velocity component, m/s; not from two_readings. From batch it "
+        "belongs to a velocity of zero, of which the measurements then say more.",
     )
     acceleration_sigma_mps2: Positive = Field(
         3, description="Standard deviation of the acceleration, m/s^2, where the state has it."
@@ -124,6 +131,16 @@ class InitialConfig(Config):
         description="Diagonal of the covariance that the first state is said to have, one variance for each component "
         "of the state. Unless given, it is what the measurement and the standard deviations above give.",
     )
+
+    def least_time(self, yaw: bool) -> float:
+        """Least time from the first of the measurements that start a track to the last, s.
+
+        Args:
+            yaw: whether a state has one.
+        """
+        if self.least_time_s is not None:
+            return self.least_time_s
+        return BEFORE_YAW if yaw and self.source == "batch" else LEAST_TIME
 
     def problems(self) -> Iterator[Problem]:
         for key in (name for name in type(self).model_fields if name in self.model_fields_set):

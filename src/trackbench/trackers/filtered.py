@@ -71,7 +71,7 @@ class FilterTracker:
         said: Update[Any] | None = None
         starts = self.prior is None and _named(scan, self.initial.sensors or self.sensors)
         lost, waiting = state.lost, state.waiting
-        if starts and self.initial.source == "batch":
+        if starts and self.initial.source == "batch" and initial.has_yaw(self.filter.motions):
             lost, waiting = self._lost(state, belief, scan)
         own = scan
         if lost is not None:
@@ -147,14 +147,12 @@ class FilterTracker:
         # A placeholder stays what it is, so that its covariance does not grow without bound.
         return choose(state.started, belief, state.belief)
 
-    def _lost(
-        self, state: TrackState, belief: AnyBelief, scan: Scan
-    ) -> tuple[Mask | None, TentativeTrack | None]:
+    def _lost(self, state: TrackState, belief: AnyBelief, scan: Scan) -> tuple[Mask | None, TentativeTrack | None]:
         """Where tracks are to start again: seen after a time in which they lost their course; and what is waiting."""
-        gap = scan.valid & state.started & (scan.time - state.seen >= self.initial.least_time_s)
+        gap: Mask = scan.valid & state.started & (scan.time - state.seen >= self.initial.least_time(True))
         if not np.any(gap):
             return state.lost, state.waiting
-        fresh = gap & ~initial.course_known(self.filter.motions, belief)
+        fresh: Mask = gap & ~initial.course_known(self.filter.motions, belief)
         if not np.any(fresh):
             return state.lost, state.waiting
         waiting = None if state.waiting is None else initial.forgotten(state.waiting, fresh)

@@ -20,8 +20,10 @@ from trackbench.types import Array, Gaussian, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1
-#: A state with a yaw is Gaussian as far as the standard deviation of the yaw is below this one, rad.
-COURSE_KNOWN = 0.3
+#: Standard deviation of the course below which a batch starts a track with a yaw in its state, rad.
+COURSE_KNOWN = 0.1
+#: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
+COURSE_LOST = 0.5
 #: Time after which a batch starts a track though the course is not known: the object may be standing, s.
 LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
@@ -83,7 +85,7 @@ def start(
     if config.source == "first_reading":
         return Start(counts, partial(from_first, config=config, scan=scan, position=position), after)
     elapsed = scan.time - waiting.time
-    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time_s - SAME_TIME)
+    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time(has_yaw(motions)) - SAME_TIME)
     if config.source == "batch":
         return _from_batch(config, scan, after, counts if wanted is None else counts & wanted, ready, motions)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -100,14 +102,19 @@ def forgotten(waiting: TentativeTrack, where: Mask) -> TentativeTrack:
     )
 
 
-def course_known(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask | bool:
+def course_known(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask:
     """``(...)`` whether a state with a yaw can still be believed to be Gaussian."""
-    known: Mask | bool = True
+    known: Mask = np.ones(belief[0].shape[1:], dtype=bool)
     for motion, mode in zip(motions, _modes(belief), strict=True):
         for name in set(YAW) & set(motion.components):
             i = motion.components.index(name)
-            known = known & (mode.covariance[i, i] < COURSE_KNOWN**2)
+            known = known & (mode.covariance[i, i] < COURSE_LOST**2)
     return known
+
+
+def has_yaw(motions: Sequence[MotionModel]) -> bool:
+    """Whether the state of any model has a yaw."""
+    return any(set(YAW) & set(motion.components) for motion in motions)
 
 
 def placed(motions: Sequence[MotionModel], belief: AnyBelief, scan: Scan, where: Mask) -> AnyBelief:
@@ -152,7 +159,7 @@ def _from_batch(
     scans, counted = (*after.scans, scan), (*after.counted, counts)
     prior = Prior(config.velocity_sigma_mps, sigmas(config))
     ready = ready & counts & (after.measurements - config.skip >= config.measurements)
-    if any(set(YAW) & set(motion.components) for motion in motions) and np.any(ready):
+    if has_yaw(motions) and np.any(ready):
         late = scan.time - after.time > LONGEST - SAME_TIME
         straight = batch_fit.fit_straight(_collected(scans, counted, ready), prior).latest
         known = np.zeros_like(ready)
@@ -237,14 +244,21 @@ def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gau
 
 
 def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
-    """The belief with the variance of the range rate along the line of sight, if the sensor measures it."""
+    """The belief with the variance of the range rate along the line of sight, if the sensor measures it.
+
+    The line is known only to within the azimuth's error, which turns the unknown velocity across into it.
+    """
     components = SENSOR_MODELS[scan.kind].components
     if "range_rate" not in components:
         return belief
     i = components.index("range_rate")
     sight = belief.mean[:2] - linalg.expand(scan.sensor_pose[:2], belief.mean)
-    sight = sight / np.hypot(*sight)
-    loss = belief.covariance[2, 2] - scan.noise_covariance[i, i]
+    distance = np.hypot(*sight)
+    sight = sight / distance
+    aside = linalg.vector([-sight[1], sight[0]]) / distance
+    turned = np.einsum("i...,ij...,j...->...", aside, belief.covariance[:2, :2], aside)
+    # Never more than is unknown across: the line of sight to what is very near is not known at all.
+    loss = belief.covariance[2, 2] * np.maximum(0.0, 1.0 - turned) - scan.noise_covariance[i, i]
     covariance = belief.covariance.copy()
     covariance[2:, 2:] -= loss * sight[:, None] * sight[None]
     return Gaussian(belief.mean, covariance)
