@@ -42,6 +42,8 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
         return tuning.held_out.failed, "bad"
     if not compared:
         return "nothing to compare", "bad"
+    if tuning.best.values == tuning.start:
+        return f"{_values(compared)}: the start's values are the best that were found", "good"
     if not any(tuning.apart):
         return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
     verdicts = [item.verdict for item in compared]
