@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,10 +29,10 @@ class ResponsePoint:
     """The objective where one option differs from the best values."""
 
     value: Any
-    loss: float
-    """NaN where the trial failed."""
+    parts: Mapping[str, float]
+    """Of the objective; empty where the trial failed."""
     rise: float
-    """Of the loss, over that of the best values."""
+    """Of the loss, over that of the best values; NaN where the trial failed."""
     reach: float | None
     """Half of the 95 % interval of the rise, from the same runs; None where the runs tell of none."""
     best: bool = False
@@ -65,7 +65,7 @@ class Response:
     @property
     def as_good(self) -> list[Any]:
         """The values tried that are not shown to be worse, of an option that is not continuous."""
-        return [point.value for point in self.points if math.isfinite(point.loss) and not point.shown]
+        return [point.value for point in self.points if math.isfinite(point.rise) and not point.shown]
 
     @property
     def steepness(self) -> float:
