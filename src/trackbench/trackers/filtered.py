@@ -14,8 +14,9 @@ from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior, require_in_sequence
-from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import TentativeTrack
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
 
@@ -60,7 +61,7 @@ class FilterTracker:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
         require_in_sequence(scan, state.time)
         if not self.advances(scan.sensor):
-            return state, self._asked(state, scan.time)
+            return state, self.estimate(self.predicted(state, scan.time), state.started, state.waiting)
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
@@ -74,7 +75,7 @@ class FilterTracker:
             if np.any(begin.ready):
                 belief = choose(begin.ready & ~started, self.filter.begin(begin.state_of), belief)
             started, waiting = started | begin.ready, begin.waiting
-        estimate = self._estimate(belief, started, waiting)
+        estimate = self.estimate(belief, started, waiting)
         if said is not None:
             estimate = estimate._replace(
                 innovation=_where(known, said.innovation),
@@ -111,11 +112,11 @@ class FilterTracker:
         begun = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, begun))
 
-    def _asked(self, state: TrackState, time: float) -> Estimate:
+    def predicted(self, state: TrackState, time: float) -> AnyBelief:
+        """What is believed at a time at which the state does not advance."""
         elapsed = time - state.time
         # A prediction over no time would draw sigma points anew, and change the last digits.
-        belief = self._predict(state, elapsed) if elapsed > 0.0 else state.belief
-        return self._estimate(belief, state.started, state.waiting)
+        return self._predict(state, elapsed) if elapsed > 0.0 else state.belief
 
     def _placeholder(self, valid: Mask) -> AnyBelief:
         def anything(motion: MotionModel) -> Gaussian:
@@ -142,7 +143,8 @@ class FilterTracker:
         # A prediction over no time gives the sigma points that an update may reuse.
         return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
 
-    def _estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
+    def estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None = None) -> Estimate:
+        """What is said of a belief, and of the objects whose tracks have not started."""
         mean, covariance = self.filter.cartesian(belief)
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)

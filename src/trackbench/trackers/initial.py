@@ -12,7 +12,7 @@ from trackbench import linalg
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import InitialConfig
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
