@@ -133,7 +133,7 @@ OBJECTIVES = {
     for item in (
         Objective(
             "likelihood",
-            "largest likelihood of the innovations; needs no truth",
+            "largest likelihood of the innovations",
             "log_likelihood",
             _likelihood,
             _only("likelihood"),

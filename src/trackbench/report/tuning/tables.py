@@ -148,7 +148,7 @@ def _tried(parameter: Parameter) -> str:
 def _as_good(one: Response) -> str:
     if not one.parameter.continuous:
         return ", ".join(shown(value) for value in one.as_good)
-    if one.undecided == (None, None):
+    if all(point.reach is None for point in one.points):
         return NONE
     return _ends_of(one.undecided)
 
