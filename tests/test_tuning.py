@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.udacity import data_folder
 
 import trackbench as tb
+from trackbench.api.listener import Listener
 from trackbench.api.scenario import load
+from trackbench.api.tune import TunePlan, tune_trackers
 from trackbench.errors import InputError
 from trackbench.execution import InProcess
 from trackbench.filters import InteractingMultipleModel
@@ -19,6 +22,7 @@ from trackbench.scenario.truth import truths_of
 from trackbench.trackers.builtin import ekf
 from trackbench.tuning.evaluation import Bench, Evaluator
 from trackbench.tuning.labelled import log_likelihood
+from trackbench.tuning.objectives import OBJECTIVES
 from trackbench.tuning.parameters import Parameter, Values
 from trackbench.tuning.ranges import parse_range, start_values, usual_ranges
 from trackbench.tuning.search import search, usual_trials
@@ -261,3 +265,18 @@ def _moved(folder: Path, truth: str) -> str:
     text = f"name: log\n{truth}\ntrackers:\n  ekf: {{filter: ekf}}\n"
     loaded = Scenario(None, folder / "log" / "log.yaml", text, (), parse(text, "log.yaml"))  # type: ignore[arg-type]
     return written(loaded, {}, folder / "elsewhere")
+
+
+def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    if not (data_folder() / "udacity").is_dir():
+        pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
+    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
+    scenario = load("recorded/udacity_ukf_tuning")
+    table = [name for name in scenario.config.trackers if name.startswith("tuned_")]
+    assert len(table) == 8
+    plan = TunePlan(OBJECTIVES["position_rmse"])
+    (found,) = tune_trackers([scenario], ["ukf"], plan, InProcess(), Listener())
+    rows = [evaluator(scenario, name)([{}])[0][0].sums for name in table]
+    best = min(sums.value("position_rmse") for sums in rows if sums is not None)
+    assert found.best.measures["position_rmse"] < best
+    assert found.apart == ("",)

@@ -36,7 +36,7 @@ def values(item: Tuning, name: str = "") -> Table:
                 *(Cell(text) for text in cells[:2]),
                 Cell(cells[2], strong=True, tone="warn" if edge else ""),
                 Cell(cells[3]),
-                Cell(_as_good(response) if response else NONE),
+                Cell(_sure(response, item) if response else NONE),
             )
         )
     columns = (
@@ -44,7 +44,11 @@ def values(item: Tuning, name: str = "") -> Table:
         Column("start"),
         Column("tuned"),
         Column("tried"),
-        Column("not shown to be worse", "On the same runs, by a paired test at 5 %."),
+        Column(
+            "optimum, 95 %",
+            "Where it lies as far as these runs tell, the other options as they are; of a choice, the values that are "
+            "not shown to be worse.",
+        ),
     )
     return Table(f"{name}values", columns, tuple(rows))
 
@@ -145,12 +149,13 @@ def _tried(parameter: Parameter) -> str:
     return f"{shown(parameter.low)} to {shown(parameter.high)}"
 
 
-def _as_good(one: Response) -> str:
+def _sure(one: Response, item: Tuning) -> str:
+    """How far the runs tell where the optimum is; a price on inconsistency bends the objective too sharply for that."""
+    if any(part.startswith(NEES) for part in item.best.parts):
+        return NONE
     if not one.parameter.continuous:
         return ", ".join(shown(value) for value in one.as_good)
-    if all(point.reach is None for point in one.points):
-        return NONE
-    return _ends_of(one.undecided)
+    return _ends_of(one.optimum95) if one.told else NONE
 
 
 def _ends_of(ends: tuple[float | None, float | None]) -> str:
