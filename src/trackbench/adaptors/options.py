@@ -16,7 +16,8 @@ from trackbench.adaptors.reader import ELEVATION, POSITION, components
 from trackbench.config import PROBLEM, Config, Positive, Problem
 from trackbench.errors import InputError, TrackbenchError, nearest
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import ABOUT, InitialConfig
+from trackbench.trackers.config import ABOUT
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Scan
 
 Found = TypeVar("Found")
@@ -67,7 +68,7 @@ def _start(value: Any) -> Any:
         return None
     if value is None or (isinstance(value, str) and value not in STARTS):
         raise PydanticCustomError(PROBLEM, "{message}", {"message": nearest(str(value), [OWN, *STARTS])})
-    return value
+    return {"from": "two_readings", **value} if isinstance(value, dict) else value
 
 
 class AdaptorOptions(Config):

@@ -12,6 +12,7 @@ from trackbench.api.scenario import load_several
 from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.run_output import RunOutput
+from trackbench.cli.serve import INTERRUPTED
 from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.execution import executor
 from trackbench.scenario.shipped import scenario_files
@@ -111,8 +112,14 @@ def tune_command(
     for note in notes:
         output.note(note)
     command = command_of_tuning(loaded, names, plan, out)
-    with executor(workers, None) as chosen:
-        found = tune_trackers(loaded, names, plan, chosen, output)
+    try:
+        with executor(workers, None) as chosen:
+            found = tune_trackers(loaded, names, plan, chosen, output)
+    except KeyboardInterrupt:
+        if storage is None:
+            raise
+        click.echo(f"interrupted: the trials so far are kept; the same command goes on from {storage}", err=True)
+        raise click.exceptions.Exit(INTERRUPTED) from None
     files = save_tuning(found, loaded, out, command)
     if as_json:
         click.echo(results.to_json(to_json(found, command)), nl=False)

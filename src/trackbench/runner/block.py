@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from itertools import groupby
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,38 +16,15 @@ from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
-from trackbench.runner.prior import primed
+from trackbench.runner.modes import ModeSums
+from trackbench.runner.prepare import stepper_of
+from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.stepping.faults import TrackFault, fault_of
-from trackbench.stepping.remote import start
-from trackbench.stepping.steppers import Stepper, masked
-from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress
-
-
-@dataclass
-class RecordedEstimates:
-    """One tracker's estimates of the recorded run."""
-
-    mean: Array
-    """``(4, instants, objects)``, NaN where there is none."""
-    covariance: Array
-    """``(4, 4, instants, objects)``"""
-    due: Mask
-    """``(instants, objects)`` where an estimate is due, and scored."""
-    nis: dict[str, list[Array]] = field(default_factory=dict)
-    """Per sensor and measurement ``(objects,)``, NaN where there is none."""
-
-
-class RecordedInstant(NamedTuple):
-    """The estimates of the recorded run at one instant."""
-
-    number: int
-    """Of the instant, from 0."""
-    estimates: dict[str, Gaussian]
-    """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
-
+from trackbench.stepping.steppers import Offline, Stepper, masked
+from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
@@ -62,6 +38,8 @@ class Block:
     sums: dict[str, Sums | Failure]
     """By tracker."""
     recorded: dict[str, RecordedEstimates]
+    modes: dict[str, ModeSums]
+    """By tracker that has modes."""
     scans: list[Scan] | None
     """Those of the recorded run, if it is in this block; batch axis ``(objects,)``."""
     detections: dict[str, Array]
@@ -119,7 +97,8 @@ def run_block(
         _score(list(trackers.values()))
     sums = {name: tracker.close() for name, tracker in trackers.items()}
     recorded = {name: tracker.recorded for name, tracker in trackers.items() if tracker.recorded is not None}
-    return Block(piece, sums, recorded, scans, measurements.detections, measurements.digests)
+    modes = {name: tracker.modes for name, tracker in trackers.items() if tracker.modes is not None}
+    return Block(piece, sums, recorded, modes, scans, measurements.detections, measurements.digests)
 
 
 def _score(trackers: Sequence[TrackerRun]) -> None:
@@ -170,6 +149,7 @@ class TrackerRun:
                 np.full((4, 4, instants, objects), np.nan),
                 self._target.due[..., kept],
             )
+        self.modes: ModeSums | None = None
         self._instants = self._through(measurements.scans)
 
     @property
@@ -197,26 +177,26 @@ class TrackerRun:
         return self.failure or sums
 
     def _through(self, scans: Sequence[Scan]) -> Generator[Gaussian | None]:
-        work = self._work
-        config = work.trackers[self.name]
-        named = config.sensors_used
         instant, scan = 0, scans[0]
         stepper: Stepper | None = None
         try:
-            stepper = start(
-                config, work.folder, self._none.mean.shape[1], partial(primed, work, self._piece), work.isolation
-            )
+            work = self._work
+            stepper = stepper_of(work, self._piece, work.trackers[self.name], map(self._given, scans))
             for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
                 latest = self._none
                 for scan in group:
-                    given = scan if named is None or scan.sensor in named else masked(scan)
+                    given = self._given(scan)
                     begin = time.perf_counter()
                     answer = stepper.step(given)
-                    seconds = time.perf_counter() - begin
+                    # A smoother does not work step by step.
+                    seconds = math.nan if isinstance(stepper, Offline) else time.perf_counter() - begin
                     latest = answer or self._none
                     self.scorer.scan(instant, given, latest, seconds)
                     self._keep_nis(given, latest)
                 self.scorer.estimate(latest)
+                if latest.mode_probabilities is not None:
+                    self.modes = self.modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
+                    self.modes.take(instant, latest.mode_probabilities, self._target)
                 yield self._keep(instant, latest)
         except (KeyboardInterrupt, GeneratorExit):
             raise
@@ -225,6 +205,11 @@ class TrackerRun:
         finally:
             if stepper is not None:
                 stepper.close()
+
+    def _given(self, scan: Scan) -> Scan:
+        """What the tracker is given of a scan."""
+        named = self._work.trackers[self.name].sensors_used
+        return scan if named is None or scan.sensor in named else masked(scan)
 
     def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
         """What the recorded run has of an estimate."""

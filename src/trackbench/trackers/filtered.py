@@ -14,8 +14,9 @@ from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior, require_in_sequence
-from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import TentativeTrack
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
 
 
@@ -28,6 +29,10 @@ class TrackState(NamedTuple):
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
     waiting: TentativeTrack | None = None
+    seen: Array | float = -np.inf
+    """``(...)`` time of the latest measurement that was taken in, s."""
+    lost: Mask | None = None
+    """``(...)`` where the track is to start again."""
 
 
 @dataclass(frozen=True)
@@ -60,21 +65,30 @@ class FilterTracker:
             state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
         require_in_sequence(scan, state.time)
         if not self.advances(scan.sensor):
-            return state, self._asked(state, scan.time)
+            return state, self.estimate(self.predicted(state, scan.time), state.started, state.waiting)
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
         said: Update[Any] | None = None
-        if np.any(scan.valid) and _named(scan, self.sensors):
-            said = self.filter.update(belief, scan)
+        starts = self.prior is None and _named(scan, self.initial.sensors or self.sensors)
+        lost, waiting = state.lost, state.waiting
+        if starts and self.initial.source == "batch" and initial.has_yaw(self.filter.motions):
+            lost, waiting = self._lost(state, belief, scan)
+        own = scan
+        if lost is not None:
+            belief = initial.placed(self.filter.motions, belief, scan, scan.valid & lost)
+            own = scan._replace(valid=scan.valid & ~lost)
+        if np.any(own.valid) and _named(scan, self.sensors):
+            said = self.filter.update(belief, own)
             belief = said.belief
-        known, waiting = started, state.waiting
-        if self.prior is None and not np.all(started) and _named(scan, self.initial.sensors or self.sensors):
-            begin = initial.start(self.initial, scan, waiting)
+        known = started if lost is None else started & ~lost
+        if starts and not np.all(known):
+            begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~known)
             if np.any(begin.ready):
-                belief = choose(begin.ready & ~started, self.filter.begin(begin.state_of), belief)
+                belief = choose(begin.ready & ~known, self.filter.begin(begin.state_of), belief)
+            lost = None if lost is None or np.all(begin.ready >= lost) else lost & ~begin.ready
             started, waiting = started | begin.ready, begin.waiting
-        estimate = self._estimate(belief, started, waiting)
+        estimate = self.estimate(belief, started, waiting)
         if said is not None:
             estimate = estimate._replace(
                 innovation=_where(known, said.innovation),
@@ -82,7 +96,8 @@ class FilterTracker:
                 whitened_innovation=_where(known, said.whitened_innovation),
                 log_likelihood=None if said.mixture is None else _where(known, said.mixture),
             )
-        return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
+        seen = np.where(scan.valid, scan.time, state.seen)
+        return TrackState(scan.time, belief._replace(repaired=None), started, waiting, seen, lost), estimate
 
     def advances(self, sensor: str) -> bool:
         """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is told to."""
@@ -111,11 +126,11 @@ class FilterTracker:
         begun = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, begun))
 
-    def _asked(self, state: TrackState, time: float) -> Estimate:
+    def predicted(self, state: TrackState, time: float) -> AnyBelief:
+        """What is believed at a time at which the state does not advance."""
         elapsed = time - state.time
         # A prediction over no time would draw sigma points anew, and change the last digits.
-        belief = self._predict(state, elapsed) if elapsed > 0.0 else state.belief
-        return self._estimate(belief, state.started, state.waiting)
+        return self._predict(state, elapsed) if elapsed > 0.0 else state.belief
 
     def _placeholder(self, valid: Mask) -> AnyBelief:
         def anything(motion: MotionModel) -> Gaussian:
@@ -134,6 +149,17 @@ class FilterTracker:
         # A placeholder stays what it is, so that its covariance does not grow without bound.
         return choose(state.started, belief, state.belief)
 
+    def _lost(self, state: TrackState, belief: AnyBelief, scan: Scan) -> tuple[Mask | None, TentativeTrack | None]:
+        """Where tracks are to start again: seen after a time in which they lost their course; and what is waiting."""
+        gap: Mask = scan.valid & state.started & (scan.time - state.seen >= self.initial.least_time(True))
+        if not np.any(gap):
+            return state.lost, state.waiting
+        fresh: Mask = gap & ~initial.course_known(self.filter.motions, belief)
+        if not np.any(fresh):
+            return state.lost, state.waiting
+        waiting = None if state.waiting is None else initial.forgotten(state.waiting, fresh)
+        return fresh if state.lost is None else fresh | state.lost, waiting
+
     def _given(self, prior: Prior, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
         """The belief with the tracks whose time has come started from the truth, ready for their first update."""
         fresh = (time >= prior.time) & ~started
@@ -142,7 +168,8 @@ class FilterTracker:
         # A prediction over no time gives the sigma points that an update may reuse.
         return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
 
-    def _estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
+    def estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None = None) -> Estimate:
+        """What is said of a belief, and of the objects whose tracks have not started."""
         mean, covariance = self.filter.cartesian(belief)
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)

@@ -66,7 +66,8 @@ def _response(one: Response) -> dict[str, Any]:
     return {
         "option": one.parameter.key,
         "within_1_percent": list(one.within(NEGLIGIBLE)) if one.parameter.continuous else None,
-        "not_shown_worse": list(one.undecided) if one.parameter.continuous else one.as_good,
+        "optimum_ci95": list(one.optimum95) if one.parameter.continuous and one.told else None,
+        "not_shown_worse": None if one.parameter.continuous else one.as_good,
         "points": [{"value": point.value, "rise": _number(point.rise), "reach95": point.reach} for point in one.points],
     }
 

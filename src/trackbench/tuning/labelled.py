@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -13,11 +12,10 @@ from trackbench.metrics.conditions import Classes, conditions
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.allocation import keep_freed_memory
-from trackbench.runner.prior import primed
+from trackbench.runner.prepare import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
-from trackbench.stepping.remote import start
 from trackbench.stepping.steppers import masked
 from trackbench.tuning.conditions import CONDITIONS, members
 from trackbench.tuning.entry import Entry
@@ -45,18 +43,21 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
     objects, runs = len(scene.truth.ids), len(piece.runs)
     read = [sensor for sensor in scene.sensors if entry.sensors is None or sensor.name in entry.sensors]
     sums = _Sums(targets, conditions(scene.truth, scene.instants(), read, piece.runs), trials, objects, runs)
-    begin = partial(primed, work, piece, copies=trials)
     named = entry.sensors_used
-    stepper = start(entry, work.folder, trials * objects * runs, begin, work.isolation)
+
+    def given(scan: Scan) -> Scan:
+        return _tiled(scan if named is None or scan.sensor in named else masked(scan), trials)
+
+    stepper = stepper_of(work, piece, entry, map(given, measurements.scans), trials)
     try:
         with np.errstate(all="ignore"):
             for instant, (_, group) in enumerate(groupby(measurements.scans, key=lambda scan: scan.time)):
                 latest: Estimate | None = None
                 for scan in group:
-                    given = _tiled(scan if named is None or scan.sensor in named else masked(scan), trials)
-                    latest = stepper.step(given)
+                    taken = given(scan)
+                    latest = stepper.step(taken)
                     if latest is not None:
-                        sums.add_innovation(instant, given, latest)
+                        sums.add_innovation(instant, taken, latest)
                 if latest is not None:
                     sums.add_error(instant, latest)
     finally:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,18 +16,13 @@ from trackbench.tuning.measures import NEES_DOF, Sums
 
 #: A trial's quantities, which change smoothly with the values that are tuned, by name.
 Parts = Mapping[str, float]
+#: With the number of the scenario, the part that is the logarithm of its mean NEES over the degrees of freedom.
+NEES = "nees "
 #: How much a mean NEES that is off by a further per cent counts beside an error that is larger by one.
 PRICE = 10.0
 #: How far the logarithm of the mean NEES over its degrees of freedom may be off: half of what the verdict tolerates,
 #: so that it holds on other scenes too.
 SLACK = math.log(1.0 + TOLERANCE / 2)
-
-
-class Tried(Protocol):
-    """A trial that was made."""
-
-    @property
-    def parts(self) -> Parts: ...
 
 
 @dataclass(frozen=True)
@@ -52,11 +47,11 @@ class Objective:
     hidden: bool = False
     """Whether it is of detections that nobody labelled."""
 
-    def rank(self, trial: Tried) -> float:
-        """By which the best trial is chosen: its loss; of a front the error with a price on the inconsistency."""
-        if not trial.parts:
+    def rank(self, parts: Parts) -> float:
+        """By which the best trial is chosen: the loss; of a front the error with a price on the inconsistency."""
+        if not parts:
             return math.inf
-        return (self.losses if len(self.axes) == 1 else _consistent)(trial.parts)[0]
+        return (self.losses if len(self.axes) == 1 else _consistent)(parts)[0]
 
     def __call__(self, outcomes: Sequence[Outcome], start: Sequence[Sums]) -> Parts | str:
         """The parts of a trial; why it does not count."""
@@ -72,6 +67,26 @@ class Objective:
         return found if all(map(math.isfinite, found.values())) else "its value is not finite"
 
 
+class PartSource(NamedTuple):
+    """Of what a part of the objective is made."""
+
+    measure: str
+    scenarios: Sequence[int]
+    """By their number; the part is the mean over them."""
+    logarithm: bool
+    """Whether it is that of the measure."""
+    sign: float = 1.0
+
+
+def source_of(part: str, objective: Objective, scenarios: int) -> PartSource:
+    """The measure behind a part of an objective over so many scenarios."""
+    if part.startswith(NEES):
+        return PartSource("nees", [int(part.removeprefix(NEES))], logarithm=True)
+    if part == "likelihood":
+        return PartSource(objective.measure, range(scenarios), logarithm=False, sign=-1.0)
+    return PartSource(objective.measure, range(scenarios), logarithm=True)
+
+
 def _error(measure: str) -> Callable[[Sequence[Sums], Sequence[Sums]], Parts]:
     def parts(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
         ratios = [own.value(measure) / other.value(measure) for own, other in zip(sums, start, strict=True)]
@@ -83,7 +98,7 @@ def _error(measure: str) -> Callable[[Sequence[Sums], Sequence[Sums]], Parts]:
 
 def _error_and_nees(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
     with np.errstate(divide="ignore", invalid="ignore"):
-        nees = {f"nees {i}": float(np.log(own.value("nees") / NEES_DOF)) for i, own in enumerate(sums)}
+        nees = {f"{NEES}{i}": float(np.log(own.value("nees") / NEES_DOF)) for i, own in enumerate(sums)}
     under = {f"under {i} {name}": value for i, own in enumerate(sums) for name, value in conditions.off(own)}
     return {**_error("position_rmse")(sums, start), **nees, **under}
 
@@ -97,7 +112,12 @@ def _only(part: str) -> Callable[[Parts], tuple[float, ...]]:
 
 
 def _off(parts: Parts) -> list[float]:
-    return [abs(value) for name, value in parts.items() if name.startswith("nees")]
+    return [abs(value) for name, value in parts.items() if name.startswith(NEES)]
+
+
+def mean_nees(parts: Parts) -> float:
+    """Over the scenarios, the geometric mean of the mean NEES."""
+    return NEES_DOF * math.exp(np.mean([value for name, value in parts.items() if name.startswith(NEES)]))
 
 
 def _consistent(parts: Parts) -> tuple[float, ...]:
@@ -118,7 +138,7 @@ OBJECTIVES = {
     for item in (
         Objective(
             "likelihood",
-            "largest likelihood of the innovations; needs no truth",
+            "largest likelihood of the innovations",
             "log_likelihood",
             _likelihood,
             _only("likelihood"),

@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Literal
 
-from trackbench.metrics.verdicts import verdict
+from trackbench.metrics.verdicts import TOLERANCE, verdict
 from trackbench.tuning.held_out import MeasureComparison
 from trackbench.tuning.measures import NEES_DOF
+from trackbench.tuning.objectives import NEES
 from trackbench.tuning.parameters import shown
 from trackbench.tuning.tune import Tuning
 from trackbench.words import counted
@@ -26,6 +27,8 @@ WORDS = {
     "gospa_missed": "GOSPA, missed",
     "gospa_false": "GOSPA, false",
 }
+#: Of the logarithm of a mean NEES over its degrees of freedom, what the verdict tolerates.
+OFF = math.log(1.0 + TOLERANCE)
 _TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
 _SINGLE = {
     "better": "better than the start",
@@ -42,6 +45,8 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
         return tuning.held_out.failed, "bad"
     if not compared:
         return "nothing to compare", "bad"
+    if tuning.best.values == tuning.start:
+        return f"{_values(compared)}: the start's values are the best that were found", "good"
     if not any(tuning.apart):
         return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
     verdicts = [item.verdict for item in compared]
@@ -61,9 +66,13 @@ def _values(compared: list[MeasureComparison]) -> str:
         return f"{word} {sum(tuned) / len(tuned):.4g}, start {sum(start) / len(start):.4g}"
     change = math.exp(sum(math.log(a / b) for a, b in zip(tuned, start, strict=True)) / len(compared)) - 1
     if len(compared) > 1:
-        return f"{word} {100 * change:+.1f} % of the start's"
+        return f"{word} {_percent(change)} against the start's, the geometric mean"
     unit = f" {compared[0].unit}" if compared[0].unit else ""
-    return f"{word} {tuned[0]:.4g}{unit}, start {start[0]:.4g}{unit} ({100 * change:+.1f} %)"
+    return f"{word} {tuned[0]:.4g}{unit}, start {start[0]:.4g}{unit} ({_percent(change)})"
+
+
+def _percent(change: float) -> str:
+    return f"{100 * change:+.1f} %".replace("-", "\N{MINUS SIGN}")
 
 
 def remarks(tuning: Tuning) -> Iterator[str]:
@@ -80,6 +89,12 @@ def remarks(tuning: Tuning) -> Iterator[str]:
     if failed:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
+    off = [name for i, name in enumerate(tuning.scenarios) if abs(tuning.best.parts.get(f"{NEES}{i}", 0.0)) > OFF]
+    if off:
+        yield (
+            f"No values that were tried give a consistent mean NEES in {' and '.join(off)}; these are the nearest, at "
+            "the least error"
+        )
     if tuning.objective.name in ("consistent_rmse", "pareto"):
         for one in tuning.held_out.of("nees"):
             word = verdict(one.tuned.ci95, NEES_DOF)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,10 +29,10 @@ class ResponsePoint:
     """The objective where one option differs from the best values."""
 
     value: Any
-    loss: float
-    """NaN where the trial failed."""
+    parts: Mapping[str, float]
+    """Of the objective; empty where the trial failed."""
     rise: float
-    """Of the loss, over that of the best values."""
+    """Of the loss, over that of the best values; NaN where the trial failed."""
     reach: float | None
     """Half of the 95 % interval of the rise, from the same runs; None where the runs tell of none."""
     best: bool = False
@@ -57,15 +57,25 @@ class Response:
         return self._where(_root_of_rise, math.sqrt(rise), -1), self._where(_root_of_rise, math.sqrt(rise), 1)
 
     @property
-    def undecided(self) -> tuple[float | None, float | None]:
-        """The values between which it is not shown to be worse on the same runs, of a continuous option; None where
-        that is beyond what was tried, or the runs do not tell."""
-        return self._where(_evidence, 1.0, -1), self._where(_evidence, 1.0, 1)
+    def optimum95(self) -> tuple[float | None, float | None]:
+        """The 95 % interval of the optimum, of a continuous option whose objective is smooth, the others as they are;
+        None where an end is beyond what was tried, or the runs do not tell.
+
+        With curvature H and variance V of the slope over n runs the interval of an M-estimator ends at the distance
+        ``d = 1.96 (V / n)^1/2 / H`` (van der Vaart 1998, "Asymptotic statistics", theorem 5.23). There the rise
+        ``H d^2 / 2`` is half of ``1.96 d (V / n)^1/2``, which is that of the rise's own interval.
+        """
+        return self._where(_evidence, 0.5, -1), self._where(_evidence, 0.5, 1)
+
+    @property
+    def told(self) -> bool:
+        """Whether the runs tell how sure the rises are."""
+        return any(point.reach is not None for point in self.points)
 
     @property
     def as_good(self) -> list[Any]:
         """The values tried that are not shown to be worse, of an option that is not continuous."""
-        return [point.value for point in self.points if math.isfinite(point.loss) and not point.shown]
+        return [point.value for point in self.points if math.isfinite(point.rise) and not point.shown]
 
     @property
     def steepness(self) -> float:

@@ -113,7 +113,7 @@ def tune(
     front = len(objective.axes) > 1
     search(task.parameters, study, task.start, make, objective.losses, task.trials, task.seed, front)
     made = study.trials[: task.trials]
-    best = min(made, key=objective.rank)
+    best = min(made, key=lambda trial: objective.rank(trial.parts))
     if not best.losses:
         raise InputError(f"{task.tracker}: every trial failed; the first: {best.failed}", key="--range")
     best, responses = polished(evaluator, objective, start, best)

@@ -15,16 +15,16 @@ from trackbench.scenario import Scenario
 from trackbench.tuning.entry import plain
 from trackbench.tuning.parameters import Values
 
-START = "_start"
+START, TUNED = "_start", "_tuned"
 #: Columns of a line.
-WIDTH = 110
+WIDTH = 120
 
 
 def written(loaded: Scenario, found: Mapping[str, Values], folder: Path) -> str:
     """The text of the scenario, each tuned tracker with its new values under its name, and as it was under NAME_start.
 
-    Comments, anchors and the other trackers stay as they are. Where the command line changed the scenario, or the
-    tracker is a point of a sweep, what is not in the text is written anew.
+    Comments, anchors and the other trackers stay as they are. A scenario that the command line changed is written anew,
+    and a point of a sweep gets an entry of its own, NAME_tuned.
 
     Args:
         loaded: the scenario.
@@ -36,25 +36,22 @@ def written(loaded: Scenario, found: Mapping[str, Values], folder: Path) -> str:
         text = _anew(loaded)
     text = _with_path(text, loaded, folder)
     for tracker, values in found.items():
-        text = _with(text, tracker, plain(loaded, tracker, values))
+        text = _with(text, loaded, tracker, values)
     return text
 
 
-def _with(text: str, tracker: str, entry: dict[str, Any]) -> str:
-    """The text with the tracker's entry under another name, and the new one in its place."""
+def _with(text: str, loaded: Scenario, tracker: str, values: Values) -> str:
+    """The text with the tracker's entry under another name, and the new one before it."""
     trackers = _value(yaml.compose(text, Loader=yaml.SafeLoader), "trackers")
-    key = next((key for key, _ in trackers.value if key.value == tracker), None)
-    line = f"{tracker}: {_flow(entry)}"
-    if key is None:
-        # A point of a sweep, which has no entry of its own.
-        last = trackers.value[0][0]
-        return _inserted(text, last.start_mark.index, last.start_mark.column, f"{tracker}{TUNED}: {_flow(entry)}")
-    start, end = key.start_mark.index, key.end_mark.index
-    renamed = text[:start] + tracker + START + text[end:]
-    return _inserted(renamed, start, key.start_mark.column, line)
-
-
-TUNED = "_tuned"
+    keys = {key.value: key for key, _ in trackers.value}
+    entry = plain(loaded, tracker, values)
+    if tracker in keys:
+        key = keys[tracker]
+        text = text[: key.start_mark.index] + tracker + START + text[key.end_mark.index :]
+        return _inserted(text, key.start_mark, tracker, entry)
+    # A point of a sweep has no entry of its own.
+    sweep = next(name for name, points in loaded.sweeps.items() if tracker in points)
+    return _inserted(text, keys[sweep].start_mark, tracker + TUNED, entry)
 
 
 def _with_path(text: str, loaded: Scenario, folder: Path) -> str:
@@ -67,18 +64,18 @@ def _with_path(text: str, loaded: Scenario, folder: Path) -> str:
     return f"{text[: node.start_mark.index]}{json.dumps(seen)}{text[node.end_mark.index :]}"
 
 
-def _inserted(text: str, index: int, column: int, entry: str) -> str:
-    """The text with an entry of a mapping before the one that begins there."""
-    before = text[:index]
+def _inserted(text: str, mark: yaml.Mark, name: str, entry: dict[str, Any]) -> str:
+    """The text with an entry of a mapping before the one that begins at the mark."""
+    before, after = text[: mark.index], text[mark.index :]
+    line = f"{name}: {_shown(entry)}"
     if before.rpartition("\n")[2].strip():
         # A mapping in braces.
-        return f"{before}{entry}, {text[index:]}"
-    return f"{before}{entry}\n{' ' * column}{text[index:]}"
-
-
-def _flow(entry: dict[str, Any]) -> str:
-    """The entry in braces; JSON is YAML, and plain words need no quotes."""
-    return _shown(entry)
+        return f"{before}{line}, {after}"
+    margin = " " * mark.column
+    if mark.column + len(line) > WIDTH:
+        rows = [f"{key}: {_shown(value)}" for key, value in entry.items()]
+        line = f"\n{margin}  ".join([f"{name}:", *rows])
+    return f"{before}{line}\n{margin}{after}"
 
 
 def _shown(value: Any) -> str:

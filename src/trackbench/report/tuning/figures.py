@@ -15,10 +15,13 @@ from trackbench.document import Figure, LegendEntry
 from trackbench.document.axes import logarithmic
 from trackbench.document.drawing import DASHED, INK, MUTED
 from trackbench.palette import TRACKER_COLOURS
+from trackbench.tuning.measures import NEES_DOF
+from trackbench.tuning.objectives import NEES, mean_nees
 from trackbench.tuning.parameters import Parameter
-from trackbench.tuning.response import Response
+from trackbench.tuning.response import Response, ResponsePoint
 from trackbench.tuning.trials import TuningTrial
 from trackbench.tuning.tune import Tuning
+from trackbench.types import Array
 
 _LINE, _BEST = TRACKER_COLOURS[0], TRACKER_COLOURS[4]
 _HEIGHT = 230.0
@@ -34,39 +37,65 @@ def response_figure(item: Tuning, response: Response, name: str) -> Figure | Non
     parameter = response.parameter
     if parameter.scale == "choice":
         return None
-    relative = item.objective.measure != "log_likelihood"
-    points = [point for point in response.points if math.isfinite(point.rise)]
+    points = [point for point in response.points if point.parts]
     x = np.array([point.value for point in points], dtype=float)
-    rise = np.array([point.rise for point in points])
-    reach = np.array([point.reach or 0.0 for point in points])
-    low, middle, high = (_shown(values, relative) for values in (rise - reach, rise, rise + reach))
+    with_nees = any(part.startswith(NEES) for part in item.best.parts)
     start = None if item.start is None else item.start[parameter.key]
 
     def paint(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        _scale(axes, parameter, "x")
-        axes.fill_between(x, low, high, color=_LINE, alpha=0.2)
-        axes.plot(x, middle, color=_LINE, marker="o", markersize=4)
-        axes.axhline(0.0, color=MUTED, linewidth=0.8)
-        axes.axvline(float(item.best.values[parameter.key]), color=_BEST, linewidth=1.2)
-        if start is not None:
-            axes.axvline(float(start), color=INK, linestyle=DASHED, linewidth=1.0)
-        if relative:
-            axes.set_ylim(top=min(_HIGHEST, 1.1 * float(high.max())))
-        axes.set_xlabel(parameter.key)
-        axes.set_ylabel("worse by, %" if relative else "log-likelihood lost")
+        panels = canvas.subplots(2 if with_nees else 1, 1, sharex=True, squeeze=False)[:, 0]
+        _scale(panels[0], parameter, "x")
+        if with_nees:
+            _errors(panels[0], x, points, item)
+            panels[1].plot(x, [mean_nees(point.parts) for point in points], color=_LINE, marker="o", markersize=4)
+            panels[1].axhline(NEES_DOF, color=MUTED, linewidth=0.8)
+            logarithmic(panels[1], "y")
+            panels[1].set_ylabel("mean NEES")
+        else:
+            _rises(panels[0], x, points, item)
+        for axes in panels:
+            axes.axvline(float(item.best.values[parameter.key]), color=_BEST, linewidth=1.2)
+            if start is not None:
+                axes.axvline(float(start), color=INK, linestyle=DASHED, linewidth=1.0)
+        panels[-1].set_xlabel(parameter.key)
 
     legend = [LegendEntry("tuned", _BEST), *([LegendEntry("start", INK, "dash")] if start is not None else [])]
+    band = "" if with_nees else "; the band is the 95 % interval of the difference, from the same runs"
     return Figure(
         f"{name}response-{_file(parameter.key)}",
         parameter.key,
-        "The objective where this option alone differs from the tuned values; the band is the 95 % interval of the "
-        "difference, from the same runs.",
+        f"The objective where this option alone differs from the tuned values{band}.",
         f"The objective over {parameter.key}",
         paint,
-        _HEIGHT,
+        _HEIGHT * (1.6 if with_nees else 1.0),
         legend=tuple(legend),
     )
+
+
+def _rises(axes: Axes, x: Array, points: Sequence[ResponsePoint], item: Tuning) -> None:
+    """How much worse the objective is, with its interval."""
+    relative = item.objective.measure != "log_likelihood"
+    rise = np.array([point.rise for point in points])
+    reach = np.array([point.reach or 0.0 for point in points])
+    low, middle, high = (
+        100 * np.expm1(values) if relative else values for values in (rise - reach, rise, rise + reach)
+    )
+    axes.fill_between(x, low, high, color=_LINE, alpha=0.2)
+    axes.plot(x, middle, color=_LINE, marker="o", markersize=4)
+    axes.axhline(0.0, color=MUTED, linewidth=0.8)
+    # The optimum is what it shows, not how bad the worst is.
+    top = min(_HIGHEST, float(middle.max())) if relative else float(middle.max())
+    axes.set_ylim(-0.1 * top - 1e-9, 1.1 * top + 1e-9)
+    axes.set_ylabel("worse by, %" if relative else "log-likelihood lost")
+
+
+def _errors(axes: Axes, x: Array, points: Sequence[ResponsePoint], item: Tuning) -> None:
+    """How far the error is from that of the tuned values."""
+    change = np.array([100 * math.expm1(point.parts["error"] - item.best.parts["error"]) for point in points])
+    axes.plot(x, change, color=_LINE, marker="o", markersize=4)
+    axes.axhline(0.0, color=MUTED, linewidth=0.8)
+    axes.set_ylim(1.1 * min(float(change.min()), -1.0), 1.1 * min(_HIGHEST, max(float(change.max()), 1.0)))
+    axes.set_ylabel("error, %")
 
 
 def pair_figures(item: Tuning, name: str) -> list[Figure]:
@@ -77,7 +106,7 @@ def pair_figures(item: Tuning, name: str) -> list[Figure]:
 
 def _pair(item: Tuning, first: Parameter, second: Parameter, name: str) -> Figure:
     done = [trial for trial in item.trials if trial.losses]
-    rank = np.array([item.objective.rank(trial) for trial in done])
+    rank = np.array([item.objective.rank(trial.parts) for trial in done])
     # By rank, the best quarter darkest: losses differ by orders of magnitude.
     quarter = (4 * np.argsort(np.argsort(rank)) // len(done)).astype(int)
 
@@ -146,10 +175,6 @@ def front_figure(item: Tuning, name: str) -> Figure:
 
 def _losses(trials: Sequence[TuningTrial]) -> tuple[Any, Any]:
     return np.exp([trial.losses[0] for trial in trials]), np.exp([trial.losses[1] for trial in trials])
-
-
-def _shown(rise: Any, relative: bool) -> Any:
-    return 100 * np.expm1(np.minimum(rise, 5.0)) if relative else rise
 
 
 def _scale(axes: Axes, parameter: Parameter, which: Any) -> None:

@@ -10,6 +10,7 @@ from trackbench.document.model import Tone
 from trackbench.metrics.intervals import Interval
 from trackbench.report.numbers import decimals, fixed, interval, signed
 from trackbench.tuning.held_out import MeasureComparison
+from trackbench.tuning.objectives import NEES, Parts, mean_nees
 from trackbench.tuning.outcome import WORDS
 from trackbench.tuning.parameters import Parameter, shown
 from trackbench.tuning.response import NEGLIGIBLE, Response, ResponsePoint
@@ -35,7 +36,7 @@ def values(item: Tuning, name: str = "") -> Table:
                 *(Cell(text) for text in cells[:2]),
                 Cell(cells[2], strong=True, tone="warn" if edge else ""),
                 Cell(cells[3]),
-                Cell(_as_good(response) if response else NONE),
+                Cell(_sure(response, item) if response else NONE),
             )
         )
     columns = (
@@ -43,7 +44,11 @@ def values(item: Tuning, name: str = "") -> Table:
         Column("start"),
         Column("tuned"),
         Column("tried"),
-        Column("not shown to be worse", "On the same runs, by a paired test at 5 %."),
+        Column(
+            "optimum, 95 %",
+            "Where it lies as far as these runs tell, the other options as they are; of a choice, the values that are "
+            "not shown to be worse.",
+        ),
     )
     return Table(f"{name}values", columns, tuple(rows))
 
@@ -82,20 +87,21 @@ def held_out(item: Tuning, name: str = "") -> Table:
 def response(item: Tuning, name: str = "") -> Table:
     """Which option matters, and how sharply."""
     relative = item.objective.measure != "log_likelihood"
-    unit = "%" if relative else "log-likelihood"
+    unit = f"{WORDS[item.objective.measure]}, %" if relative else "log-likelihood"
+    one_loss = relative and not any(part.startswith(NEES) for part in item.best.parts)
     columns = [
         Column("option", left=True),
         Column("tuned"),
-        Column(f"half of it, {unit}", "By how much the objective gets worse."),
-        Column(f"twice, {unit}"),
-        *([Column("within 1 % of the optimum")] if relative else []),
+        Column(f"half of it: {unit}", "What changes where this option alone is halved.", details="mean NEES"),
+        Column(f"twice: {unit}", details="mean NEES"),
+        *([Column("within 1 % of the optimum")] if one_loss else []),
     ]
     rows = []
     for one in item.responses:
         best = item.best.values[one.parameter.key]
-        near = _nearest(one, best)
-        cells = [Cell(one.parameter.key), Cell(shown(best)), *(Cell(_rise(point, relative)) for point in near)]
-        if relative:
+        cells = [Cell(one.parameter.key), Cell(shown(best))]
+        cells += [_change(point, item.best.parts) for point in _nearest(one, best)]
+        if one_loss:
             cells.append(Cell(_ends_of(one.within(NEGLIGIBLE)) if one.parameter.continuous else NONE))
         rows.append(tuple(cells))
     caption = "The option that matters most comes first"
@@ -124,7 +130,9 @@ def trials(item: Tuning, name: str = "") -> Table:
     """The trials, best first."""
     measured = [measure for measure in WORDS if any(measure in trial.measures for trial in item.trials)]
     columns = [*(Column(parameter.key) for parameter in item.parameters), *(Column(WORDS[one]) for one in measured)]
-    done = sorted((trial for trial in item.trials if trial.losses), key=item.objective.rank)[:MOST]
+    done = sorted((trial for trial in item.trials if trial.losses), key=lambda trial: item.objective.rank(trial.parts))[
+        :MOST
+    ]
     rows = [
         (
             *(Cell(shown(trial.values[parameter.key])) for parameter in item.parameters),
@@ -141,12 +149,13 @@ def _tried(parameter: Parameter) -> str:
     return f"{shown(parameter.low)} to {shown(parameter.high)}"
 
 
-def _as_good(one: Response) -> str:
+def _sure(one: Response, item: Tuning) -> str:
+    """How far the runs tell where the optimum is; a price on inconsistency bends the objective too sharply for that."""
+    if any(part.startswith(NEES) for part in item.best.parts):
+        return NONE
     if not one.parameter.continuous:
         return ", ".join(shown(value) for value in one.as_good)
-    if one.undecided == (None, None):
-        return NONE
-    return _ends_of(one.undecided)
+    return _ends_of(one.optimum95) if one.told else NONE
 
 
 def _ends_of(ends: tuple[float | None, float | None]) -> str:
@@ -171,10 +180,14 @@ def _nearest(one: Response, best: Any) -> tuple[ResponsePoint | None, ResponsePo
     return low, one.points[place + 1] if place + 1 < len(one.points) else None
 
 
-def _rise(point: ResponsePoint | None, relative: bool) -> str:
-    if point is None or not math.isfinite(point.rise):
-        return NONE
-    return f"{100 * math.expm1(point.rise):+.1f}" if relative else f"{-point.rise:+.4f}".replace("-", "\N{MINUS SIGN}")
+def _change(point: ResponsePoint | None, best: Parts) -> Cell:
+    """How far the main quantity of the objective is from that of the best values."""
+    if point is None or not point.parts:
+        return Cell(NONE)
+    nees = (f"mean NEES {mean_nees(point.parts):.2g}",) if any(part.startswith(NEES) for part in best) else ()
+    if "likelihood" in best:
+        return Cell(signed(best["likelihood"] - point.parts["likelihood"], 4))
+    return Cell(signed(100 * math.expm1(point.parts["error"] - best["error"]), 1), nees)
 
 
 def _ends(one: Interval, places: int) -> tuple[str, ...]:

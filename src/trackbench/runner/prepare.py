@@ -1,14 +1,41 @@
-"""The first states of a tracker that starts from the truth."""
+"""A tracker made ready for a block of runs, with its first states where it starts from the truth."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
 
 import numpy as np
 
 from trackbench.models.motion import Kinematics
 from trackbench.runner.work import BlockRuns, Work
+from trackbench.stepping.remote import start
+from trackbench.stepping.steppers import Offline, Stepper
 from trackbench.streams import stream
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, of_runs
+from trackbench.trackers.smoothed import SmoothedTracker
+from trackbench.types import Array, Scan, of_runs
+
+
+def stepper_of(
+    work: Work, piece: BlockRuns, entry: FilterConfig | PluginConfig, scans: Iterable[Scan], copies: int = 1
+) -> Stepper:
+    """A fresh tracker for a block of runs.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs of this block.
+        entry: the scenario's.
+        scans: what it will be given, which a smoother looks at before.
+        copies: how often the block is in the batch.
+    """
+    prepare = partial(primed, work, piece, copies=copies)
+    if isinstance(entry, FilterConfig) and entry.smoother is not None:
+        return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
+    batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
+    return start(entry, work.folder, batch, prepare, work.isolation)
 
 
 def primed(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
