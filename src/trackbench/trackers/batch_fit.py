@@ -79,21 +79,22 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
     kinds = tuple(dict.fromkeys(SENSOR_MODELS[scan.kind] for scan in scans))
     size = max(len(scan.measurement) for scan in scans)
     value = np.zeros((len(scans), size, taken.shape[1]))
-    whitener = np.zeros((len(scans), size, size))
+    lanes = np.arange(taken.shape[1])
+    whitener = np.zeros((len(scans), len(lanes), size, size))
     for i, scan in enumerate(scans):
         own = len(scan.measurement)
         value[i, :own] = np.where(scan.valid, scan.measurement, 0.0)
-        whitener[i, :own, :own] = np.linalg.inv(np.linalg.cholesky(scan.noise_covariance))
+        noise = np.moveaxis(scan.noise_covariance, (0, 1), (-2, -1))
+        whitener[i, :, :own, :own] = np.linalg.inv(np.linalg.cholesky(noise))
     time = np.array([scan.time for scan in scans])[number]
     kind = np.array([kinds.index(SENSOR_MODELS[scan.kind]) for scan in scans])[number]
     position = np.stack([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans])
-    lanes = np.arange(taken.shape[1])
     return FirstMeasurements(
         np.where(there[:-1], np.round(np.diff(time, axis=0), CLOCK), 0.0),
         kinds,
         np.where(there, kind, -1),
         np.take_along_axis(value, number[:, None], axis=0),
-        np.moveaxis(whitener[number], 1, -1) * there[:, None, None],
+        np.moveaxis(whitener[number, lanes], 1, -1) * there[:, None, None],
         np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
         np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
         position[number[np.argmax(there, axis=0), lanes], :, lanes].T,
@@ -174,7 +175,7 @@ class _Linearised(NamedTuple):
     @classmethod
     def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, point: Array) -> _Linearised:
         size, lanes = len(motion.components), point.shape[1]
-        sigma = linalg.expand(np.asarray(motion.noise_sigma), point)
+        sigma = np.asarray(linalg.expand(linalg.vector(motion.noise_sigma), point)) * np.ones(lanes)
         driven = len(point) > size
         x = point[:size]
         slope = np.zeros((size, len(point), lanes))
@@ -221,7 +222,7 @@ def _moved(
         after[:, where] = motion.transition(here, dt)
         turned[..., where] = linalg.matmul(linalg.expand(motion.jacobian(here, dt), before), before)
         if own is not None:
-            gain = sigma * linalg.expand(motion.noise_gain(here, dt), before)
+            gain = sigma[:, where] * linalg.expand(motion.noise_gain(here, dt), before)
             after[:, where] += linalg.apply(gain, point[own, where])
             turned[:, own, where] += gain
     return after, turned
