@@ -56,7 +56,10 @@ def test_every_number_comes_back(folder: Path) -> None:
     recorded, saved = read(folder / "recording.rrd"), Result.load(folder)
     assert recorded.rerun == rr.__version__
     assert recorded.result.json() == saved.json()
-    for name, keys in KEYS.items():
+    # No tracker here has several motion models.
+    left = {name: keys for name, keys in KEYS.items() if name in saved.tables}
+    assert set(KEYS) - set(left) == {"modes", "recorded_modes"}
+    for name, keys in left.items():
         assert recorded.result.tables[name].num_rows > 0
         assert plain(recorded.result.tables[name], keys) == plain(saved.tables[name], keys), name
 
