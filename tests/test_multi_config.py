@@ -38,7 +38,7 @@ def test_options_that_do_not_go_together(associate: dict[str, Any], key: str, me
     assert found[1].startswith(message)
 
 
-@pytest.mark.parametrize("initial", ["two_readings", "truth"])
+@pytest.mark.parametrize("initial", ["two_readings", "batch", "truth"])
 def test_a_track_starts_from_one_detection(initial: Any) -> None:
     (found,) = messages({"method": "gnn"}, initial=initial)
     assert found == ("initial.from", "with associate a track starts from one detection: use from: first_reading")
@@ -55,4 +55,4 @@ def test_tracks_start_with_the_range_rate_unless_said_otherwise(initial: Any) ->
     assert (config.initial.source, config.initial.velocity) == ("first_reading", "range_rate")
     resting = {**EKF, "initial": {"velocity": "zero"}, "associate": {"method": "gnn"}}
     assert FilterConfig.model_validate(resting).initial.velocity == "zero"
-    assert FilterConfig.model_validate(EKF).initial.source == "two_readings"
+    assert FilterConfig.model_validate(EKF).initial.source == "batch"

@@ -249,10 +249,10 @@ BAD = [
     ),
     (
         "initial: truth",
-        "initial: {velocity_sigma_mps: 3}",
+        "initial: {from: two_readings, velocity_sigma_mps: 3}",
         [
             "22: trackers.ukf.initial.velocity_sigma_mps: not used with from: two_readings; remove it, "
-            "or use from: first_reading or truth"
+            "or use from: first_reading or batch or truth"
         ],
     ),
     (

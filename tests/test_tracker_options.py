@@ -95,7 +95,8 @@ def test_published_filter_step_by_step():
 
 def test_a_stated_covariance_of_two_readings_keeps_their_mean():
     keys = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
-    stated, plain = tracker(**keys, initial={"from": "two_readings", "covariance_diag": P0}), tracker(**keys)
+    stated = tracker(**keys, initial={"from": "two_readings", "covariance_diag": P0})
+    plain = tracker(**keys, initial="two_readings")
     a = b = None
     for k in range(2):
         seen = scan("radar", float(k), MEASUREMENT + np.array([[10.0 * k], [0], [0]]))

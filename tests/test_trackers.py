@@ -11,6 +11,8 @@ from trackbench.trackers.published import create
 from trackbench.trackers.raw import RawTracker
 
 EKF = {"filter": "ekf", "motion": "cv", **NOISE["cv"]}
+#: From the first two measurements that there are.
+TWO = {"from": "two_readings", "least_time_s": 0}
 FAR = np.array([[40.0], [30.0]])
 
 
@@ -37,7 +39,7 @@ def test_from_the_first_reading(kind):
 
 
 def test_from_two_readings():
-    made = tracker(**EKF)
+    made = tracker(**EKF, initial=TWO)
     state, first = made.step(None, scan("lidar", 0.0, FAR))
     assert np.isnan(first.mean).all()
     assert np.isnan(first.covariance).all()
@@ -49,7 +51,7 @@ def test_from_two_readings():
 
 
 def test_from_two_readings_of_two_sensors():
-    made = tracker(**EKF)
+    made = tracker(**EKF, initial=TWO)
     radar = scan("radar", 0.0, np.array([[50.0], [0.6], [3.0]]))
     first = SENSOR_MODELS["radar"].position(radar)
     state, _ = made.step(None, radar)
@@ -59,7 +61,7 @@ def test_from_two_readings_of_two_sensors():
 
 
 def test_two_readings_of_one_instant_do_not_start_a_track():
-    made = tracker(**EKF)
+    made = tracker(**EKF, initial=TWO)
     state, _ = made.step(None, scan("lidar", 0.0, FAR))
     state, estimate = made.step(state, scan("lidar", 0.0, FAR + 1))
     assert np.isnan(estimate.mean).all()
@@ -69,7 +71,7 @@ def test_two_readings_of_one_instant_do_not_start_a_track():
 
 
 def test_each_lane_waits_for_its_own_measurements():
-    made = tracker(**EKF)
+    made = tracker(**EKF, initial=TWO)
     measurements = [[True, False, False], [True, True, False], [False, True, False]]
     state, known = None, []
     for k, valid in enumerate(measurements):
@@ -95,7 +97,7 @@ def test_from_truth_draws_the_stated_error_and_takes_the_first_reading_in():
 
 
 def test_the_common_state_of_a_turning_model_is_cartesian():
-    made = tracker(filter="ekf", motion="ctrv", **NOISE["ctrv"])
+    made = tracker(filter="ekf", motion="ctrv", initial=TWO, **NOISE["ctrv"])
     state, _ = made.step(None, scan("lidar", 0.0, FAR))
     _, estimate = made.step(state, scan("lidar", 1.0, FAR + np.array([[-8.0], [6.0]])))
     np.testing.assert_allclose(estimate.mean[:, 0], [32, 36, -8, 6], atol=1e-12)
@@ -104,7 +106,7 @@ def test_the_common_state_of_a_turning_model_is_cartesian():
 
 
 def test_a_repaired_covariance_is_reported_where_it_happened():
-    made = tracker(filter="ukf", motion="cv", sigma_points="classic", augmented=False, **NOISE["cv"])
+    made = tracker(filter="ukf", motion="cv", sigma_points="classic", augmented=False, initial=TWO, **NOISE["cv"])
     state = None
     for k in range(3):
         state, _ = made.step(state, scan("lidar", 0.1 * k, np.repeat(FAR, 2, axis=1)))

@@ -20,7 +20,7 @@ trackers:
   ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading}
   ekf_lidar: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading, sensors: [lidar]}
   ukf: {filter: ukf, motion: ctrv, acceleration_sigma_mps2: 0.8, yaw_acceleration_sigma_radps2: 0.4,
-        sigma_points: classic, initial: two_readings}
+        sigma_points: classic, initial: {from: two_readings, least_time_s: 0}}
   cheat: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: truth}
   raising: {use: "serve_faults:Raising"}
   vanishing: {use: "serve_faults:Vanishing"}

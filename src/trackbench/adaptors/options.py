@@ -68,7 +68,7 @@ def _start(value: Any) -> Any:
         return None
     if value is None or (isinstance(value, str) and value not in STARTS):
         raise PydanticCustomError(PROBLEM, "{message}", {"message": nearest(str(value), [OWN, *STARTS])})
-    return value
+    return {"from": "two_readings", **value} if isinstance(value, dict) else value
 
 
 class AdaptorOptions(Config):

@@ -29,6 +29,10 @@ class TrackState(NamedTuple):
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
     waiting: TentativeTrack | None = None
+    seen: Array | float = -np.inf
+    """``(...)`` time of the latest measurement that was taken in, s."""
+    lost: Mask | None = None
+    """``(...)`` where the track is to start again."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +70,23 @@ class FilterTracker:
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
         said: Update[Any] | None = None
-        if np.any(scan.valid) and _named(scan, self.sensors):
-            said = self.filter.update(belief, scan)
+        starts = self.prior is None and _named(scan, self.initial.sensors or self.sensors)
+        lost, waiting = state.lost, state.waiting
+        if starts and self.initial.source == "batch" and initial.has_yaw(self.filter.motions):
+            lost, waiting = self._lost(state, belief, scan)
+        own = scan
+        if lost is not None:
+            belief = initial.placed(self.filter.motions, belief, scan, scan.valid & lost)
+            own = scan._replace(valid=scan.valid & ~lost)
+        if np.any(own.valid) and _named(scan, self.sensors):
+            said = self.filter.update(belief, own)
             belief = said.belief
-        known, waiting = started, state.waiting
-        if self.prior is None and not np.all(started) and _named(scan, self.initial.sensors or self.sensors):
-            begin = initial.start(self.initial, scan, waiting)
+        known = started if lost is None else started & ~lost
+        if starts and not np.all(known):
+            begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~known)
             if np.any(begin.ready):
-                belief = choose(begin.ready & ~started, self.filter.begin(begin.state_of), belief)
+                belief = choose(begin.ready & ~known, self.filter.begin(begin.state_of), belief)
+            lost = None if lost is None or np.all(begin.ready >= lost) else lost & ~begin.ready
             started, waiting = started | begin.ready, begin.waiting
         estimate = self.estimate(belief, started, waiting)
         if said is not None:
@@ -81,8 +94,10 @@ class FilterTracker:
                 innovation=_where(known, said.innovation),
                 innovation_covariance=said.innovation_covariance,
                 whitened_innovation=_where(known, said.whitened_innovation),
+                log_likelihood=None if said.mixture is None else _where(known, said.mixture),
             )
-        return TrackState(scan.time, belief._replace(repaired=None), started, waiting), estimate
+        seen = np.where(scan.valid, scan.time, state.seen)
+        return TrackState(scan.time, belief._replace(repaired=None), started, waiting, seen, lost), estimate
 
     def advances(self, sensor: str) -> bool:
         """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is told to."""
@@ -133,6 +148,17 @@ class FilterTracker:
             return belief
         # A placeholder stays what it is, so that its covariance does not grow without bound.
         return choose(state.started, belief, state.belief)
+
+    def _lost(self, state: TrackState, belief: AnyBelief, scan: Scan) -> tuple[Mask | None, TentativeTrack | None]:
+        """Where tracks are to start again: seen after a time in which they lost their course; and what is waiting."""
+        gap: Mask = scan.valid & state.started & (scan.time - state.seen >= self.initial.least_time(True))
+        if not np.any(gap):
+            return state.lost, state.waiting
+        fresh: Mask = gap & ~initial.course_known(self.filter.motions, belief)
+        if not np.any(fresh):
+            return state.lost, state.waiting
+        waiting = None if state.waiting is None else initial.forgotten(state.waiting, fresh)
+        return fresh if state.lost is None else fresh | state.lost, waiting
 
     def _given(self, prior: Prior, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
         """The belief with the tracks whose time has come started from the truth, ready for their first update."""

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
+from trackbench.filters import AnyBelief, Belief, MultiModelBelief
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.trackers import batch_fit
+from trackbench.trackers.batch_fit import BatchPrior, FirstMeasurements
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1
+#: Standard deviation of the course below which a batch starts a track with a yaw in its state, rad.
+COURSE_KNOWN = 0.1
+#: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
+COURSE_LOST = 0.5
+#: Time after which a batch starts a track though the course is not known: the object may be standing, s.
+LONGEST = 1.0
+#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+SAME_TIME = 1e-6
 
 
 class TentativeTrack(NamedTuple):
@@ -30,6 +41,10 @@ class TentativeTrack(NamedTuple):
     """Of the first measurement that counts."""
     latest: Gaussian
     """Position of the latest measurement; NaN where there was none yet."""
+    scans: tuple[Scan, ...] = ()
+    """Those with measurements that count, where a batch of them starts a track."""
+    counted: tuple[Mask, ...] = ()
+    """For each of them, which do."""
 
 
 class Start(NamedTuple):
@@ -47,8 +62,22 @@ def sigmas(config: InitialConfig) -> InitialSigmas:
     return known if config.yaw_sigma_rad is None else known._replace(yaw=config.yaw_sigma_rad)
 
 
-def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> Start:
-    """Start the tracks that a scan allows to start, from its measurement alone or with an earlier one."""
+def start(
+    config: InitialConfig,
+    scan: Scan,
+    waiting: TentativeTrack | None,
+    motions: Sequence[MotionModel],
+    wanted: Mask | None = None,
+) -> Start:
+    """Start the tracks that a scan allows to start, from its measurement alone or with earlier ones.
+
+    Args:
+        config: how.
+        scan: the measurements.
+        waiting: what the start of the scan before left; None at first.
+        motions: the motion models in whose states they start.
+        wanted: of which objects; of all unless given.
+    """
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
     counts = scan.valid & (waiting.measurements >= config.skip)
@@ -56,10 +85,56 @@ def start(config: InitialConfig, scan: Scan, waiting: TentativeTrack | None) -> 
     if config.source == "first_reading":
         return Start(counts, partial(from_first, config=config, scan=scan, position=position), after)
     elapsed = scan.time - waiting.time
-    ready = counts & (elapsed > 0.0)
+    ready = counts & (elapsed > 0.0) & (elapsed > config.least_time(has_yaw(motions)) - SAME_TIME)
+    if config.source == "batch":
+        return _from_batch(config, scan, after, counts if wanted is None else counts & wanted, ready, motions)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
     return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
+
+
+def forgotten(waiting: TentativeTrack, where: Mask) -> TentativeTrack:
+    """What is known of objects, without the measurements of some of them."""
+    return waiting._replace(
+        measurements=np.where(where, 0.0, waiting.measurements),
+        time=np.where(where, np.nan, waiting.time),
+        counted=tuple(mask & ~where for mask in waiting.counted),
+    )
+
+
+def course_known(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask:
+    """``(...)`` whether a state with a yaw can still be believed to be Gaussian."""
+    known: Mask = np.ones(belief[0].shape[1:], dtype=bool)
+    for motion, mode in zip(motions, _modes(belief), strict=True):
+        for name in set(YAW) & set(motion.components):
+            i = motion.components.index(name)
+            known = known & (mode.covariance[i, i] < COURSE_LOST**2)
+    return known
+
+
+def has_yaw(motions: Sequence[MotionModel]) -> bool:
+    """Whether the state of any model has a yaw."""
+    return any(set(YAW) & set(motion.components) for motion in motions)
+
+
+def placed(motions: Sequence[MotionModel], belief: AnyBelief, scan: Scan, where: Mask) -> AnyBelief:
+    """The belief with the position that the measurements state in some places, and all else as it was."""
+    position = _position(scan)
+    moved = []
+    for motion, mode in zip(motions, _modes(belief), strict=True):
+        own = [motion.components.index(name) for name in POSITION]
+        mean, covariance = mode.mean.copy(), mode.covariance.copy()
+        mean[own] = np.where(where, position.mean, mean[own])
+        covariance[own] = np.where(where, 0.0, covariance[own])
+        covariance[:, own] = np.where(where, 0.0, covariance[:, own])
+        block = np.ix_(own, own)
+        covariance[block] = np.where(where, position.covariance, covariance[block])
+        moved.append(Belief(mean, covariance, repaired=mode.repaired))
+    return belief._replace(modes=tuple(moved)) if isinstance(belief, MultiModelBelief) else moved[0]
+
+
+def _modes(belief: AnyBelief) -> tuple[Belief, ...]:
+    return belief.modes if isinstance(belief, MultiModelBelief) else (belief,)
 
 
 def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
@@ -71,6 +146,58 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
     if config.velocity == "range_rate" and "vx" in motion.components:
         known = _with_range_rate(known, scan)
     return _of_cartesian(motion, config, known)
+
+
+def _from_batch(
+    config: InitialConfig,
+    scan: Scan,
+    after: TentativeTrack,
+    counts: Mask,
+    ready: Mask,
+    motions: Sequence[MotionModel],
+) -> Start:
+    scans, counted = (*after.scans, scan), (*after.counted, counts)
+    prior = BatchPrior(config.velocity_sigma_mps, sigmas(config))
+    ready = ready & counts & (after.measurements - config.skip >= config.measurements)
+    if has_yaw(motions) and np.any(ready):
+        late = scan.time - after.time > LONGEST - SAME_TIME
+        straight = batch_fit.fit_straight(_collected(scans, counted, ready), prior).latest
+        known = np.zeros_like(ready)
+        known[ready] = _course_sigma(straight) < COURSE_KNOWN
+        ready = ready & (known | late)
+
+    def state_of(motion: MotionModel) -> Gaussian:
+        size = len(motion.components)
+        mean = np.ones((size, *ready.shape))
+        covariance = np.zeros((size, *mean.shape)) + linalg.expand(np.eye(size), mean[None])
+        found = batch_fit.fit(motion.part(ready), _collected(scans, counted, ready), prior)
+        mean[:, ready], covariance[..., ready] = found.latest
+        return _stated(Gaussian(mean, covariance), config)
+
+    waits = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
+    kept = [(one, mask) for one, mask in waits if mask.any()]
+    left = after._replace(scans=tuple(one for one, _ in kept), counted=tuple(mask for _, mask in kept))
+    return Start(ready, state_of, left)
+
+
+def _collected(scans: Sequence[Scan], counted: Sequence[Mask], where: Mask) -> FirstMeasurements:
+    """The measurements that count, of some of the objects."""
+    own = [(_part(scan, where), mask[where]) for scan, mask in zip(scans, counted, strict=True) if mask[where].any()]
+    return batch_fit.collect([scan for scan, _ in own], np.stack([mask for _, mask in own]))
+
+
+def _part(scan: Scan, where: Mask) -> Scan:
+    noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance[..., where]
+    return scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where], noise_covariance=noise)
+
+
+def _course_sigma(belief: Gaussian) -> Array:
+    """Standard deviation of the course that px, py, vx, vy say, rad."""
+    vx, vy = belief.mean[2:]
+    p = belief.covariance[2:, 2:]
+    square = vx * vx + vy * vy
+    across = (vy * vy * p[0, 0] - 2.0 * vx * vy * p[0, 1] + vx * vx * p[1, 1]) / square
+    return np.asarray(np.sqrt(across / square))
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
@@ -118,14 +245,21 @@ def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gau
 
 
 def _with_range_rate(belief: Gaussian, scan: Scan) -> Gaussian:
-    """The belief with the variance of the range rate along the line of sight, if the sensor measures it."""
+    """The belief with the variance of the range rate along the line of sight, if the sensor measures it.
+
+    The line is known only to within the azimuth's error, which turns the unknown velocity across into it.
+    """
     components = SENSOR_MODELS[scan.kind].components
     if "range_rate" not in components:
         return belief
     i = components.index("range_rate")
     sight = belief.mean[:2] - linalg.expand(scan.sensor_pose[:2], belief.mean)
-    sight = sight / np.hypot(*sight)
-    loss = belief.covariance[2, 2] - scan.noise_covariance[i, i]
+    distance = np.hypot(*sight)
+    sight = sight / distance
+    aside = linalg.vector([-sight[1], sight[0]]) / distance
+    turned = np.einsum("i...,ij...,j...->...", aside, belief.covariance[:2, :2], aside)
+    # Never more than is unknown across: the line of sight to what is very near is not known at all.
+    loss = belief.covariance[2, 2] * np.maximum(0.0, 1.0 - turned) - scan.noise_covariance[i, i]
     covariance = belief.covariance.copy()
     covariance[2:, 2:] -= loss * sight[:, None] * sight[None]
     return Gaussian(belief.mean, covariance)
@@ -168,6 +302,8 @@ def _taken_in(waiting: TentativeTrack, scan: Scan, position: Gaussian, counts: M
         np.where(first, scan.time, waiting.time),
         _choose(first, position, waiting.position),
         _choose(scan.valid, position, waiting.latest),
+        waiting.scans,
+        waiting.counted,
     )
 
 

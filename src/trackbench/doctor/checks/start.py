@@ -20,7 +20,7 @@ MEDIAN = 1.39
 #: Number of tracks for the NEES.
 STARTS = 60
 #: Number of scans in which a track has to start.
-SCANS = 6
+SCANS = 16
 
 
 class FirstEstimate(NamedTuple):

@@ -1,0 +1,261 @@
+"""The state that a few measurements say, by Gauss-Newton."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
+from trackbench.models.motion.base import POSITION, VELOCITY, YAW, first_sigma
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.types import Array, Gaussian, Indices, Mask, Scan
+from trackbench.units import difference
+
+#: Those before the latest so many are not used.
+MOST_MEASUREMENTS = 30
+#: Steps after which a fit that still moves counts as not converged.
+MOST_STEPS = 20
+#: Length of a step below which a fit has converged, in standard deviations.
+CONVERGED = 1e-3
+#: Factor by which the damping grows after a step that raised the cost, and falls after one that did not.
+DAMPING = 10.0
+#: Decimals to which intervals are told apart: times are sums of periods, which are not exact.
+CLOCK = 9
+
+
+class FirstMeasurements(NamedTuple):
+    """The K measurements of each of L objects at most, the latest last; those that an object lacks come first."""
+
+    interval: Array
+    """``(K - 1, L)`` s from each to the next; 0 from one that there is not."""
+    kinds: tuple[type[Sensor], ...]
+    kind: Indices
+    """``(K, L)`` number of its sensor's kind; -1 where there is no measurement."""
+    value: Array
+    """``(K, m, L)``, padded with zeros to the longest measurement, as the next one."""
+    whitener: Array
+    """``(K, m, m, L)`` inverse of the lower Cholesky factor of its noise covariance."""
+    pose: Array
+    """``(K, 3, L)`` of the sensor."""
+    velocity: Array
+    """``(K, 2, L)`` of the sensor."""
+    position: Array
+    """``(2, L)`` that the first one states."""
+
+
+class BatchPrior(NamedTuple):
+    """What is assumed of the first state beside the measurements."""
+
+    velocity: float
+    """Standard deviation of either component of a velocity whose mean is zero, m/s."""
+    others: InitialSigmas
+
+
+class Fit(NamedTuple):
+    """A fit of each object."""
+
+    first: Gaussian
+    """``(n, L)`` the state at the first measurement."""
+    latest: Gaussian
+    """``(n, L)`` the state at the latest."""
+    converged: Mask
+    """``(L,)``"""
+
+
+def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
+    """The measurements of some objects.
+
+    Args:
+        scans: in order of time, measurements ``(m, L)``.
+        taken: ``(scans, L)`` which of them count; the last for every object.
+    """
+    count = min(int(taken.sum(axis=0).max()), MOST_MEASUREMENTS)
+    # Stable: of each object those that count come last, in their order.
+    number = np.argsort(taken, axis=0, kind="stable")[-count:]
+    there = np.take_along_axis(taken, number, axis=0)
+    kinds = tuple(dict.fromkeys(SENSOR_MODELS[scan.kind] for scan in scans))
+    size = max(len(scan.measurement) for scan in scans)
+    value = np.zeros((len(scans), size, taken.shape[1]))
+    lanes = np.arange(taken.shape[1])
+    whitener = np.zeros((len(scans), len(lanes), size, size))
+    for i, scan in enumerate(scans):
+        own = len(scan.measurement)
+        value[i, :own] = np.where(scan.valid, scan.measurement, 0.0)
+        noise = np.moveaxis(scan.noise_covariance, (0, 1), (-2, -1))
+        whitener[i, :, :own, :own] = np.linalg.inv(np.linalg.cholesky(noise))
+    time = np.array([scan.time for scan in scans])[number]
+    kind = np.array([kinds.index(SENSOR_MODELS[scan.kind]) for scan in scans])[number]
+    position = np.stack([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans])
+    return FirstMeasurements(
+        np.where(there[:-1], np.round(np.diff(time, axis=0), CLOCK), 0.0),
+        kinds,
+        np.where(there, kind, -1),
+        np.take_along_axis(value, number[:, None], axis=0),
+        np.moveaxis(whitener[number, lanes], 1, -1) * there[:, None, None],
+        np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
+        np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
+        position[number[np.argmax(there, axis=0), lanes], :, lanes].T,
+    )
+
+
+def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
+    """The most probable state at the latest measurement, of the motion model and its own process noise.
+
+    What is sought is the first state and each driving noise from one measurement to the next, by damped Gauss-Newton on
+    the sum of the squares of all normalised residuals; the covariance is the inverse of the information matrix, carried
+    to the latest measurement. For a linear model and measurement it is the Kalman filter's state, exactly.
+    It starts from the fit of constant velocity. Where that one moves on and this one does not come to rest, the
+    former's latest state stands in its place.
+
+    Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section
+    3.4 (nonlinear least squares), with the process noise among the unknowns as in Bell (1994), "The iterated Kalman
+    smoother as a Gauss-Newton method".
+    """
+    straight = fit_straight(measurements, prior)
+    own = _fit(motion, measurements, prior, motion.from_cartesian(straight.first, prior.others).mean)
+    if own.converged.all():
+        return own
+    driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
+    other = _fit(driven, measurements, prior, straight.first.mean).latest
+    return own._replace(latest=_choose(own.converged, own.latest, motion.from_cartesian(other, prior.others)))
+
+
+def fit_straight(measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
+    """The fit of a velocity that is constant, without any noise: px, py, vx, vy."""
+    standing = np.concatenate([measurements.position, np.zeros_like(measurements.position)])
+    return _fit(ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False)
+
+
+def _fit(
+    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, first: Array, *, driven: bool = True
+) -> Fit:
+    size, lanes = first.shape
+    noises = len(motion.noise_sigma) * len(measurements.interval) * driven
+    found = np.concatenate([first, np.zeros((noises, lanes))])
+    at = _Linearised.of(motion, measurements, prior, found)
+    damping = np.full(lanes, 1e-6)
+    converged = np.zeros(lanes, dtype=bool)
+    for _ in range(MOST_STEPS):
+        step = _solved(at.information, at.gradient, damping)
+        tried = found + np.where(converged, 0.0, step)
+        there = _Linearised.of(motion, measurements, prior, tried)
+        better = there.cost <= at.cost * (1.0 + 1e-12)
+        length = np.einsum("i...,ij...,j...->...", step, at.information, step)
+        converged |= (length < CONVERGED**2) & (better | (length < 1e-12))
+        found = np.where(better, tried, found)
+        at = _Linearised(*(np.where(better, new, old) for new, old in zip(there, at, strict=True)))
+        damping = np.clip(np.where(better, damping / DAMPING, damping * DAMPING * DAMPING), 1e-12, 1e12)
+        if converged.all():
+            break
+    identity = np.broadcast_to(np.eye(len(found))[..., None], (*at.information.shape,))
+    inverse = linalg.symmetrise(_solved(at.information, identity, np.zeros(lanes)))
+    covariance = linalg.symmetrise(linalg.quadratic(at.slope, inverse))
+    earliest = Gaussian(found[:size], inverse[:size, :size])
+    latest = Gaussian(difference(at.latest, np.zeros(()), motion.angular), covariance)
+    return Fit(earliest, latest, converged & np.isfinite(covariance).all(axis=(0, 1)))
+
+
+class _Linearised(NamedTuple):
+    """The sum of squares at one point ``(p, L)`` of first states and driving noises."""
+
+    cost: Array
+    """``(L,)``"""
+    information: Array
+    """``(p, p, L)``"""
+    gradient: Array
+    """``(p, L)`` downhill."""
+    latest: Array
+    """``(n, L)`` the state to which the point leads."""
+    slope: Array
+    """``(n, p, L)`` its derivative."""
+
+    @classmethod
+    def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, point: Array) -> _Linearised:
+        size, lanes = len(motion.components), point.shape[1]
+        sigma = np.asarray(linalg.expand(linalg.vector(motion.noise_sigma), point)) * np.ones(lanes)
+        driven = len(point) > size
+        x = point[:size]
+        slope = np.zeros((size, len(point), lanes))
+        slope[range(size), range(size)] = 1.0
+        residuals, derivatives = _of_prior(motion, prior, point, slope)
+        for k in range(len(measurements.kind)):
+            if k:
+                own = slice(size + len(sigma) * (k - 1), size + len(sigma) * k) if driven else None
+                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, point, own, sigma)
+            residual, derivative = _of_measurement(motion, measurements, k, x, slope)
+            residuals.append(residual)
+            derivatives.append(derivative)
+        r, j = np.concatenate(residuals), np.concatenate(derivatives)
+        information = linalg.gram(j)
+        for i, name in enumerate(motion.components):
+            if name in YAW:
+                # Nothing pulls at the course, but no more is unknown of it than of any angle.
+                information[i, i] += prior.others.yaw**-2
+        return cls(np.einsum("i...,i...->...", r, r), information, linalg.apply_transposed(j, r), x, slope)
+
+
+def _of_prior(motion: MotionModel, prior: BatchPrior, point: Array, slope: Array) -> tuple[list[Array], list[Array]]:
+    """The residuals ``(r, L)`` of what is assumed, and the derivatives ``(r, p, L)`` of what they are of."""
+    size = len(motion.components)
+    x, sigma = point[:size], prior.velocity
+    velocity = linalg.expand(motion.cartesian_jacobian(x)[2:], slope[:2, :size])
+    open_ = [i for i, name in enumerate(motion.components) if name not in (*POSITION, *VELOCITY, *YAW)]
+    scale = np.array([first_sigma(motion, motion.components[i], prior.others) for i in open_])[:, None]
+    residuals = [-motion.to_cartesian(x)[2:] / sigma, -x[open_] / scale, -point[size:]]
+    noises = np.zeros((len(point) - size, *slope.shape[1:]))
+    noises[range(len(noises)), range(size, len(point))] = 1.0
+    derivatives = [linalg.matmul(velocity, slope) / sigma, slope[open_] / scale[..., None], noises]
+    return residuals, derivatives
+
+
+def _moved(
+    motion: MotionModel, interval: Array, x: Array, slope: Array, point: Array, own: slice | None, sigma: Array
+) -> tuple[Array, Array]:
+    """The state after the interval and its derivative; ``own`` is where its noises stand among the unknowns."""
+    after, turned = x.copy(), slope.copy()
+    for dt in np.unique(interval[interval > 0.0]):
+        where = interval == dt
+        here, before = x[:, where], slope[..., where]
+        after[:, where] = motion.transition(here, dt)
+        turned[..., where] = linalg.matmul(linalg.expand(motion.jacobian(here, dt), before), before)
+        if own is not None:
+            gain = sigma[:, where] * linalg.expand(motion.noise_gain(here, dt), before)
+            after[:, where] += linalg.apply(gain, point[own, where])
+            turned[:, own, where] += gain
+    return after, turned
+
+
+def _of_measurement(
+    motion: MotionModel, measurements: FirstMeasurements, k: int, x: Array, slope: Array
+) -> tuple[Array, Array]:
+    value, whitener = measurements.value[k], measurements.whitener[k]
+    target, way = motion.to_cartesian(x), motion.cartesian_jacobian(x)
+    residual, derivative = np.zeros_like(value), np.zeros((len(value), *slope.shape[1:]))
+    for number, sensor in enumerate(measurements.kinds):
+        where = measurements.kind[k] == number
+        if not where.any():
+            continue
+        at = target[:, where], measurements.pose[k][:, where], measurements.velocity[k][:, where]
+        size = len(sensor.components)
+        residual[:size, where] = difference(value[:size, where], sensor.measure(*at), sensor.angular)
+        h = sensor.jacobian(*at)
+        h = np.broadcast_to(linalg.expand(h, at[0][None]), (size, 4, at[0].shape[1]))
+        own = np.broadcast_to(linalg.expand(way, target[None]), (4, len(x), len(where)))[..., where]
+        derivative[:size, :, where] = linalg.matmul(linalg.matmul(h, own), slope[..., where])
+    return linalg.apply(whitener, residual), linalg.matmul(whitener, derivative)
+
+
+def _solved(information: Array, right: Array, damping: Array) -> Array:
+    """``(I + damping diag(I))^-1 right`` for every object, ``right`` a vector ``(p, L)`` or a matrix ``(p, q, L)``."""
+    a = np.moveaxis(information, -1, 0)
+    damped = a + damping[:, None, None] * np.einsum("lii->li", a)[:, :, None] * np.eye(a.shape[1])
+    b = np.moveaxis(right, -1, 0)
+    found = np.linalg.solve(damped, b if b.ndim == 3 else b[..., None])
+    return np.moveaxis(found if b.ndim == 3 else found[..., 0], 0, -1)
+
+
+def _choose(where: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
+    return Gaussian(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))
