@@ -13,6 +13,7 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 
+import trackbench as tb
 from trackbench import recording
 from trackbench.errors import InputError
 from trackbench.metrics.moments import worst
@@ -243,3 +244,13 @@ def test_a_reader_that_dies_is_one_message(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(chunks, "__file__", str(dies))
     with pytest.raises(InputError, match="this recording is damaged: it cannot be read to its end"):
         read(folder / "recording.rrd")
+
+
+def test_trackers_that_start_apart_are_scored_afresh_where_all_gave_an_estimate(tmp_path: Path) -> None:
+    keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_reading"}
+    late = {**keys, "initial": {"from": "first_reading", "skip": 2}}
+    changes = {"trackers": {"early": keys, "late": late}, "expect": [], "truth.duration_s": 3}
+    tb.run(tb.load("scripted/own_model", changes, runs=2)).save(tmp_path / "run")
+    found = inspect(tmp_path / "run")
+    assert found.checked is not None
+    assert found.checked.largest_relative_difference < 1e-9
