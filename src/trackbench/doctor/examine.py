@@ -196,4 +196,4 @@ def simplified(sensor: Sensor) -> Sensor:
         "detection_probability": 1.0,
         "dropouts": [],
     }
-    return sensor.model_copy(update={**biases, **unlimited, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0.0})
+    return sensor.model_copy(update={**biases, **unlimited, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0})

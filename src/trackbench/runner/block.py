@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
-from itertools import groupby
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.delivery import deliveries
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
@@ -170,7 +170,17 @@ class TrackerRun:
                 np.full((4, instants, objects), np.nan),
                 np.full((4, 4, instants, objects), np.nan),
                 self._target.due[..., kept],
+                {
+                    sensor.name: [np.full(objects, np.nan)] * len(sensor.steps)
+                    for sensor in scene.sensors
+                    if len(sensor.steps)
+                },
             )
+            counts = dict.fromkeys(self.recorded.nis, 0)
+            self._of_sensor: list[int] = []
+            for scan in measurements.scans:
+                self._of_sensor.append(counts[scan.sensor])
+                counts[scan.sensor] += 1
         self._instants = self._through(measurements.scans)
 
     @property
@@ -205,16 +215,17 @@ class TrackerRun:
         stepper: Stepper | None = None
         try:
             stepper = start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
-            for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
+            given = deliveries(scans, lambda sensor: named is None or sensor in named, masked)
+            for instant, group in enumerate(given):
                 latest = self._none
-                for scan in group:
-                    given = scan if named is None or scan.sensor in named else masked(scan)
+                for scan, number, _ in group:
                     begin = time.perf_counter()
-                    answer = stepper.step(given)
+                    answer = stepper.step(scan)
                     seconds = time.perf_counter() - begin
                     latest = answer or self._none
-                    self.scorer.scan(instant, given, latest, seconds)
-                    self._keep_nis(given, latest)
+                    self.scorer.scan(instant, scan, latest, seconds)
+                    if number is not None:
+                        self._keep_nis(number, scan, latest)
                 self.scorer.estimate(latest)
                 yield self._keep(instant, latest)
         except (KeyboardInterrupt, GeneratorExit):
@@ -228,6 +239,9 @@ class TrackerRun:
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""
         work, truth = self._work, self._scene.truth
+        if not any(sensor.config.latency[1] for sensor in self._scene.sensors):
+            # Nothing comes late, and no past state needs to be kept.
+            tracker = replace(tracker, lag_s=0.0)
         # When it starts must not depend on sensors that it does not read.
         own = [sensor.steps for sensor in self._scene.sensors if tracker.advances(sensor.name)]
         if not tracker.starts_from_truth or not own:
@@ -271,7 +285,7 @@ class TrackerRun:
         self.recorded.mean[:, instant], self.recorded.covariance[:, :, instant] = found
         return found
 
-    def _keep_nis(self, scan: Scan, estimate: Estimate) -> None:
+    def _keep_nis(self, number: int, scan: Scan, estimate: Estimate) -> None:
         if self.recorded is None or self._kept is None:
             return
         nis = np.full(len(self._scene.truth.ids), np.nan)
@@ -279,7 +293,7 @@ class TrackerRun:
         white = whitened_innovation(estimate, members)
         if white is not None:
             nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
-        self.recorded.nis.setdefault(scan.sensor, []).append(nis)
+        self.recorded.nis[scan.sensor][self._of_sensor[number]] = nis
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""
