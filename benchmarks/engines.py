@@ -31,11 +31,14 @@ YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}
 START = {"from": "truth", "position_sigma_m": 0.3, "velocity_sigma_mps": 0.5}
 TURNING_START = {**START, "yaw_sigma_rad": 0.1, "yaw_rate_sigma_radps": 0.1}
 CTRV = {"motion": "ctrv", **NOISE, **YAW_NOISE, "initial": TURNING_START}
+IMM = {"imm": [{"model": "cv", **NOISE}, {"model": "ctrv", **NOISE, **YAW_NOISE}], "stay_s": [5.0, 2.0]}
 
 TRACKERS = {
     "EKF, CV": {"filter": "ekf", "motion": "cv", **NOISE, "initial": START},
     "UKF, CTRV": {"filter": "ukf", "augmented": False, **CTRV},
     "UKF, CTRV, augmented": {"filter": "ukf", **CTRV},
+    "EKF, CTRV": {"filter": "ekf", **CTRV},
+    "IMM of EKFs, CV and CTRV": {"filter": "ekf", "motion": IMM, "initial": TURNING_START},
 }
 PEERS: dict[str, dict[str, peers.Peer]] = {
     "EKF, CV": {"FilterPy": peers.filterpy_ekf_cv, "Stone Soup": peers.stonesoup_ekf_cv},

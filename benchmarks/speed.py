@@ -125,6 +125,8 @@ def ratios(best: dict[tuple[str, str], float]) -> list[dict[str, Any]]:
         faster = best[name, "FilterPy"] / ours
         add(f"{name}: times as fast as FilterPy", faster, f"at least {times:g}", faster >= times)
         add(f"{name}: times as fast as Stone Soup", best[name, "Stone Soup"] / ours, "", None)
+    alone = best["EKF, CV", "trackbench"] + best["EKF, CTRV", "trackbench"]
+    add("IMM of EKFs, over both alone", best["IMM of EKFs, CV and CTRV", "trackbench"] / alone, "", None)
     for name in engines.TRACKERS:
         cost = best[name, "trackbench, scored"] / best[name, "trackbench"]
         add(f"{name}: scored, over not scored", cost, f"at most {SCORING_REQUIRED:g}", cost <= SCORING_REQUIRED)

@@ -136,7 +136,6 @@ def test_mistakes_are_told_at_their_place(tmp_path, change, at, message):
     [
         ({"filter": "kf"}, "motion", "kf needs a linear motion model"),
         ({"process_noise_diag": [1.0] * 4}, "process_noise_diag", "not used with imm"),
-        ({"associate": {"method": "gnn"}}, "motion", "imm follows one object"),
         ({"initial": {"covariance_diag": [1.0] * 4}}, "covariance_diag", "motion ctrv needs 5 variances"),
     ],
 )

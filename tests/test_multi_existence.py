@@ -58,8 +58,8 @@ def followed(random: np.random.Generator, method: str, runs: int, scans: int) ->
         )  # fmt: skip
         state, _ = of.step(state, scan)
         table = state.table
-        gap = np.hypot(*(table.mean[:2, None] - place[:, :, table.run]))
-        reach = np.maximum(3.5 * np.sqrt(table.covariance[0, 0] + table.covariance[1, 1]), 0.5)
+        gap = np.hypot(*(table.belief.mean[:2, None] - place[:, :, table.run]))
+        reach = np.maximum(3.5 * np.sqrt(table.belief.covariance[0, 0] + table.belief.covariance[1, 1]), 0.5)
         said.append(Said(table.evidence[0], ((gap < reach) & exists[:, table.run]).any(axis=0)))
     return said
 

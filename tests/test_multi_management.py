@@ -152,7 +152,7 @@ def test_the_score_confirms_and_deletes() -> None:
         stated = scan._replace(detection_probability=0.9)
         state, tracks = of.step(state, scan_of_run(stated, 0))
         confirmed.append(len(tracks.ids) > 0)
-        near = np.hypot(*(state.table.mean[:2] - seen.truth[0][:2, :1])) < 3
+        near = np.hypot(*(state.table.belief.mean[:2] - seen.truth[0][:2, :1])) < 3
         scores.append(state.table.evidence[0, near].max())
     assert confirmed == [score >= 12.0 for score in scores]
     assert 1 <= confirmed.index(True) <= 3

@@ -11,7 +11,7 @@ import pytest
 from trackbench.execution import executor
 from trackbench.metrics.scorer import Scorer
 from trackbench.results import Result
-from trackbench.runner.block import RecordedInstant
+from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truth_of, truths_of

@@ -120,8 +120,9 @@ def configured(name: str, **changed: Any) -> HighwayTruth:
 
 
 def steering_of(truth: Truth) -> Array:
-    """From the slip angle, which is the course minus the heading: tan(steering) = 2 tan(slip)."""
-    return np.arctan(2 * np.tan(np.unwrap(truth.course - truth.heading, axis=0)[..., 0]))
+    """In each step, from its slip angle, which is the course minus the heading: tan(steering) = 2 tan(slip)."""
+    course = np.arctan2(np.diff(truth.py, axis=0), np.diff(truth.px, axis=0))
+    return np.arctan(2 * np.tan(np.unwrap(course - truth.heading[:-1], axis=0)[..., 0]))
 
 
 @pytest.mark.parametrize("name", ["highway", "racetrack"])
@@ -132,7 +133,7 @@ def test_traffic_steers_at_the_rate_and_has_no_velocity_jump(name: str) -> None:
     truth = highway.simulate(configured(name, steering_rate_degps=30, **few))
     assert truth.audit["velocity_jumps"]["count"] == 0
     assert truth.audit["velocity_jumps"]["peak_acceleration_mps2"] < 9.81
-    there = truth.alive[1:] & truth.alive[:-1]
+    there = truth.alive[2:] & truth.alive[:-2]
     turned = np.abs(np.diff(steering_of(truth), axis=0)) * configured(name).rate_hz
     assert turned[there].max() <= RATE * (1 + 1e-6)
     assert truth.source["steering_rate_degps"] == 30

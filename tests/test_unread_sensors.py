@@ -11,7 +11,8 @@ import pytest
 import yaml
 from tests.scenes import NOISE, TRACKERS, scan, tracker
 
-from trackbench.runner.block import RecordedEstimates, run_block
+from trackbench.runner.block import run_block
+from trackbench.runner.recorded import RecordedEstimates
 from trackbench.runner.run import run
 from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario

@@ -29,6 +29,8 @@ TRACKER_COLOURS: tuple[str, ...] = (
     "#00963C",
 )
 SENSOR_COLOURS: tuple[str, ...] = ("#C9B400", "#3CC3D2", "#E1A587", "#6978D2", "#F05A4B", "#5AA5FF")
+#: Of the modes of a tracker with several motion models; readable on a dark and on a white ground.
+MODE_COLOURS: tuple[str, ...] = ("#5B8FF9", "#E8A33D", "#9270CA", "#3FA796", "#D9648A", "#8A9099")
 #: Of tracks on a dark ground: lighter than all colours of trackers and sensors.
 IDENTITY_COLOURS: tuple[str, ...] = ("#FFFA5F", "#93F4FF", "#F4BB89", "#B1FCA7", "#BECEED", "#FEE7D8", "#E5DB76")
 #: From small errors to large ones.
@@ -44,6 +46,11 @@ def tracker_colours(names: Iterable[str]) -> dict[str, str]:
     Those of a batch of scenarios get theirs together, so that a tracker looks the same in all reports and recordings.
     """
     return {name: TRACKER_COLOURS[i % len(TRACKER_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
+
+
+def mode_colours(names: Iterable[str]) -> dict[str, str]:
+    """A colour for each mode, in the order in which they first appear; repeats after six."""
+    return {name: MODE_COLOURS[i % len(MODE_COLOURS)] for i, name in enumerate(dict.fromkeys(names))}
 
 
 def sensor_colours(names: Iterable[str]) -> dict[str, str]:

@@ -20,7 +20,7 @@ from trackbench.recording.contents import colours_of
 from trackbench.recording.live import Live, LiveRun
 from trackbench.recording.painter import Painter
 from trackbench.results import Result
-from trackbench.runner.block import RecordedInstant
+from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.run import run
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.truth import truth_of

@@ -16,7 +16,8 @@ from trackbench.adaptors.reader import ELEVATION, POSITION, components
 from trackbench.config import PROBLEM, Config, Positive, Problem
 from trackbench.errors import InputError, TrackbenchError, nearest
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.config import ABOUT, InitialConfig
+from trackbench.trackers.config import ABOUT
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Scan
 
 Found = TypeVar("Found")

@@ -28,6 +28,7 @@ def print_inspection(found: Inspection, console: Console) -> None:
     print_head(contents.summary, console)
     if found.at is not None:
         _scene(found.at, console)
+        _modes(found, console)
     if found.worst is not None:
         _worst(found.worst, console)
         for tracker in list(found.worst)[:1]:
@@ -35,6 +36,7 @@ def print_inspection(found: Inspection, console: Console) -> None:
     if found.at is None and found.worst is None:
         print_contents(contents, console)
         _scores(found, console)
+        _modes(found, console)
 
 
 def print_head(summary: Summary, console: Console) -> None:
@@ -96,6 +98,19 @@ def _scores(found: Inspection, console: Console) -> None:
         difference = found.checked.largest_relative_difference
         verdict = "the same" if difference < ROUNDING else f"DIFFERENT by up to {difference:.1e} of the value"
         console.print(Text(f"{found.checked.file}: {verdict}", style="dim"), highlight=False, soft_wrap=True)
+
+
+def _modes(found: Inspection, console: Console) -> None:
+    if not found.modes:
+        return
+    when = "Mean probability of each mode" if found.at is None else "Probability of each mode"
+    console.print(Text(f"\n{when}"), highlight=False)
+    rows = [
+        [tracker, name, ", ".join(f"{mode} {fixed(share, 2)}" for mode, share in modes.items())]
+        for tracker, vehicles in found.modes.items()
+        for name, modes in vehicles.items()
+    ]
+    console.print(table(["tracker", "vehicle", "modes"], rows, texts=(0, 1, 2)))
 
 
 def print_failed(summary: Summary, console: Console) -> None:

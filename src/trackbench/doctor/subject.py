@@ -16,8 +16,9 @@ from trackbench.stepping.remote import fresh, fresh_tracks
 from trackbench.testing.kinds import Identities
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import build
-from trackbench.trackers.config import FilterConfig, InitialConfig, PluginConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.initial_config import InitialConfig
 
 #: For a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {
@@ -97,6 +98,8 @@ def _of_scenario(
             raise InputError(f"{name} is told the true origins, which an examination does not have", file=path)
         return _of_several(name, tracker, used, None, isolation)
     if isinstance(tracker, FilterConfig):
+        if tracker.smoother is not None:
+            raise InputError(f"{name} is a smoother, which needs all measurements of a run; remove smoother", file=path)
         return _startable(Subject(name, lambda: build(tracker), used))
     folder = loaded.path.resolve().parent
     if config.sensing.identities == "hidden":

@@ -9,8 +9,8 @@ from trackbench.filters.base import (
     PredictedMeasurement,
     SingleModelFilter,
     Update,
-    choose,
 )
+from trackbench.filters.batches import bare, choose, concatenated, placed, select, selected_prediction
 from trackbench.filters.imm import InteractingMultipleModel
 from trackbench.filters.kalman import ExtendedKalmanFilter, IteratedExtendedKalmanFilter, KalmanFilter
 from trackbench.filters.sigma_point import CUBATURE, SigmaPointFilter, SymmetricSet, classic, scaled
@@ -32,8 +32,13 @@ __all__ = [
     "SingleModelFilter",
     "SymmetricSet",
     "Update",
+    "bare",
     "choose",
     "classic",
+    "concatenated",
+    "placed",
     "scaled",
+    "select",
+    "selected_prediction",
     "smoothed",
 ]

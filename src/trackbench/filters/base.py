@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from typing_extensions import TypeVar
 
 from trackbench import linalg
 from trackbench.models.motion import MotionModel
@@ -44,7 +43,7 @@ class MultiModelBelief(NamedTuple):
 
 #: What the filters that trackers run believe.
 AnyBelief = Belief | MultiModelBelief
-B = TypeVar("B", bound=AnyBelief, default=Belief)
+B = TypeVar("B", bound=AnyBelief)
 
 
 class Update(NamedTuple, Generic[B]):
@@ -87,7 +86,9 @@ class PredictedMeasurement(NamedTuple):
     covariance: Array
     """``(m, m, ...)`` without the noise of the measurement."""
     cross: Array
-    """``(m, n, ...)`` covariance of measurement and state."""
+    """``(m, n, ...)`` covariance of measurement and state; nothing of a mixture, whose modes have theirs."""
+    modes: tuple[PredictedMeasurement, ...] = ()
+    """Of a mixture, under each motion model."""
 
 
 class Filter(Protocol[B]):
@@ -106,8 +107,23 @@ class Filter(Protocol[B]):
         """The belief after ``dt`` seconds (zero or more)."""
         ...
 
-    def update(self, belief: B, scan: Scan) -> Update[B]:
-        """The belief after a scan; where the scan is not valid, the mean and covariance stay."""
+    def measured(self, scan: Scan) -> Measured:
+        """The measurements of a scan in the space in which the filter compares them with its predictions."""
+        ...
+
+    def predict_measurement(self, belief: B, scan: Scan) -> PredictedMeasurement:
+        """What the belief expects of a scan, whose measurements are not looked at."""
+        ...
+
+    def update(self, belief: B, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[B]:
+        """The belief after a scan; where the scan is not valid, the mean and covariance stay.
+
+        ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
+        """
+        ...
+
+    def smooth(self, belief: B, later: B, dt: float) -> B:
+        """The belief once it is known what is believed ``dt`` seconds (more than zero) later from more measurements."""
         ...
 
     def cartesian(self, belief: B) -> Gaussian:
@@ -130,6 +146,26 @@ class SingleModelFilter(ABC):
         """The belief of a track that starts where ``state_of`` says."""
         return Belief(*state_of(self.motion))
 
+    def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
+        """The belief once it is known what is believed ``dt`` seconds later, by Rauch, Tung and Striebel.
+
+        With ``D`` the covariance of the states before and after the interval, the prediction ``x^-, P^-`` and the gain
+        ``G = D P^-^-1``: ``x <- x + G (x^s - x^-)`` and ``P <- P + G (P^s - P^-) G^T``. Source: Särkkä (2013), theorem
+        8.2 for the Kalman filter, algorithm 9.1 for its linearisations and 10.2 for the sigma points.
+        """
+        angular, predicted = self.motion.angular, self.predict(belief, dt)
+        definite = linalg.ensure_definite(predicted.covariance)
+        # With P^- = L L^T and V = L^-1 D^T the gain is G = V^T L^-1.
+        whiten = definite.factor.whiten
+        gain = whiten(np.swapaxes(self.cross_covariance(belief, dt), 0, 1))
+        change = whiten(difference(later.mean, predicted.mean, angular))
+        mean = wrap_components(belief.mean + linalg.apply_transposed(gain, change), angular)
+        loss = whiten(np.swapaxes(whiten(definite.covariance - later.covariance), 0, 1))
+        covariance = belief.covariance - linalg.quadratic(np.swapaxes(gain, 0, 1), loss)
+        found = linalg.ensure_definite(linalg.symmetrise(covariance))
+        repaired = either(predicted.repaired, either(definite.repaired, found.repaired))
+        return Belief(mean, found.covariance, repaired=repaired)
+
     def cartesian(self, belief: Belief) -> Gaussian:
         """px, py, vx, vy under the belief."""
         return self.motion.cartesian_belief(Gaussian(belief.mean, belief.covariance))
@@ -151,7 +187,7 @@ class SingleModelFilter(ABC):
         """What the belief expects of a scan, whose measurements are not looked at."""
 
     @abstractmethod
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         """The belief after a scan; where the scan is not valid, the mean and covariance stay.
 
         ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
@@ -165,7 +201,7 @@ def correct(
     cross: Array,
     valid: Mask,
     angular: tuple[int, ...],
-) -> Update:
+) -> Update[Belief]:
     """The linear minimum mean square error update.
 
     With ``S = L L^T`` and ``W = L^-1 C`` the gain is ``K = W^T L^-1`` and the covariance loses ``W^T W``, which is
@@ -194,7 +230,7 @@ def correct(
 
 def take_in(
     belief: Belief, predicted: PredictedMeasurement, measured: Measured, valid: Mask, angular: tuple[int, ...]
-) -> Update:
+) -> Update[Belief]:
     """The linear update with a measurement and its prediction; ``valid`` and ``angular`` as ``correct`` has them."""
     innovation = difference(measured.value, predicted.mean, measured.angular)
     s = predicted.covariance + linalg.expand(measured.noise, predicted.covariance)
@@ -221,27 +257,3 @@ def either(a: Mask | None, b: Mask | None) -> Mask | None:
     if a is None or b is None:
         return b if a is None else a
     return a | b
-
-
-def choose(where: Mask, a: AnyBelief, b: AnyBelief) -> AnyBelief:
-    """``a`` where it holds, ``b`` elsewhere; both are of the same filter.
-
-    Sigma points are kept if ``a`` has them; if ``b`` has none, it is a placeholder whose points do not count.
-    """
-    if isinstance(a, Belief):
-        assert isinstance(b, Belief)
-        return _choose_one(where, a, b)
-    assert isinstance(b, MultiModelBelief)
-    probability = np.where(where, a.probability, b.probability)
-    modes = tuple(_choose_one(where, one, other) for one, other in zip(a.modes, b.modes, strict=True))
-    return MultiModelBelief(probability, modes, _choose_marks(where, a.repaired, b.repaired))
-
-
-def _choose_one(where: Mask, a: Belief, b: Belief) -> Belief:
-    points = a.points if a.points is None or b.points is None else np.where(where, a.points, b.points)
-    mean, covariance = np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance)
-    return Belief(mean, covariance, points=points, repaired=_choose_marks(where, a.repaired, b.repaired))
-
-
-def _choose_marks(where: Mask, a: Mask | None, b: Mask | None) -> Mask | None:
-    return None if a is None and b is None else np.where(where, a is not None and a, b is not None and b)

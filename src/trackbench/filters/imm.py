@@ -9,7 +9,16 @@ from functools import lru_cache
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters.base import Belief, MultiModelBelief, SingleModelFilter, Update, either
+from trackbench.filters.base import (
+    Belief,
+    Measured,
+    MultiModelBelief,
+    PredictedMeasurement,
+    SingleModelFilter,
+    Update,
+    either,
+)
+from trackbench.filters.future import future
 from trackbench.filters.mixing import in_state_of, moment_matched
 from trackbench.models.motion import MotionModel
 from trackbench.types import Array, Gaussian, Mask, Scan
@@ -62,25 +71,80 @@ class InteractingMultipleModel:
         if dt > 0.0:
             belief = self._mixed(belief, transition_probabilities(self.stay_s, dt))
         modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
-        return _joined(belief.probability, modes, belief.repaired)
+        return joined(belief.probability, modes, belief.repaired)
 
-    def update(self, belief: MultiModelBelief, scan: Scan) -> Update[MultiModelBelief]:
+    def measured(self, scan: Scan) -> Measured:
+        """The measurements of a scan in the space in which the filters compare them with their predictions."""
+        return self.filters[0].measured(scan)
+
+    def predict_measurement(self, belief: MultiModelBelief, scan: Scan) -> PredictedMeasurement:
+        """What the mixture expects of a scan, with what each mode expects."""
+        pairs = zip(self.filters, belief.modes, strict=True)
+        modes = tuple(filter.predict_measurement(mode, scan) for filter, mode in pairs)
+        said = [Gaussian(mode.mean, mode.covariance) for mode in modes]
+        mean, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
+        return PredictedMeasurement(mean, covariance, np.empty((len(mean), 0, *mean.shape[1:])), modes)
+
+    def update(
+        self, belief: MultiModelBelief, scan: Scan, predicted: PredictedMeasurement | None = None
+    ) -> Update[MultiModelBelief]:
         """Update each mode, and weigh it by the likelihood of the measurement.
 
         The innovation and its covariance are those of the mixture of what the modes predicted; the innovation is 0
         where the scan is not valid.
         """
-        updates = [filter.update(mode, scan) for filter, mode in zip(self.filters, belief.modes, strict=True)]
+        expected = predicted.modes if predicted is not None else (None,) * len(self.filters)
+        updates = [
+            filter.update(mode, scan, each)
+            for filter, mode, each in zip(self.filters, belief.modes, expected, strict=True)
+        ]
         log_likelihood = np.stack([update.log_likelihood for update in updates])
         said = [Gaussian(update.innovation, update.innovation_covariance) for update in updates]
         if not np.all(scan.valid):
             log_likelihood = np.where(scan.valid, log_likelihood, 0.0)
             said = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in said]
-        probability = _normalised(np.log(belief.probability) + log_likelihood)
-        after = _joined(probability, [update.belief for update in updates], belief.repaired)
-        innovation, covariance = moment_matched(belief.probability, said, self.filters[0].measured(scan).angular)
+        probability = normalised(np.log(belief.probability) + log_likelihood)
+        after = joined(probability, [update.belief for update in updates], belief.repaired)
+        innovation, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
         s = linalg.ensure_definite(covariance)
         return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor)
+
+    def smooth(self, belief: MultiModelBelief, later: MultiModelBelief, dt: float) -> MultiModelBelief:
+        """The belief once it is known what is believed ``dt`` seconds later.
+
+        For each mode after the interval the mixture from which it was predicted is smoothed by the mode's filter, and
+        what that says of the mixture is applied to each of its parts. Source: a backward recursion on what an IMM
+        filter leaves, with one smoother for each mode, as that of Lopez and Danès (2017), "Low-complexity IMM smoothing
+        for jump Markov nonlinear systems"; here the measurements to come enter as a ratio of two Gaussians.
+        """
+        chain = transition_probabilities(self.stay_s, dt)
+        size = len(self.filters)
+        joint = np.zeros((size, *later.probability.shape))
+        parts: list[list[Gaussian]] = [[] for _ in self.filters]
+        repaired: Mask | None = None
+        for j, motion in enumerate(self.motions):
+            come, before = self.mixture(belief, chain, j)
+            mixed = moment_matched(come, before, motion.angular)
+            after = self.filters[j].smooth(Belief(*mixed), later.modes[j], dt)
+            known = future(mixed, Gaussian(after.mean, after.covariance), motion.angular)
+            found = [known.joined(part) for part in before]
+            share = normalised(np.log(come) + np.stack([likelihood for _, likelihood, _ in found]))
+            for k, i in enumerate(self.origins(j)):
+                joint[i, j] = share[k] * later.probability[j]
+                parts[i].append(found[k][0])
+                repaired = either(repaired, found[k][2])
+            repaired = either(repaired, after.repaired)
+        joint = np.maximum(joint, LEAST)
+        probability = joint.sum(axis=1)
+        modes = [self._parted(belief, i, joint[i] / probability[i], parts[i]) for i in range(size)]
+        return joined(probability / probability.sum(axis=0), modes, repaired)
+
+    def _parted(self, belief: MultiModelBelief, mode: int, weights: Array, parts: Sequence[Gaussian]) -> Belief:
+        """A mode before an interval, of the parts that go over to each mode, which are in the states of these."""
+        motion, own = self.motions[mode], Gaussian(belief.modes[mode].mean, belief.modes[mode].covariance)
+        here, *others = self.origins(mode)
+        told = [in_state_of(motion, own, self.motions[j], parts[j]) for j in others]
+        return Belief(*moment_matched(weights[[here, *others]], [parts[here], *told], motion.angular))
 
     def cartesian(self, belief: MultiModelBelief) -> Gaussian:
         """Mean and covariance of px, py, vx, vy under the mixture of the modes."""
@@ -89,25 +153,37 @@ class InteractingMultipleModel:
 
     def _mixed(self, belief: MultiModelBelief, chain: Array) -> MultiModelBelief:
         """What each mode starts its prediction from: the modes that may have gone over to it, by their probability."""
-        before, modes = belief.probability, [Gaussian(mode.mean, mode.covariance) for mode in belief.modes]
-        probability = np.einsum("i...,ij->j...", before, chain)
-        mixed = []
+        modes = []
         for j, motion in enumerate(self.motions):
-            others = [i for i in range(len(modes)) if i != j]
-            come = [chain[i, j] * before[i] / probability[j] for i in (j, *others)]
-            parts = [in_state_of(motion, modes[j], self.motions[i], modes[i]) for i in others]
-            mixed.append(Belief(*moment_matched(come, [modes[j], *parts], motion.angular)))
-        return MultiModelBelief(probability, tuple(mixed), belief.repaired)
+            come, parts = self.mixture(belief, chain, j)
+            modes.append(Belief(*moment_matched(come, parts, motion.angular)))
+        probability = np.einsum("i...,ij->j...", belief.probability, chain)
+        return MultiModelBelief(probability, tuple(modes), belief.repaired)
+
+    def mixture(self, belief: MultiModelBelief, chain: Array, to: int) -> tuple[Array, list[Gaussian]]:
+        """The modes before a transition to the mode ``to``: their probabilities ``(M, ...)``, and each in its state.
+
+        In the order of ``origins``.
+        """
+        modes = [Gaussian(mode.mean, mode.covariance) for mode in belief.modes]
+        own, *others = self.origins(to)
+        come = np.stack([chain[i, to] * belief.probability[i] for i in (own, *others)])
+        parts = [in_state_of(self.motions[to], modes[to], self.motions[i], modes[i]) for i in others]
+        return come / come.sum(axis=0), [modes[to], *parts]
+
+    def origins(self, to: int) -> list[int]:
+        """The modes from which a transition to a mode may come: that one first, whose probability is not zero."""
+        return [to, *(i for i in range(len(self.filters)) if i != to)]
 
 
-def _joined(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -> MultiModelBelief:
+def joined(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -> MultiModelBelief:
     """The modes as one belief, which has the marks of theirs."""
     for mode in modes:
         repaired = either(repaired, mode.repaired)
     return MultiModelBelief(probability, tuple(mode._replace(repaired=None) for mode in modes), repaired)
 
 
-def _normalised(logarithm: Array) -> Array:
+def normalised(logarithm: Array) -> Array:
     """``(M, ...)`` probabilities from their logarithms, which may lack a common term."""
     weights = np.maximum(np.exp(logarithm - logarithm.max(axis=0)), LEAST)
     return np.asarray(weights / weights.sum(axis=0))

@@ -72,7 +72,7 @@ class KalmanFilter(SingleModelFilter):
         p = belief.covariance
         return PredictedMeasurement(belief.mean[:2], p[:2, :2], p[:2])
 
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         predicted = predicted or self.predict_measurement(belief, scan)
         update = take_in(belief, predicted, self.measured(scan), scan.valid, ())
         return update._replace(belief=kept_definite(update.belief))
@@ -97,7 +97,7 @@ class ExtendedKalmanFilter(SingleModelFilter):
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         return linearised_measurement(self.motion, belief, scan)
 
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         predicted = predicted or self.predict_measurement(belief, scan)
         update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
         return update._replace(belief=kept_definite(update.belief))
@@ -124,11 +124,11 @@ class IteratedExtendedKalmanFilter(SingleModelFilter):
     def predict_measurement(self, belief: Belief, scan: Scan) -> PredictedMeasurement:
         return linearised_measurement(self.motion, belief, scan)
 
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         sensor = SENSOR_MODELS[scan.kind]
         angular = self.motion.angular
         at = belief.mean
-        first: Update | None = None
+        first: Update[Belief] | None = None
         for _ in range(self.iterations):
             expected, h = observe(self.motion, sensor, at, scan)
             back = difference(belief.mean, at, angular)

@@ -114,7 +114,7 @@ class SigmaPointFilter(SingleModelFilter):
         cross = _weighted(deviations, state_deviations, centre_weight, weight)
         return PredictedMeasurement(seen[:, 0] + shift, spread, cross)
 
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         belief = belief if belief.points is not None else guarded(belief)
         predicted = predicted or self.predict_measurement(belief, scan)
         update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trackbench.multi.tracker import MultiObjectTracker
-from trackbench.trackers.builtin import filter_with
+from trackbench.trackers.builtin import filter_of
 from trackbench.trackers.config import FilterConfig
 
 
@@ -11,7 +11,7 @@ def build_multi(config: FilterConfig) -> MultiObjectTracker:
     """The tracker that a scenario's ``filter:`` entry with ``associate:`` describes."""
     assert config.associate is not None
     return MultiObjectTracker(
-        filter_with(config, config.models[0]),
+        filter_of(config),
         config.associate,
         config.initial,
         assumed=config.assumed,

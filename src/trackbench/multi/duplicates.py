@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench import linalg
-from trackbench.types import Array, Indices, Mask
+from trackbench.types import Gaussian, Indices, Mask
 from trackbench.units import difference
 
 
-def duplicates(detection: Indices, confirmed: Mask, mean: Array, covariance: Array, angular: tuple[int, ...]) -> Mask:
+def duplicates(detection: Indices, confirmed: Mask, states: Gaussian, angular: tuple[int, ...]) -> Mask:
     """``(L,)`` tracks whose most probable detection is also that of a better track, and whose state is too.
 
     Of those that share a detection a confirmed track is better than another, and then an older one. Two estimates of
@@ -19,9 +19,10 @@ def duplicates(detection: Indices, confirmed: Mask, mean: Array, covariance: Arr
     Args:
         detection: ``(L,)`` the most probable one of each track; negative for none.
         confirmed: ``(L,)``.
-        mean, covariance: ``(n, L)``, ``(n, n, L)``.
+        states: ``(n, L)``.
         angular: which components of the state are angles.
     """
+    mean, covariance = states
     found = np.zeros(len(detection), dtype=bool)
     order = np.lexsort((~confirmed, detection))
     order = order[detection[order] >= 0]

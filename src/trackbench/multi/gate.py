@@ -43,15 +43,29 @@ def gated(
         threshold: of chi-square with ``m`` degrees of freedom.
     """
     track, detection = _close(predicted, measured, detections, run, threshold)
+    distance, log_likelihood = _likelihood(predicted, measured, track, detection)
+    return GatedPairs(track, detection, distance, log_likelihood).select(distance <= threshold)
+
+
+def under_modes(pairs: GatedPairs, predicted: PredictedMeasurement, measured: Measured, prior: Array) -> GatedPairs:
+    """The pairs, their likelihood that of the mixture of the modes, whose probabilities are ``prior`` ``(M, L)``."""
+    of_mode = [_likelihood(mode, measured, pairs.track, pairs.detection)[1] for mode in predicted.modes]
+    joint = np.log(prior[:, pairs.track]) + np.stack(of_mode)
+    largest = joint.max(axis=0)
+    return pairs._replace(log_likelihood=largest + np.log(np.exp(joint - largest).sum(axis=0)))
+
+
+def _likelihood(
+    predicted: PredictedMeasurement, measured: Measured, track: Indices, detection: Indices
+) -> tuple[Array, Array]:
+    """``(P,)`` squared Mahalanobis distance and log-likelihood of each pair."""
     innovation = difference(measured.value[:, detection], predicted.mean[:, track], measured.angular)
     noise = measured.noise[..., None] if measured.noise.ndim == 2 else measured.noise[..., detection]
     factor = linalg.cholesky(predicted.covariance[..., track] + noise)
     whitened = factor.whiten(innovation)
     distance = np.einsum("ip,ip->p", whitened, whitened)
-    inside = distance <= threshold
     normalised = np.prod(factor.inverse_diagonal, axis=0) * (2 * np.pi) ** (-len(innovation) / 2)
-    log_likelihood = np.log(normalised) - 0.5 * distance
-    return GatedPairs(track, detection, distance, log_likelihood).select(inside)
+    return distance, np.log(normalised) - 0.5 * distance
 
 
 def _close(

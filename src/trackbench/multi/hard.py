@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.filters import Belief, PredictedMeasurement, SingleModelFilter
+from trackbench.filters import AnyBelief, Filter, PredictedMeasurement, bare, placed, select, selected_prediction
 from trackbench.multi.detections import RunDetections
 from trackbench.multi.intensity import Intensity
 from trackbench.multi.table import NONE
@@ -16,9 +16,9 @@ from trackbench.types import Array, Indices
 class Situation(NamedTuple):
     """The tracks and the detections of a scan, before they are associated."""
 
-    filter: SingleModelFilter
-    belief: Belief
-    """``(n, L)`` predicted to the scan."""
+    filter: Filter[Any]
+    belief: AnyBelief
+    """Of the L tracks, predicted to the scan."""
     predicted: PredictedMeasurement
     """``(m, L)``"""
     detections: RunDetections
@@ -39,10 +39,8 @@ class Situation(NamedTuple):
 class Association(NamedTuple):
     """What became of the tracks and the detections."""
 
-    mean: Array
-    """``(n, L)``"""
-    covariance: Array
-    """``(n, n, L)``"""
+    belief: AnyBelief
+    """Of the L tracks."""
     detection: Indices
     """``(L,)`` the most probable one; -1 for none."""
     unclaimed: Array
@@ -61,21 +59,20 @@ def decided(at: Situation, track: Indices, detection: Indices, log_ratio: Array)
         track, detection: ``(P,)`` the pairs, each track and each detection at most once.
         log_ratio: ``(P,)`` logarithm of the likelihood ratio of each.
     """
-    mean, covariance = at.belief.mean.copy(), at.belief.covariance.copy()
+    belief = bare(at.belief)
     of_track, unclaimed = np.full(len(at.run), NONE), np.ones(len(at.detections.run))
     of_track[track], unclaimed[detection] = detection, 0.0
     ratio = np.log(at.miss)
     if len(track):
-        updated = updates(at, track, detection)
-        mean[:, track], covariance[..., track] = updated.mean, updated.covariance
+        belief = placed(belief, track, updates(at, track, detection))
         ratio[track] = log_ratio
-    return Association(mean, covariance, of_track, unclaimed, ratio)
+    return Association(belief, of_track, unclaimed, ratio)
 
 
-def updates(at: Situation, track: Indices, detection: Indices) -> Belief:
-    """``(n, P)`` the belief of each track after the detection that stands beside it."""
-    belief = Belief(at.belief.mean[:, track], at.belief.covariance[..., track])
-    predicted = PredictedMeasurement(*(part[..., track] for part in at.predicted))
+def updates(at: Situation, track: Indices, detection: Indices) -> AnyBelief:
+    """Of P members: the belief of each track after the detection that stands beside it."""
     scan = at.detections.scan
     own = scan._replace(measurement=scan.measurement[:, detection], valid=scan.valid[detection])
-    return at.filter.update(belief, own, predicted).belief
+    predicted = selected_prediction(at.predicted, track)
+    found: AnyBelief = at.filter.update(select(at.belief, track), own, predicted).belief
+    return found

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench import linalg
+from trackbench.filters import AnyBelief, Belief, MultiModelBelief, bare
 from trackbench.filters.base import wrap_components
+from trackbench.filters.imm import LEAST
 from trackbench.multi.gate import GatedPairs
 from trackbench.multi.hard import Association, Situation, updates
 from trackbench.multi.marginals import marginals
@@ -39,28 +41,56 @@ def weighed(at: Situation, pairs: GatedPairs, existence: Array | None, density: 
     none = np.maximum(1.0 - np.bincount(track, share, count), 0.0)
     kept = none * missed_existing / unseen
     after = np.minimum(kept + np.bincount(track, share, count), 1.0)
-    mean, covariance = _mixture(at, track, detection, share / after[track], kept / after)
+    belief = _mixture(at, track, detection, share / after[track], kept / after)
     unclaimed = np.maximum(1.0 - np.bincount(detection, share, detections), 0.0)
     # Of an object that exists and was missed.
     still_visible = 1.0 - (1.0 - visible) / at.miss
     visible = (after - kept + kept * still_visible) / after
     ratio = np.log(unseen + np.bincount(track, hit, count))
     used = _largest(track, detection, share, none)
-    return Association(
-        mean, covariance, used, unclaimed, ratio, None if existence is None else np.array([after, visible])
-    )
+    return Association(belief, used, unclaimed, ratio, None if existence is None else np.array([after, visible]))
 
 
-def _mixture(at: Situation, track: Indices, detection: Indices, share: Array, kept: Array) -> tuple[Array, Array]:
-    """Mean and covariance ``(n, L)`` of the mixture of the prediction and of the update with each detection.
+def _mixture(at: Situation, track: Indices, detection: Indices, share: Array, kept: Array) -> AnyBelief:
+    """Of the L tracks, the mixture of the prediction and of the update with each detection.
 
-    For a gain that is the same for each detection this is the usual covariance with the spread of the innovations.
+    Of a filter with several motion models the mode probabilities are mixed, and each mode by the probability that a
+    possibility has if the motion is that of the mode. Source: Houles and Bar-Shalom (1989), "Multisensor tracking of a
+    maneuvering target in clutter", for one target; the association probabilities are here those of all.
     """
-    mean, covariance = at.belief.mean.copy(), at.belief.covariance.copy()
+    before = bare(at.belief)
     if not len(track):
-        return mean, covariance
-    angular = at.filter.motion.angular
+        return before
     updated = updates(at, track, detection)
+    if isinstance(before, Belief):
+        assert isinstance(updated, Belief)
+        return _one_model(before, updated, at.filter.motions[0].angular, track, share, kept)
+    assert isinstance(updated, MultiModelBelief)
+    assert isinstance(before, MultiModelBelief)
+    missed, hit = kept * before.probability, share * updated.probability
+    probability = np.stack([np.bincount(track, each, len(kept)) for each in hit]) + missed
+    probability = np.maximum(probability, LEAST)
+    modes = [
+        _one_model(one, other, motion.angular, track, hit[j] / probability[j, track], missed[j] / probability[j])
+        for j, (motion, one, other) in enumerate(zip(at.filter.motions, before.modes, updated.modes, strict=True))
+    ]
+    return MultiModelBelief(probability / probability.sum(axis=0), tuple(modes))
+
+
+def _one_model(
+    before: Belief, updated: Belief, angular: tuple[int, ...], track: Indices, share: Array, kept: Array
+) -> Belief:
+    """For a gain that is the same for each detection this is the usual covariance with the spread of the innovations.
+
+    Args:
+        before: ``(n, L)`` the predictions.
+        updated: ``(n, P)`` of each pair.
+        angular: which components are angles.
+        track: ``(P,)`` ascending.
+        share: ``(P,)`` the probability of each pair.
+        kept: ``(L,)`` the probability that there was no detection.
+    """
+    mean, covariance = before.mean.copy(), before.covariance.copy()
     offset = difference(updated.mean, mean[:, track], angular)
     begins = np.flatnonzero(np.diff(track, prepend=-1))
     own = track[begins]
@@ -69,7 +99,7 @@ def _mixture(at: Situation, track: Indices, detection: Indices, share: Array, ke
     spread = np.add.reduceat(spread, begins, axis=-1) - shift[:, None] * shift[None]
     mean[:, own] = wrap_components(mean[:, own] + shift, angular)
     covariance[..., own] = linalg.symmetrise(kept[own] * covariance[..., own] + spread)
-    return mean, covariance
+    return Belief(mean, covariance)
 
 
 def _largest(track: Indices, detection: Indices, share: Array, none: Array) -> Indices:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.filters import AnyBelief, Filter, concatenated, select
 from trackbench.models.motion import MotionModel
 from trackbench.types import Array, Gaussian, Indices, Mask, Tracks
 
@@ -20,10 +21,8 @@ class TrackTable(NamedTuple):
     """``(L,)``"""
     id: Indices
     """``(L,)`` counts up from 0 within a run as tracks are confirmed; -1 before."""
-    mean: Array
-    """``(n, L)``"""
-    covariance: Array
-    """``(n, n, L)``"""
+    belief: AnyBelief
+    """Of L members, with nothing that the filter could reuse."""
     seen: Array
     """``(L,)`` time of the latest detection, s."""
     evidence: Array
@@ -35,20 +34,28 @@ class TrackTable(NamedTuple):
 
     def select(self, which: Mask | Indices) -> TrackTable:
         """Some of the tracks."""
-        return TrackTable._make(values[..., which] for values in self)
+        belief = select(self.belief, which)
+        return TrackTable._make(part[..., which] if isinstance(part, np.ndarray) else belief for part in self)
 
 
-def empty(components: int, evidence: int) -> TrackTable:
-    """No tracks, of so many components of the state and of the evidence."""
+def empty(filter: Filter[Any], evidence: int) -> TrackTable:
+    """No tracks, of so many components of the evidence."""
     none = np.zeros(0, dtype=np.intp)
-    size = components
-    states = np.zeros((size, 0)), np.zeros((size, size, 0))
-    return TrackTable(none, none, *states, np.zeros(0), np.zeros((evidence, 0)), none, none)
+
+    def nothing(motion: MotionModel) -> Gaussian:
+        size = len(motion.components)
+        return Gaussian(np.zeros((size, 0)), np.zeros((size, size, 0)))
+
+    return TrackTable(none, none, filter.begin(nothing), np.zeros(0), np.zeros((evidence, 0)), none, none)
 
 
 def joined(table: TrackTable, more: TrackTable, runs: int) -> TrackTable:
     """Both, the tracks of a run together and ``more`` behind the others."""
-    both = TrackTable._make(np.concatenate(pair, axis=-1) for pair in zip(table, more, strict=True))
+    belief = concatenated(table.belief, more.belief)
+    both = TrackTable._make(
+        np.concatenate([part, other], axis=-1) if isinstance(part, np.ndarray) else belief
+        for part, other in zip(table, more, strict=True)
+    )
     return both if runs == 1 else both.select(np.argsort(both.run, kind="stable"))
 
 
@@ -69,18 +76,18 @@ def numbered(table: TrackTable, confirmed: Mask, next_id: Indices) -> tuple[Trac
     return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
 
 
-def reported(table: TrackTable, motion: MotionModel, existence: Array | None, runs: int) -> Tracks:
+def reported(table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int) -> Tracks:
     """The confirmed tracks as arrays with a last axis of runs, padded.
 
     Args:
         table: of all tracks.
-        motion: of their states.
+        filter: of their beliefs.
         existence: ``(L,)``, if the tracker has it.
         runs: how many.
     """
     which = np.flatnonzero(table.id != NONE)
     run = table.run[which]
-    mean, covariance = motion.cartesian_belief(Gaussian(table.mean[:, which], table.covariance[..., which]))
+    mean, covariance = filter.cartesian(select(table.belief, which))
     probability = None if existence is None else existence[which]
     place = (rank_in_run(run, runs), run)
     shape = (int(place[0].max(initial=-1)) + 1, runs)

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from trackbench.distributions import chi_square_quantile
-from trackbench.filters import Belief, SingleModelFilter
+from trackbench.filters import AnyBelief, Belief, Filter, MultiModelBelief, bare, choose
 from trackbench.multi import assign
 from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
-from trackbench.multi.gate import GatedPairs, gated, in_view
+from trackbench.multi.gate import GatedPairs, gated, in_view, under_modes
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
@@ -23,10 +23,11 @@ from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, re
 from trackbench.multi.undetected import Undetected
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
-from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import from_first
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod, Taken, kept, replayed, since
-from trackbench.types import Array, Indices, Mask, Scan, Tracks
+from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
 CLAIMED = 0.5
@@ -57,7 +58,7 @@ class MultiObjectTracker:
     may have as many as it needs.
     """
 
-    filter: SingleModelFilter
+    filter: Filter[Any]
     associate: AssociateConfig
     initial: InitialConfig
     assumed: AssumedSensors = field(default_factory=AssumedSensors)
@@ -144,24 +145,23 @@ class MultiObjectTracker:
         return _alone(self._tracks(ahead.table, 1))
 
     def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
-        table = empty(len(self.filter.motion.components), self._logic.size)
+        table = empty(self.filter, self._logic.size)
         undetected = Undetected(self.associate.undetected, {})
         return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), undetected)
 
-    def _predicted(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Belief]:
+    def _predicted(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, AnyBelief]:
         """The state at a later time, and the belief with what the filter can reuse for its update."""
         elapsed, table, config = time - state.time, state.table, self.associate
         survival = float(np.exp(-elapsed / config.lifetime_s))
         undetected = state.undetected.after_time(survival, config.birth_rate_hz * elapsed)
-        belief = Belief(table.mean, table.covariance)
+        belief = table.belief
         if len(table.run):
             belief = self.filter.predict(belief, elapsed)
-        evidence = self._logic.after_time(table.evidence, elapsed)
-        table = table._replace(mean=belief.mean, covariance=belief.covariance, evidence=evidence)
+        table = table._replace(belief=bare(belief), evidence=self._logic.after_time(table.evidence, elapsed))
         return MultiObjectState(time, table, state.next_id, undetected), belief
 
     def _after(
-        self, ahead: MultiObjectState, belief: Belief, scan: Scan, origins: Indices | None
+        self, ahead: MultiObjectState, belief: AnyBelief, scan: Scan, origins: Indices | None
     ) -> tuple[MultiObjectState, Tracks]:
         config, runs = self.associate, len(ahead.next_id)
         detections = side_by_side(scan, as_listed=config.method == "naive")
@@ -178,9 +178,9 @@ class MultiObjectTracker:
             undetected = undetected.after_scan(scan, self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
-    def _situation(self, ahead: MultiObjectState, belief: Belief, detections: RunDetections) -> Situation:
+    def _situation(self, ahead: MultiObjectState, belief: AnyBelief, detections: RunDetections) -> Situation:
         scan, run = detections.scan, ahead.table.run
-        position = self.filter.motion.to_cartesian(belief.mean)[:2]
+        position = self.filter.cartesian(belief).mean[:2]
         predicted = self.filter.predict_measurement(belief, scan)
         expected = intensity(
             scan,
@@ -199,6 +199,8 @@ class MultiObjectTracker:
             return _by_origin(at, table.origin, origin)
         measured = self.filter.measured(at.detections.scan)
         pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
+        if isinstance(at.belief, MultiModelBelief):
+            pairs = under_modes(pairs, at.predicted, measured, at.belief.probability)
         # What is in a gate was in view, whatever the sensor states.
         at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
         if config.method in EXISTENCE:
@@ -231,8 +233,7 @@ class MultiObjectTracker:
         rest = pairs.select(~shared & (first.unclaimed[pairs.detection] > CLAIMED))
         second = self._nearest(at, rest)
         return Association(
-            np.where(confirmed, first.mean, second.mean),
-            np.where(confirmed, first.covariance, second.covariance),
+            choose(confirmed, first.belief, second.belief),
             np.where(confirmed, first.detection, second.detection),
             np.minimum(first.unclaimed, second.unclaimed),
             np.where(confirmed, first.log_ratio, second.log_ratio),
@@ -249,8 +250,8 @@ class MultiObjectTracker:
         confirmed = before.id != NONE
         ends = self._logic.deletes(evidence, confirmed) | (time - seen > self.associate.delete_after_s - SAME_TIME)
         if self.associate.method in SHARING:
-            ends |= duplicates(found.detection, confirmed, found.mean, found.covariance, self.filter.motion.angular)
-        after = before._replace(mean=found.mean, covariance=found.covariance, evidence=evidence, used=used, seen=seen)
+            ends |= duplicates(found.detection, confirmed, *self._compared(found.belief))
+        after = before._replace(belief=found.belief, evidence=evidence, used=used, seen=seen)
         return after.select(~ends)
 
     def _begun(self, at: Situation, unclaimed: Array, origin: Indices | None) -> TrackTable:
@@ -267,12 +268,11 @@ class MultiObjectTracker:
             which &= origin >= 0
         own = np.flatnonzero(which)
         of = scan._replace(measurement=scan.measurement[:, own], valid=scan.valid[own])
-        belief = from_first(self.filter.motion, self.initial, of)
+        belief = self.filter.begin(lambda motion: from_first(motion, self.initial, of))
         return TrackTable(
             at.detections.run[own],
             np.full(len(own), NONE),
-            belief.mean,
-            belief.covariance,
+            belief,
             np.full(len(own), scan.time),
             self._logic.begun(len(own), None if existence is None else existence[own]),
             at.detections.column[own],
@@ -284,7 +284,13 @@ class MultiObjectTracker:
         return self.associate.detection_probability.get(scan.sensor, stated)
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
-        return reported(table, self.filter.motion, self._existence(table), runs)
+        return reported(table, self.filter, self._existence(table), runs)
+
+    def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
+        """The states in which tracks are compared, and which components are angles: that of the only motion model."""
+        if isinstance(belief, Belief):
+            return Gaussian(belief.mean, belief.covariance), self.filter.motions[0].angular
+        return self.filter.cartesian(belief), ()
 
     def _existence(self, table: TrackTable) -> Array | None:
         return None if self.associate.method in COUNTING else table.evidence[0]

@@ -47,6 +47,8 @@ class Chart:
     bounds: tuple[ChartLine, ...] = ()
     signed: bool = False
     """Whether zero is in the middle of its axis."""
+    share: bool = False
+    """Whether the values are shares of one; its lines then have a legend, being no trackers."""
 
     @property
     def title(self) -> str:
@@ -73,7 +75,7 @@ class Chart:
         """Whether the values span too large a range for one axis."""
         values = _finite(self.lines)
         values = values[values > 0]
-        if self.signed:
+        if self.signed or self.share:
             return False
         return bool(len(values) and values.max() > LARGE * np.quantile(values, 0.1))
 
@@ -88,6 +90,8 @@ class Chart:
         Args:
             shown: a value that must be seen.
         """
+        if self.share:
+            return 0.0, 1.0
         if self.signed:
             values = np.abs(_finite((*self.lines, *self.bounds)))
             side = 1.2 * float(np.quantile(values, 0.99)) if len(values) else 1.0

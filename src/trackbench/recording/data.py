@@ -32,6 +32,8 @@ KEYS: dict[str, tuple[str, ...]] = {
     "recorded_nis": ("tracker", "sensor", "object"),
     "steps": ("tracker",),
     "nis": ("tracker", "sensor"),
+    "modes": ("tracker", "mode"),
+    "recorded_modes": ("tracker", "mode", "object"),
 }
 #: The same where identities are hidden, and the tables that are kept as one text each.
 HIDDEN_KEYS = {
@@ -57,7 +59,7 @@ def send_data(stream: Stream, result: Result) -> None:
             rows = rows.filter(pc.equal(rows["run"], float(result.summary.recorded_run)))
         stream.static(path(DATA, table), rr.TextDocument(json.dumps(rows.to_pydict(), ensure_ascii=False)))
     for table, keys in (HIDDEN_KEYS if hidden else KEYS).items():
-        for group, (values, rows) in enumerate(split(result.tables[table], *keys).items()):
+        for group, (values, rows) in enumerate(split(result.tables.if_there(table), *keys).items()):
             entity = path(DATA, table, *values)
             about: dict[str, Any] = {TABLE: table, GROUP: group, **dict(zip(keys, values, strict=True))}
             stream.static(entity, rr.AnyValues(**about))

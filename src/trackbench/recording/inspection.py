@@ -12,10 +12,14 @@ from trackbench.errors import InputError
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, scene_at, worst
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.metrics.stored import ROOT_MEAN_SQUARES
+from trackbench.recording.data import KEYS
 from trackbench.recording.reader import Recorded, read
 from trackbench.recording.rescore import rescored
 from trackbench.results import Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
+
+#: By tracker that has several motion models, by vehicle and by mode.
+Modes = dict[str, dict[str, dict[str, float]]]
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,8 @@ class Inspection:
     at: SceneMoment | None
     worst: dict[str, list[EstimateMoment]] | None
     """By tracker, the largest error first."""
+    modes: Modes
+    """The probability of each mode at the time that was asked for, or its mean over the run."""
 
     def json(self) -> dict[str, Any]:
         """Everything as JSON values; moments that were not asked for are left out."""
@@ -104,6 +110,7 @@ class Inspection:
             **self.contents.json(),
             "trackers": [_tracker_json(tracker) for tracker in trackers],
             "checked": self.checked and asdict(self.checked),
+            "modes": self.modes,
         }
         if self.at is not None:
             found["at"] = asdict(self.at)
@@ -143,7 +150,22 @@ def inspect(
         checked=_checked(found, scored),
         at=None if at is None else scene_at(found.result, run, at),
         worst=None if count is None else {name: worst(run, [name], count, vehicle) for name in trackers},
+        modes=_modes(found.result, trackers, vehicle, at),
     )
+
+
+def _modes(result: Result, trackers: list[str], vehicle: str | None, at: float | None) -> Modes:
+    """The probability of each mode at the latest instant up to a time, or its mean over all."""
+    found: Modes = {}
+    for (tracker, mode, name), rows in split(result.tables.if_there("recorded_modes"), *KEYS["recorded_modes"]).items():
+        probability = rows["probability"]
+        if at is not None:
+            step = np.searchsorted(rows["time_s"], at + 1e-9, side="right")
+            probability = probability[max(step - 1, 0) : step]
+        probability = probability[np.isfinite(probability)]
+        if len(probability) and tracker in trackers and vehicle in (None, name):
+            found.setdefault(tracker, {}).setdefault(name, {})[mode] = float(probability.mean())
+    return found
 
 
 def _tracker_json(tracker: TrackerResult) -> dict[str, Any]:

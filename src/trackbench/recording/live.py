@@ -19,7 +19,7 @@ from typing import IO, Any
 
 from trackbench.recording.contents import colours_of
 from trackbench.results import Result
-from trackbench.runner.block import RecordedInstant
+from trackbench.runner.recorded import RecordedInstant
 from trackbench.scenario import Scenario
 from trackbench.types import Scan, Truth
 

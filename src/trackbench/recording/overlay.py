@@ -49,11 +49,12 @@ def laid_over(named: Mapping[str, Result]) -> Contents:
         for label, result in named.items()
         for name, sensor in result.summary.sensors.items()
     }
-    parts = {"steps": "tracker", "nis": "tracker", "estimates": "tracker", "recorded_nis": "tracker"}
+    tables = ("steps", "nis", "estimates", "recorded_nis", "modes", "recorded_modes")
+    parts = dict.fromkeys(tables, "tracker")
     if not once:
         parts["measurements"] = "sensor"
     joined = {
-        table: _joined({label: result.tables[table] for label, result in named.items()}, column)
+        table: _joined({label: result.tables.if_there(table) for label, result in named.items()}, column)
         for table, column in parts.items()
     }
     called = {result.summary.held_against.label for result in named.values()}

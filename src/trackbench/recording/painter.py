@@ -17,7 +17,7 @@ from trackbench.recording.live import LiveRun
 from trackbench.recording.stream import Stream
 from trackbench.recording.writer import application, send
 from trackbench.results import Result
-from trackbench.runner.block import RecordedEstimates, RecordedInstant
+from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.recorded_tables import estimates_table, measurements_table, roads_table, truth_table
 from trackbench.types import Gaussian, Scan
 

@@ -43,24 +43,24 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
     """
     position, velocity = charts.errors
     left = rrb.Vertical(chart_tabs([position], shown), chart_tabs([velocity]))
-    right = rrb.Vertical(chart_tabs([charts.nees]), *([chart_tabs(charts.nis)] if charts.nis else []))
+    right = rrb.Vertical(chart_tabs([charts.nees]), *(chart_tabs(each) for each in (charts.nis, charts.modes) if each))
     return rrb.Horizontal(left, right, name=name)
 
 
 def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
     """Charts as tabs, and after them the logarithms of those whose range is large."""
     every = list(charts)
-    plain = [plot(chart.title, chart.origin, chart.span(shown)) for chart in every]
+    plain = [plot(chart.title, chart.origin, chart.span(shown), chart.share) for chart in every]
     logarithms = [plot(chart.log_title, chart.log_origin) for chart in every if chart.large]
     return rrb.Tabs(*plain, *logarithms, active_tab=0)
 
 
-def plot(name: str, origin: str, span: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
-    """Without a legend of its own, for it would cover the curves; its time axis is that of all other plots."""
+def plot(name: str, origin: str, span: tuple[float, float] | None = None, legend: bool = False) -> rrb.TimeSeriesView:
+    """Its time axis is that of all other plots. Trackers are in the legend of the page; one here would cover curves."""
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        plot_legend=rrb.PlotLegend(visible=False),
+        plot_legend=rrb.PlotLegend(visible=legend),
     )

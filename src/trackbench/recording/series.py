@@ -13,6 +13,7 @@ from trackbench.metrics.consistency import mean_bounds, point95
 from trackbench.palette import BOUND_COLOUR
 from trackbench.recording.charts import Chart, ChartLine
 from trackbench.recording.contents import Contents
+from trackbench.recording.modes import mode_charts
 from trackbench.results.columns import Columns, mean_over_objects, split
 from trackbench.types import COMMON_STATE, Array
 
@@ -44,10 +45,12 @@ class Charts(NamedTuple):
     nees: Chart
     nis: tuple[Chart, ...]
     """By sensor; none where no tracker gives innovations."""
+    modes: tuple[Chart, ...] = ()
+    """By tracker that has several motion models: the probability of each."""
 
     @property
     def all(self) -> tuple[Chart, ...]:
-        return (*self.errors, self.nees, *self.nis)
+        return (*self.errors, self.nees, *self.nis, *self.modes)
 
 
 class AllCharts(NamedTuple):
@@ -62,12 +65,20 @@ def charts_of(contents: Contents) -> AllCharts:
     """Every chart of a recording."""
     tables, colours = contents.tables, contents.colours
     estimates, nis = (_by_object(table) for table in (tables.estimates, tables.recorded_nis))
+    recorded_modes = tables.if_there("recorded_modes")
+    modes = _by_object(recorded_modes)
+    runs = all_runs(tables.steps, tables.nis, colours, contents.reference)
+    recorded = recorded_run(tables.estimates, tables.recorded_nis, tables.nis, colours)
+    vehicles = {
+        name: recorded_run(estimates.get(name, NOTHING), nis.get(name, NOTHING), tables.nis, colours, name)
+        for name in contents.vehicles
+    }
     return AllCharts(
-        all_runs(tables.steps, tables.nis, colours, contents.reference),
-        recorded_run(tables.estimates, tables.recorded_nis, tables.nis, colours),
+        runs._replace(modes=mode_charts((ALL_RUNS,), tables.if_there("modes"), colours)),
+        recorded._replace(modes=mode_charts((RECORDED_RUN,), recorded_modes, colours)),
         {
-            name: recorded_run(estimates.get(name, NOTHING), nis.get(name, NOTHING), tables.nis, colours, name)
-            for name in contents.vehicles
+            name: of._replace(modes=mode_charts((VEHICLES, name), modes.get(name, NOTHING), colours))
+            for name, of in vehicles.items()
         },
     )
 

@@ -188,6 +188,8 @@ def _notes(result: Result) -> list[str]:
         *([common(result).strip()] if common(result) else []),
     ]
     notes += _note_on_groups(result)
+    if any(tracker.is_reference for tracker in trackers):
+        notes.append("*: a smoother, which knows later measurements too; no competitor")
     if summary.precision:
         notes.append(precision_reached(summary.precision, summary.runs))
     nees = [(tracker.name, metric_of(tracker, "nees")) for tracker in trackers]

@@ -269,6 +269,8 @@ class TrackerResult(Part):
     describe: str
     association: str | None = None
     """How a built-in tracker of several objects associates; None of any other."""
+    smoother: str | None = None
+    """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
@@ -278,9 +280,16 @@ class TrackerResult(Part):
     """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
 
     @property
+    def aside(self) -> str:
+        """In a word, why it is no competitor: it knows what no tracker knows. Empty of one that is a competitor."""
+        if self.smoother is not None:
+            return "offline"
+        return "reference" if self.association == ORACLE else ""
+
+    @property
     def is_reference(self) -> bool:
-        """Whether it knows the true origin of each detection, so that it is no competitor."""
-        return self.association == ORACLE
+        """Whether it is no competitor."""
+        return bool(self.aside)
 
     def __getattr__(self, name: str) -> MetricValue:
         metrics = self.__dict__.get("metrics", {})

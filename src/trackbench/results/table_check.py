@@ -68,6 +68,8 @@ COLUMNS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("time_s", *STATE, *COVARIANCE, "position_error_m", "velocity_error_mps", "nees", "due"),
     ),
     "recorded_nis": (("tracker", "sensor", "object"), ("time_s", "nis")),
+    "modes": (("tracker", "mode"), ("time_s", "probability")),
+    "recorded_modes": (("tracker", "mode", "object"), ("time_s", "probability")),
     "roads": ((), ("line", "x_m", "y_m")),
 }
 #: The same where identities are hidden.

@@ -38,6 +38,8 @@ class Tables(Mapping[str, pa.Table]):
     measurements = _Table("every measurement of the recorded run")
     estimates = _Table("every tracker's estimates of the recorded run")
     recorded_nis = _Table("normalised innovation squared of every measurement of the recorded run")
+    modes = _Table("if trackers have modes: their probability at each instant, mean over runs and objects")
+    recorded_modes = _Table("if trackers have modes: their probability in the recorded run")
     roads = _Table("lane edges to draw")
     tracks = _Table("where identities are hidden: every confirmed track of the recorded run")
     taken = _Table("where identities are hidden: the detection that each track of the recorded run took in each scan")
@@ -75,6 +77,10 @@ class Tables(Mapping[str, pa.Table]):
         if name not in self._known:
             self._known[name] = self._read(name)
         return self._known[name]
+
+    def if_there(self, name: str) -> pa.Table:
+        """A table that not every run leaves; without rows where it is not there."""
+        return self[name] if name in self else pa.table({})
 
     def _read(self, name: str) -> pa.Table:
         if self._folder is None:

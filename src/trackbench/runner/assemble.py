@@ -17,10 +17,12 @@ from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.expectations import judge
+from trackbench.runner.mode_tables import mode_tables
 from trackbench.runner.summary import summarised
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.trackers.answers import NOT_FINITE
+from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
 
 log = logging.getLogger(__name__)
@@ -80,11 +82,13 @@ class _Assembly:
     def tracker(self, name: str) -> TrackerResult:
         """The entry of one tracker."""
         failure = self.found.failures.get(name)
-        described = describe(self._work.trackers[name])
+        config = self._work.trackers[name]
+        described, smoother = describe(config), config.smoother if isinstance(config, FilterConfig) else None
         if failure is not None:
             return TrackerResult(
                 name=name,
                 describe=described,
+                smoother=smoother,
                 failed=failure,
                 metrics=no_metrics("the tracker failed", self._work.metrics),
                 health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE)),
@@ -93,6 +97,7 @@ class _Assembly:
         return TrackerResult(
             name=name,
             describe=described,
+            smoother=smoother,
             failed=None,
             metrics=evaluation.values,
             health=health(self.found.scores[name]),
@@ -123,6 +128,13 @@ class _Assembly:
             "estimates": recorded_tables.estimates_table(recorded, truth, instants, run),
             "recorded_nis": recorded_tables.recorded_nis_table(recorded, truth.ids, own),
             "roads": recorded_tables.roads_table(truth),
+            **mode_tables(
+                {name: work.trackers[name] for name in evaluations},
+                self._blocks,
+                longest.truth.time[longest.instants()],
+                truth.time[instants],
+                truth.ids,
+            ),
         }
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,39 +17,20 @@ from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
+from trackbench.runner.modes import ModeSums
+from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.stepping.faults import TrackFault, fault_of
 from trackbench.stepping.remote import start
-from trackbench.stepping.steppers import Stepper, masked
+from trackbench.stepping.steppers import Offline, Stepper, masked
 from trackbench.streams import stream
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Estimate, Gaussian, Mask, Progress, Scan, no_progress, of_runs
-
-
-@dataclass
-class RecordedEstimates:
-    """One tracker's estimates of the recorded run."""
-
-    mean: Array
-    """``(4, instants, objects)``, NaN where there is none."""
-    covariance: Array
-    """``(4, 4, instants, objects)``"""
-    due: Mask
-    """``(instants, objects)`` where an estimate is due, and scored."""
-    nis: dict[str, list[Array]] = field(default_factory=dict)
-    """Per sensor and measurement ``(objects,)``, NaN where there is none."""
-
-
-class RecordedInstant(NamedTuple):
-    """The estimates of the recorded run at one instant."""
-
-    number: int
-    """Of the instant, from 0."""
-    estimates: dict[str, Gaussian]
-    """By tracker that has not failed: mean ``(4, objects)``, NaN where there is none, and covariance."""
-
+from trackbench.trackers.smoothed import SmoothedTracker
+from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress, of_runs
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
@@ -63,6 +44,8 @@ class Block:
     sums: dict[str, Sums | Failure]
     """By tracker."""
     recorded: dict[str, RecordedEstimates]
+    modes: dict[str, ModeSums]
+    """By tracker that has modes."""
     scans: list[Scan] | None
     """Those of the recorded run, if it is in this block; batch axis ``(objects,)``."""
     detections: dict[str, Array]
@@ -120,7 +103,8 @@ def run_block(
         _score(list(trackers.values()))
     sums = {name: tracker.close() for name, tracker in trackers.items()}
     recorded = {name: tracker.recorded for name, tracker in trackers.items() if tracker.recorded is not None}
-    return Block(piece, sums, recorded, scans, measurements.detections, measurements.digests)
+    modes = {name: tracker.modes for name, tracker in trackers.items() if tracker.modes is not None}
+    return Block(piece, sums, recorded, modes, scans, measurements.detections, measurements.digests)
 
 
 def _score(trackers: Sequence[TrackerRun]) -> None:
@@ -181,6 +165,7 @@ class TrackerRun:
             for scan in measurements.scans:
                 self._of_sensor.append(counts[scan.sensor])
                 counts[scan.sensor] += 1
+        self.modes: ModeSums | None = None
         self._instants = self._through(measurements.scans)
 
     @property
@@ -208,25 +193,27 @@ class TrackerRun:
         return self.failure or sums
 
     def _through(self, scans: Sequence[Scan]) -> Generator[Gaussian | None]:
-        work = self._work
-        config = work.trackers[self.name]
-        named = config.sensors_used
         instant, scan = 0, scans[0]
         stepper: Stepper | None = None
         try:
-            stepper = start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
-            given = deliveries(scans, lambda sensor: named is None or sensor in named, masked)
-            for instant, group in enumerate(given):
+            stepper = self._stepper(scans)
+            if isinstance(stepper, Offline):
+                scans = [scan._replace(arrival_time=scan.time) for scan in scans]
+            for instant, group in enumerate(deliveries(scans, self._reads, masked)):
                 latest = self._none
                 for scan, number, _ in group:
                     begin = time.perf_counter()
                     answer = stepper.step(scan)
-                    seconds = time.perf_counter() - begin
+                    # A smoother does not work step by step.
+                    seconds = math.nan if isinstance(stepper, Offline) else time.perf_counter() - begin
                     latest = answer or self._none
                     self.scorer.scan(instant, scan, latest, seconds)
                     if number is not None:
                         self._keep_nis(number, scan, latest)
                 self.scorer.estimate(latest)
+                if latest.mode_probabilities is not None:
+                    self.modes = self.modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
+                    self.modes.take(instant, latest.mode_probabilities, self._target)
                 yield self._keep(instant, latest)
         except (KeyboardInterrupt, GeneratorExit):
             raise
@@ -235,6 +222,18 @@ class TrackerRun:
         finally:
             if stepper is not None:
                 stepper.close()
+
+    def _reads(self, sensor: str) -> bool:
+        named = self._work.trackers[self.name].sensors_used
+        return named is None or sensor in named
+
+    def _stepper(self, scans: Sequence[Scan]) -> Stepper:
+        work = self._work
+        config = work.trackers[self.name]
+        if isinstance(config, FilterConfig) and config.smoother is not None:
+            given = [scan if self._reads(scan.sensor) else masked(scan) for scan in scans]
+            return Offline(SmoothedTracker(replace(self._primed(build(config)), lag_s=0.0)), given)
+        return start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
 
     def _primed(self, tracker: FilterTracker) -> FilterTracker:
         """The tracker, given its first states drawn from the truth if that is how it starts."""

@@ -7,7 +7,8 @@ from concurrent.futures import Executor
 from typing import Any
 
 from trackbench.execution import Here, InProcess, Task
-from trackbench.runner.block import OnRecordedRun, RecordedInstant, run_block
+from trackbench.runner.block import OnRecordedRun, run_block
+from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.traffic import run_traffic_block
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario

@@ -12,7 +12,8 @@ def describe(tracker: FilterConfig | PluginConfig) -> str:
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
         parts = [tracker.use, options]
     else:
-        parts = [tracker.filter, *tracker.motion_in_words]
+        parts = [tracker.filter, *([f"{tracker.smoother} smoother"] if tracker.smoother else [])]
+        parts += tracker.motion_in_words
         if tracker.process_noise_diag is not None:
             parts.append(f"constant Q diag({', '.join(f'{v:g}' for v in tracker.process_noise_diag)})")
         parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]

@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from trackbench.metrics.consistency import normalised_square
-from trackbench.runner.block import RecordedEstimates
 from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
+from trackbench.runner.recorded import RecordedEstimates
 from trackbench.types import Array, Indices, Scan, Truth
 
 

@@ -109,7 +109,9 @@ def _with_runs(loaded: Scenario, runs: int) -> Scenario:
 def _precision(work: Work, blocks: Sequence[Block], target: float, max_runs: int) -> PrecisionReached:
     """How well the leading difference is known after these blocks."""
     found = evaluated(work, blocks)
-    known = {name: found.evaluations[name].intervals["position_rmse"] for name in found.ranked}
+    smoothers = {name for name, config in work.trackers.items() if getattr(config, "smoother", None)}
+    contenders = [name for name in found.ranked if name not in smoothers]
+    known = {name: found.evaluations[name].intervals["position_rmse"] for name in contenders}
     if len(known) < 2:
         return PrecisionReached(
             target=target, half_width=None, reached=False, max_runs=max_runs, best=None, second=None

@@ -25,6 +25,8 @@ from trackbench.types import Indices, Truth
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
 #: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.
 BATCH_SIZE, LARGEST_BATCH = 2000, 8000
+#: Objects times runs times instants of a block in which a smoother keeps what its filter believed: some 100 MB.
+LARGEST_SMOOTHED = 250_000
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class Work:
     """Where identities are hidden, the distance from which a track is not on an object, m."""
 
     def pieces(self) -> list[BlockRuns]:
-        """The runs in blocks, each of which has twice as many as the one before, up to ``LARGEST_BATCH``.
+        """The runs in blocks, each of which has twice as many as the one before, up to what a process may hold.
 
         Where a block begins depends on the scenes alone, not on the number of runs: with more runs all blocks stay but
         the last.
@@ -98,8 +100,11 @@ class Work:
         found = []
         for number, scene in enumerate(self.scenes):
             start = block = 0
+            largest = LARGEST_BATCH
+            if any(isinstance(config, FilterConfig) and config.smoother for config in self.trackers.values()):
+                largest = min(largest, LARGEST_SMOOTHED // len(scene.instants()))
             while start < self.runs:
-                lanes = min(BATCH_SIZE * 2**block, LARGEST_BATCH)
+                lanes = min(BATCH_SIZE * 2**block, largest)
                 stop = min(start + max(1, lanes // max(1, len(scene.truth.ids))), self.runs)
                 found.append(BlockRuns(number, range(start, stop)))
                 start, block = stop, block + 1

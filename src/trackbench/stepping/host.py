@@ -168,7 +168,7 @@ def _arrays(estimate: Estimate | Tracks) -> Arrays:
     if isinstance(estimate, Tracks):
         return {name: np.asarray(value) for name, value in estimate._asdict().items() if value is not None}
     found = {"mean": estimate.mean, "covariance": estimate.covariance}
-    for name in ("state", "innovation", "innovation_covariance", "repaired"):
+    for name in ("state", "innovation", "innovation_covariance", "repaired", "mode_probabilities"):
         value = getattr(estimate, name)
         if value is None:
             continue

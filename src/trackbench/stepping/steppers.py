@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from trackbench.errors import InputError
 from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
@@ -15,7 +16,8 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
 from trackbench.trackers.published import create
-from trackbench.types import Estimate, Scan
+from trackbench.trackers.smoothed import SmoothedTracker
+from trackbench.types import Array, Estimate, Scan
 
 
 class Stepper(Protocol):
@@ -42,9 +44,11 @@ def local(
         primed: gives a built-in tracker its first states, where it starts from the truth.
 
     Raises:
-        InputError: a plug-in cannot be found or does not take its options.
+        InputError: a plug-in cannot be found or does not take its options, or it is a smoother.
     """
     if isinstance(config, FilterConfig):
+        if config.smoother is not None:
+            raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
         return Direct(primed(build(config)))
     make = create(config.use, config.options, folder)
     tracker = make()
@@ -78,6 +82,20 @@ class Direct(_Here):
         """The estimates of all batch."""
         self._state, estimate = self._tracker.step(self._state, scan)
         return estimate
+
+
+class Offline(_Here):
+    """A smoother, which is told all scans before the first step."""
+
+    def __init__(self, tracker: SmoothedTracker, scans: Sequence[Scan]) -> None:
+        self._tracker, self._scans = tracker, scans
+        self._estimates: Iterator[Estimate] | None = None
+
+    def step(self, scan: Scan) -> Estimate:
+        """The estimates of all batch at the next of the scans."""
+        if self._estimates is None:
+            self._estimates = iter(self._tracker.estimates(self._scans))
+        return next(self._estimates)
 
 
 class Batched(_Here):
@@ -148,6 +166,7 @@ def together(answers: list[Estimate | None], size: int) -> Estimate | None:
     mean, covariance = np.full((4, batch), np.nan), np.full((4, 4, batch), np.nan)
     innovation, innovation_covariance = np.full((size, batch), np.nan), np.full((size, size, batch), np.nan)
     repaired = np.zeros(batch, dtype=bool)
+    modes = _together_modes(answers)
     for member, answer in enumerate(answers):
         if answer is None:
             continue
@@ -156,7 +175,23 @@ def together(answers: list[Estimate | None], size: int) -> Estimate | None:
         if answer.innovation is not None and answer.innovation_covariance is not None:
             innovation[:, member], innovation_covariance[:, :, member] = answer.innovation, answer.innovation_covariance
     if np.isnan(innovation).all():
-        return Estimate(mean, covariance, repaired=repaired)
+        return Estimate(mean, covariance, repaired=repaired, mode_probabilities=modes)
     return Estimate(
-        mean, covariance, innovation=innovation, innovation_covariance=innovation_covariance, repaired=repaired
+        mean,
+        covariance,
+        innovation=innovation,
+        innovation_covariance=innovation_covariance,
+        repaired=repaired,
+        mode_probabilities=modes,
     )
+
+
+def _together_modes(answers: list[Estimate | None]) -> Array | None:
+    given = [None if answer is None else answer.mode_probabilities for answer in answers]
+    sizes = {len(modes) for modes in given if modes is not None}
+    if not sizes:
+        return None
+    if len(sizes) > 1:
+        raise TrackerFault(f"it gave {' and '.join(map(str, sorted(sizes)))} mode probabilities")
+    nothing = np.full(sizes.pop(), np.nan)
+    return np.stack([nothing if modes is None else modes for modes in given], axis=-1)

@@ -15,6 +15,8 @@ GIVEN_UP = "it gave None after an estimate: where a measurement is missed, the e
 
 #: Largest difference of mirrored entries of a covariance, relative to its largest entry.
 ASYMMETRY = 1e-6
+#: How far the sum of mode probabilities may be from one.
+PROBABILITY_ROUNDING = 1e-6
 
 
 class TrackerFault(Exception):
@@ -65,12 +67,28 @@ def shaped(answer: Any, scan: Scan) -> Estimate | None:
         size = len(np.atleast_1d(innovation))
         innovation = array_of("innovation", innovation, (size, *batch))
         innovation_covariance = array_of("innovation covariance", innovation_covariance, (size, size, *batch))
+    probabilities = answer.mode_probabilities
+    if probabilities is not None:
+        size = len(np.atleast_1d(probabilities))
+        probabilities = array_of("array of mode probabilities", probabilities, (size, *batch))
+        there = np.isfinite(mean[0])
+        total = np.where(there, probabilities.sum(axis=0), 1.0)
+        if np.any(there & (probabilities < 0.0)) or not np.all(np.abs(total - 1.0) < PROBABILITY_ROUNDING):
+            raise TrackerFault("the mode probabilities are not numbers from 0 to 1 whose sum is 1")
     repaired = answer.repaired
     if repaired is not None and np.shape(repaired) != batch:
         raise TrackerFault(f"repaired has the shape {np.shape(repaired)}, where {batch} is needed")
     # The whitened innovation is left out: it is computed here, rather than believed.
     return Estimate(
-        mean, covariance, answer.state, answer.state_covariance, innovation, innovation_covariance, None, repaired
+        mean,
+        covariance,
+        answer.state,
+        answer.state_covariance,
+        innovation,
+        innovation_covariance,
+        None,
+        repaired,
+        probabilities,
     )
 
 

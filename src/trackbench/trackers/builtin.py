@@ -74,7 +74,8 @@ def ckf(**options: Any) -> FilterTracker:
 for _factory in (kf, ekf, iekf, ukf, ckf):
     _name = _factory.__name__
     # Its options are the keys of a scenario's ``filter:`` entry, the filter itself given.
-    _factory.Options = create_model(_name, __base__=FilterConfig, filter=(Literal[_name], _name))  # type: ignore[arg-type,attr-defined]
+    _options: dict[str, Any] = {"filter": (Literal[_name], _name), "smoother": (None, None)}
+    _factory.Options = create_model(_name, __base__=FilterConfig, **_options)  # type: ignore[attr-defined]
 
 
 def filter_of(config: FilterConfig) -> Filter[Any]:

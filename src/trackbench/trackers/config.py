@@ -15,10 +15,10 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
-InitialSource = Literal["first_reading", "two_readings", "batch", "truth"]
 AdvanceAt = Literal["own_scans", "all_scans"]
 SensorKind = Annotated[str, PluginName(SENSOR_MODELS)]
 Sweep = Annotated[
@@ -36,121 +36,12 @@ FILTER_KEYS: dict[str, tuple[str, ...]] = {
     "iekf": ("iterations",),
 }
 
-#: Least time from the first of the measurements that start a track to the last, s; the second from a batch for a state
-#: with a yaw, which is Gaussian only once the course is known.
-LEAST_TIME, BEFORE_YAW = 0.2, 0.5
-#: Where each key of the initial state is used; elsewhere the measurements give it.
-INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
-    "sensors": ("first_reading", "two_readings", "batch"),
-    "skip": ("first_reading", "two_readings", "batch"),
-    "waiting": ("first_reading", "two_readings", "batch"),
-    "velocity": ("first_reading",),
-    "measurements": ("batch",),
-    "least_time_s": ("two_readings", "batch"),
-    "position_sigma_m": ("truth",),
-    "velocity_sigma_mps": ("first_reading", "batch", "truth"),
-}
 #: The components of the state that a key of the initial state is about, where not every state has them.
 ABOUT: dict[str, tuple[str, ...]] = {
     "acceleration_sigma_mps2": ACCELERATION,
     "yaw_sigma_rad": YAW,
     "yaw_rate_sigma_radps": YAW_RATE,
 }
-
-
-class InitialConfig(Config):
-    """How a track starts, and how uncertain its first state is said to be."""
-
-    source: InitialSource = Field(
-        "batch",
-        alias="from",
-        description="first_reading: position of the first measurement, velocity unknown. two_readings: velocity "
-        "from the displacement between two. batch: the most probable state of the motion model under the first few "
-        "measurements, by Gauss-Newton. truth: drawn from the truth with the standard deviations below, for "
-        "consistency tests.",
-    )
-    sensors: list[str] | None = Field(
-        None,
-        min_length=1,
-        description="Names of the sensors whose measurements start a track; those that the tracker reads unless given. "
-        "Not from truth.",
-    )
-    skip: int = Field(
-        0,
-        ge=0,
-        le=1000,
-        description="How many measurements of an object are passed over before those that start its track.",
-    )
-    waiting: Literal["nothing", "at_rest"] = Field(
-        "nothing",
-        description="What is said of an object before its track starts, and scored. at_rest: it stands where its "
-        "latest measurement says, its velocity being as unknown as from first_reading.",
-    )
-    measurements: int = Field(
-        2, ge=2, le=50, description="From a batch: how many measurements of an object it has at least."
-    )
-    least_time_s: float | None = Field(
-        None,
-        ge=0,
-        le=60,
-        description="Least time from the first of the measurements that start a track to the last, s. Unless given: "
-        "0.2; from batch 0.5 for a motion model with a yaw.",
-    )
-    velocity: Literal["zero", "radial", "range_rate"] = Field(
-        "zero",
-        description="First velocity, from first_reading only. radial: the third component of a radar's measurement, "
-        "along the line of sight. range_rate: the same, and along the line of sight as certain as the range rate is; "
-        "velocity_sigma_mps holds across it, and all around where the sensor has no range rate or the state no vx, vy.",
-    )
-    position_sigma_m: Positive = Field(
-        1, description="Standard deviation of each position component, m; from truth only."
-    )
-    velocity_sigma_mps: Positive = Field(
-        20,
-        description="Standard deviation of each velocity component, m/s; not from two_readings. From batch it "
-        "belongs to a velocity of zero, of which the measurements then say more.",
-    )
-    acceleration_sigma_mps2: Positive = Field(
-        3, description="Standard deviation of the acceleration, m/s^2, where the state has it."
-    )
-    yaw_sigma_rad: Positive | None = Field(
-        None,
-        description="Standard deviation of the course, rad, where the state has it. From truth: 0.1 unless given. "
-        "From measurements: the most that is said of it, pi / sqrt(3) (nothing known) unless given.",
-    )
-    yaw_rate_sigma_radps: Positive = Field(
-        0.3, description="Standard deviation of the yaw rate, rad/s, where the state has it."
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _word(cls, data: Any) -> Any:
-        return {"from": data} if isinstance(data, str) else data
-
-    covariance_diag: list[Positive] | None = Field(
-        None,
-        description="Diagonal of the covariance that the first state is said to have, one variance for each component "
-        "of the state. Unless given, it is what the measurement and the standard deviations above give.",
-    )
-
-    def least_time(self, yaw: bool) -> float:
-        """Least time from the first of the measurements that start a track to the last, s.
-
-        Args:
-            yaw: whether a state has one.
-        """
-        if self.least_time_s is not None:
-            return self.least_time_s
-        return BEFORE_YAW if yaw and self.source == "batch" else LEAST_TIME
-
-    def problems(self) -> Iterator[Problem]:
-        for key in (name for name in type(self).model_fields if name in self.model_fields_set):
-            sources = INITIAL_SOURCES.get(key, (self.source,))
-            if self.source not in sources:
-                allowed = " or ".join(sources)
-                yield Problem((key,), f"not used with from: {self.source}; remove it, or use from: {allowed}")
-            elif "sigma" in key and self.covariance_diag is not None and self.source != "truth":
-                yield Problem((key,), "not used with covariance_diag, which says it all; remove one of them")
 
 
 class FilterConfig(OptionsBeside):
@@ -216,6 +107,11 @@ class FilterConfig(OptionsBeside):
         description="For a sensor's name, standard deviations that the tracker takes in place of those that the sensor "
         "states, by the sensor's own options: {front_radar: {range_sigma_m: 0.5}}. For tuning, and to see what wrong "
         "ones cost.",
+    )
+    smoother: Literal["rts"] | None = Field(
+        None,
+        description="rts: what was to be had offline. Each estimate is made of all measurements of the run, later ones "
+        "too, by the smoother of Rauch, Tung and Striebel. Such an entry is no competitor.",
     )
     associate: AssociateConfig | None = Field(
         None,
@@ -316,14 +212,14 @@ class FilterConfig(OptionsBeside):
         """What a tracker with one motion model has and one with several has not."""
         if self.process_noise_diag is not None:
             yield Problem(("process_noise_diag",), "not used with imm, whose models state theirs; remove it")
-        if self.associate is not None:
-            yield Problem(("motion",), "imm follows one object; with associate use a single motion model")
 
     def _not_associated(self) -> Iterator[Problem]:
         """What a tracker of one object has and one of several has not."""
         if self.initial.source != "first_reading":
             message = "with associate a track starts from one detection: use from: first_reading"
             yield Problem(("initial", "from"), message)
+        if self.smoother is not None:
+            yield Problem(("smoother",), "a smoother follows one object; remove it, or associate")
         for key in ("skip", "waiting"):
             if key in self.initial.model_fields_set:
                 yield Problem(("initial", key), "not used with associate, which has confirm; remove it")

@@ -14,8 +14,9 @@ from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior
-from trackbench.trackers.config import AdvanceAt, InitialConfig
+from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import TentativeTrack
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod, Retrodiction, Taken, kept, replayed, retrodicted, since
 from trackbench.types import Array, Estimate, Gaussian, Indices, Mask, Scan
 
@@ -70,7 +71,7 @@ class FilterTracker:
         if state is None:
             state = self._nothing_yet(scan)
         if scan.asked or not self.advances(scan.sensor):
-            return state, self._asked(state, max(scan.time, state.time))
+            return state, self._asked(state, scan.time)
         if self.late == "as_new":
             scan = scan._replace(time=scan.arrival_time)
         if scan.time < state.time:
@@ -80,6 +81,9 @@ class FilterTracker:
         if self.late in ("replay", "retrodiction"):
             after = after._replace(history=kept(state.history, Taken(before, scan), self.lag_s))
         return after, estimate
+
+    def _asked(self, state: TrackState, time: float) -> Estimate:
+        return self.estimate(self.predicted(state, time), state.started, state.waiting)
 
     def _nothing_yet(self, scan: Scan) -> TrackState:
         return TrackState(-np.inf, self._placeholder(scan.valid), np.zeros_like(scan.valid))
@@ -108,7 +112,7 @@ class FilterTracker:
         assert isinstance(state.belief, Belief)
         beliefs = Retrodiction(before.belief, before.time, state.belief, state.time)
         said = retrodicted(self.filter, beliefs, scan, known & scan.valid)
-        estimate = self._estimate(said.belief, state.started, state.waiting)._replace(
+        estimate = self.estimate(said.belief, state.started, state.waiting)._replace(
             innovation=_where(known, said.innovation),
             innovation_covariance=said.innovation_covariance,
             whitened_innovation=_where(known, said.whitened_innovation),
@@ -140,7 +144,7 @@ class FilterTracker:
                 belief = choose(begin.ready & ~known, self.filter.begin(begin.state_of), belief)
             lost = None if lost is None or np.all(begin.ready >= lost) else lost & ~begin.ready
             started, waiting = started | begin.ready, begin.waiting
-        estimate = self._estimate(belief, started, waiting)
+        estimate = self.estimate(belief, started, waiting)
         if said is not None:
             estimate = estimate._replace(
                 innovation=_where(known, said.innovation),
@@ -177,11 +181,11 @@ class FilterTracker:
         begun = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, begun))
 
-    def _asked(self, state: TrackState, time: float) -> Estimate:
+    def predicted(self, state: TrackState, time: float) -> AnyBelief:
+        """What is believed at a time at which the state does not advance."""
         elapsed = time - state.time
         # A prediction over no time would draw sigma points anew, and change the last digits.
-        belief = self._predict(state, elapsed) if elapsed > 0.0 else state.belief
-        return self._estimate(belief, state.started, state.waiting)
+        return self._predict(state, elapsed) if elapsed > 0.0 else state.belief
 
     def _placeholder(self, valid: Mask) -> AnyBelief:
         def anything(motion: MotionModel) -> Gaussian:
@@ -219,7 +223,8 @@ class FilterTracker:
         # A prediction over no time gives the sigma points that an update may reuse.
         return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
 
-    def _estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None) -> Estimate:
+    def estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None = None) -> Estimate:
+        """What is said of a belief, and of the objects whose tracks have not started."""
         mean, covariance = self.filter.cartesian(belief)
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)

@@ -39,6 +39,15 @@ class ImmConfig(Config):
         given = self.initial_probabilities or self.stay_s
         return tuple(value / sum(given) for value in given)
 
+    @property
+    def names(self) -> list[str]:
+        """Of the modes: that of the model, with a number where a model comes several times."""
+        models = [MOTION_MODELS.name_of(type(model)) for model in self.imm]
+        return [
+            name if models.count(name) == 1 else f"{name} {models[: i + 1].count(name)}"
+            for i, name in enumerate(models)
+        ]
+
     def problems(self) -> Iterator[Problem]:
         for key in ("stay_s", "initial_probabilities"):
             values = getattr(self, key)

@@ -97,7 +97,7 @@ class Retrodiction(NamedTuple):
     """s"""
 
 
-def retrodicted(filter: SingleModelFilter, known: Retrodiction, scan: Scan, valid: Mask) -> Update:
+def retrodicted(filter: SingleModelFilter, known: Retrodiction, scan: Scan, valid: Mask) -> Update[Belief]:
     """The present belief with a late measurement, without taking later ones in again.
 
     All measurements since ``known.before`` count as one equivalent measurement at the present, which the two beliefs

@@ -145,13 +145,25 @@ def _together(alive: Mask) -> Mask:
 def _errors(displacement: Array, velocity: Array, moving: Mask) -> Array:
     """Velocity that the displacement does not bear out, ``(steps - 1, objects)`` m/s, NaN where absent.
 
-    For each body by the rule of integration that fits it better: Euler's (the velocity at the start of a step
-    moves it, as highway-env does for all but its dynamic bicycle) or the trapezoid.
+    For each body by the rule of integration that fits it better.
     """
+    euler, trapezoid = _by_rule(displacement, velocity, moving)
+    return np.where(_typical(euler) <= _typical(trapezoid), euler, trapezoid)
+
+
+def by_euler(truth: Truth) -> Mask:
+    """``(objects,)``: those whose velocity at the start of a step moves them until its end, rather than the mean of the
+    velocities at its ends."""
+    euler, trapezoid = _by_rule(_displacement(truth), _velocity(truth), _together(truth.alive))
+    return np.asarray(_typical(euler) <= _typical(trapezoid))
+
+
+def _by_rule(displacement: Array, velocity: Array, moving: Mask) -> tuple[Array, Array]:
+    """The errors by Euler's rule (the velocity at the start of a step moves the body, as highway-env does for all but
+    its dynamic bicycle) and by the trapezoid."""
     euler = np.hypot(*(displacement - velocity[:, :-1])).max(axis=-1)
     trapezoid = np.hypot(*(displacement - 0.5 * (velocity[:, :-1] + velocity[:, 1:]))).max(axis=-1)
-    euler, trapezoid = (np.where(moving, error, np.nan) for error in (euler, trapezoid))
-    return np.where(_typical(euler) <= _typical(trapezoid), euler, trapezoid)
+    return np.where(moving, euler, np.nan), np.where(moving, trapezoid, np.nan)
 
 
 def _typical(errors: Array) -> Array:

@@ -23,7 +23,7 @@ from trackbench.truth.config import HighwayOptions
 from trackbench.types import Observer, Truth
 
 #: To be raised whenever the same configuration leads to another truth, or is stored in another way.
-FORMAT = 3
+FORMAT = 4
 HEADER = f"trackbench truth {FORMAT}"
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 

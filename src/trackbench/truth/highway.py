@@ -17,10 +17,12 @@ import numpy as np
 
 from trackbench.errors import InputError, nearest
 from trackbench.results.truth_audit import EndedEarly
-from trackbench.truth.audit import Reported, audit
+from trackbench.truth.audit import Reported, audit, by_euler
 from trackbench.truth.bodies import target_bodies, truth_bodies
 from trackbench.truth.config import FixedObserver, HighwayOptions
 from trackbench.truth.frames import Frames, held
+from trackbench.truth.instants import at_instants
+from trackbench.truth.jumps import summarised
 from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
@@ -137,7 +139,9 @@ def _truth(config: HighwayOptions, frames: Frames, lanes: list[Any], ended_early
     velocity = [held(a[:, bodies], truth.alive)[..., None] for a in (frames.reported_vx, frames.reported_vy)]
     observer_collided = frames.collided[:, 0] & (config.observer == "ego")
     stated = Reported(np.stack(velocity), frames.clock, frames.collided[:, bodies], observer_collided)
-    return audit(truth, config.audit, stated, ended_early)
+    audited = audit(truth, config.audit, stated, ended_early)
+    found = at_instants(audited, by_euler(audited))
+    return replace(found, audit={**found.audit, "velocity_jumps": summarised(found).model_dump(mode="json")})
 
 
 def _fixed(at: FixedObserver, steps: int) -> Observer:

@@ -28,8 +28,8 @@ TRACKER = Column("tracker", left=True)
 
 
 def names(trackers: Sequence[TrackerResult]) -> list[Cell]:
-    """Each tracker's name, and whether it is a reference."""
-    return [Cell(t.name, ("reference",) if t.is_reference else (), tracker=t.name) for t in trackers]
+    """Each tracker's name, and whether it is no competitor."""
+    return [Cell(t.name, (t.aside,) if t.aside else (), tracker=t.name) for t in trackers]
 
 
 def metric_of(tracker: TrackerResult, path: str) -> MetricValue:

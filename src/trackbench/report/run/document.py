@@ -29,6 +29,7 @@ from trackbench.report.run.figures.consistency import nees_over_time, nis_over_t
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
 from trackbench.report.run.figures.map import map_of_run, mapped
+from trackbench.report.run.figures.modes import mean_modes, recorded_modes
 from trackbench.report.run.frame import framed
 from trackbench.report.run.moments import moments_section, worst_moments
 from trackbench.report.run.scenes import basis_of_intervals, scenes
@@ -47,6 +48,10 @@ _MANOEUVRES = (
     "could see it for more than three periods of the slowest one; each estimate counts once, for the last of these "
     "that applies. The range is the distance from the observer. The first second begins when a sensor could first see "
     "the object."
+)
+SMOOTHERS = (
+    "Offline: a smoother, which knows the measurements after each instant too, and shows what was to be had from the "
+    "same data. It is no competitor."
 )
 _CALIBRATION = (
     "RMS error over the standard deviation that the tracker's covariance states: 1 is right, 2 means errors twice as "
@@ -76,6 +81,7 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
         if result.summary.truth.scenes:
             yield Section("Scene by scene", tuple(scenes(result)))
         yield from _accuracy(result, shown)
+        yield from _modes(result)
         yield from _breakdown(result, styles)
         yield from _consistency(result, shown)
 
@@ -84,14 +90,13 @@ def run_document(result: Result, colours: Mapping[str, str] | None = None) -> Do
 
 def _standings(result: Result) -> Iterator[Block]:
     summary = result.summary
-    if result.scored:
-        yield Items(
-            tuple(
-                Item(f"{verdict(t, summary.runs, summary.held_against.label)}.", t.name, t.describe, t.name)
-                for t in result.scored
-            ),
-            numbered=True,
-        )
+    said = {t.name: f"{verdict(t, summary.runs, summary.held_against.label)}." for t in result.scored}
+    if said:
+        items = [Item(said[t.name], t.name, t.describe, t.name) for t in result.contenders]
+        yield Items(tuple(items), numbered=True)
+        beside = [t for t in result.scored if t not in result.contenders]
+        if beside:
+            yield Items(tuple(Item(said[t.name], f"{t.name} ({t.aside})", t.describe, t.name) for t in beside))
 
 
 def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:
@@ -103,6 +108,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
         f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
+        + (f" {SMOOTHERS}" if any(tracker.is_reference for tracker in trackers) else "")
     )
     others = tables.other_metrics(result)
     more = Section(
@@ -126,13 +132,22 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:
     steps, reference = result.tables.steps, result.summary.held_against
     moments, run = worst_moments(result), result.summary.recorded_run
+    names = [tracker.name for tracker in result.contenders]
+    competing = [style for style in shown if style.name in names]
     figures = [
         *(error_over_time(steps, shown, quantity, reference) for quantity in QUANTITIES),
         spread(steps, shown, reference.label),
-        map_of_run(result.tables, run, shown, moments),
+        map_of_run(result.tables, run, competing, moments),
     ]
     yield from _figures("Accuracy", figures)
-    yield from moments_section(moments, run, [style.name for style in mapped(shown)])
+    yield from moments_section(moments, run, [style.name for style in mapped(competing)])
+
+
+def _modes(result: Result) -> Iterator[Section]:
+    drawn = [tracker.name for tracker in result.drawn]
+    modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
+    of_run = recorded_modes(recorded, drawn, result.summary.recorded_run)
+    yield from _figures("Modes", [mean_modes(modes, drawn) if result.summary.runs > 1 else None, of_run])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

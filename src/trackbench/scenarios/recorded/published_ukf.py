@@ -47,7 +47,7 @@ class FaultyUkf(SigmaPointFilter):
         cross = np.einsum("s,is...,js...->ij...", weights, deviations, state_deviations)
         return PredictedMeasurement(expected, s, cross)
 
-    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update:
+    def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         if belief.points is None:
             return super().update(belief, scan, predicted)
         predicted = predicted or self.predict_measurement(belief, scan)

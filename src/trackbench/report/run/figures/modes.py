@@ -1,0 +1,95 @@
+"""The figures of the mode probabilities of trackers with several motion models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.figure import Figure as Canvas
+
+from trackbench.document import Figure, LegendEntry
+from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
+from trackbench.document.drawing import WIDTH
+from trackbench.palette import mode_colours
+from trackbench.report.run.figures.columns import column, names, where
+from trackbench.types import Array
+from trackbench.words import counted
+
+_PANEL = 125.0
+#: Panels of the recorded run: the first objects of the best trackers.
+_MOST = 8
+
+
+class _Panel(NamedTuple):
+    title: str
+    time: Array
+    probability: dict[str, Array]
+    """By mode."""
+
+
+def mean_modes(modes: pa.Table, trackers: Sequence[str]) -> Figure | None:
+    """Mean over runs and objects, a panel for each tracker that has modes."""
+    panels = [_panel(where(modes, tracker=name), name) for name in trackers if name in names(modes, "tracker")]
+    return _figure("modes", "Modes over time", "Mean over runs and objects of the probability of each mode", panels)
+
+
+def recorded_modes(modes: pa.Table, trackers: Sequence[str], run: int) -> Figure | None:
+    """The recorded run, a panel for each tracker that has modes and each object."""
+    objects = names(modes, "object")
+    panels = [
+        _panel(where(modes, tracker=tracker, object=name), tracker if len(objects) == 1 else f"{tracker}, {name}")
+        for tracker in trackers
+        if tracker in names(modes, "tracker")
+        for name in objects
+    ][:_MOST]
+    title = f"Modes in run {run}"
+    return _figure("recorded-modes", title, f"Probability of each mode in run {run}", panels)
+
+
+def _panel(rows: pa.Table, title: str) -> _Panel:
+    of_mode = {name: where(rows, mode=name) for name in names(rows, "mode")}
+    time = column(next(iter(of_mode.values())), "time_s")
+    return _Panel(title, time, {name: column(each, "probability") for name, each in of_mode.items()})
+
+
+def _figure(name: str, title: str, said: str, panels: Sequence[_Panel]) -> Figure | None:
+    if not panels:
+        return None
+    colours = mode_colours(mode for panel in panels for mode in panel.probability)
+    columns = 2 if len(panels) > 1 else 1
+    rows = -(-len(panels) // columns)
+
+    def paint(canvas: Canvas) -> None:
+        every = list(canvas.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+        for number, (axes, panel) in enumerate(zip(every, panels, strict=False)):
+            known = np.isfinite(next(iter(panel.probability.values())))
+            below = np.zeros(len(panel.time))
+            for mode, probability in panel.probability.items():
+                above = below + probability
+                axes.fill_between(panel.time, below, above, where=known, color=colours[mode], linewidth=0, alpha=0.85)
+                below = above
+            panel_title(axes, panel.title, WIDTH / columns)
+            axes.set_xlabel(TIME_LABEL if number >= columns * (rows - 1) else "")
+            axes.set_ylabel("probability" if number % columns == 0 else "")
+        for axes in every[len(panels) :]:
+            axes.set_visible(False)
+        time_axis(every[0], max(float(panel.time.max()) for panel in panels))
+        every[0].set_ylim(0, 1)
+
+    return Figure(
+        name,
+        title,
+        f"{said}, one above the other; together they are 1. A mode is one of the tracker's motion models.",
+        f"{title}, {counted(len(panels), 'panel')}. {' '.join(map(_said, panels))}",
+        paint,
+        _PANEL * rows + 60,
+        legend=tuple(LegendEntry(mode, colour, "box") for mode, colour in colours.items()),
+    )
+
+
+def _said(panel: _Panel) -> str:
+    """The mean over time, for those who cannot see it."""
+    shares = [f"{mode} {np.nanmean(rows):.2f}" for mode, rows in panel.probability.items() if np.isfinite(rows).any()]
+    return f"{panel.title}: {', '.join(shares) or 'no estimate'} in the mean."

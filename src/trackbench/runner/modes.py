@@ -1,0 +1,39 @@
+"""The mode probabilities of a tracker with several motion models, summed over the runs of a block."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.metrics.protocol import Target
+from trackbench.trackers.answers import TrackerFault
+from trackbench.types import Array
+
+
+class ModeSums:
+    """What the estimates of a block say of the modes."""
+
+    def __init__(self, size: int, target: Target, kept: int | None) -> None:
+        """Nothing yet, of ``size`` modes; ``kept`` is the number of the recorded run in the block, if it is there."""
+        instants, objects = target.alive.shape
+        self.total = np.zeros((size, instants))
+        """Sum over the runs and objects where an estimate is due."""
+        self.count = np.zeros(instants)
+        """How many these are."""
+        self.recorded = None if kept is None else np.full((size, instants, objects), np.nan)
+        """Of the recorded run; NaN where there is none."""
+        self._kept = kept
+
+    def take(self, instant: int, probability: Array, target: Target) -> None:
+        """Take in ``(M, objects * runs)`` mode probabilities.
+
+        Raises:
+            TrackerFault: before there were more or fewer modes.
+        """
+        if len(probability) != len(self.total):
+            raise TrackerFault(f"it gave {len(probability)} mode probabilities, and {len(self.total)} before")
+        scored = target.due[instant].reshape(-1) & np.isfinite(probability[0])
+        self.total[:, instant] = probability[:, scored].sum(axis=1)
+        self.count[instant] = scored.sum()
+        if self.recorded is not None and self._kept is not None:
+            of_run = probability[:, self._kept :: target.due.shape[2]]
+            self.recorded[:, instant] = np.where(target.alive[instant], of_run, np.nan)

@@ -1,0 +1,60 @@
+"""A smoother of a built-in filter, which knows all measurements of a run before it gives its first estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple
+
+from trackbench.filters import bare, choose
+from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.types import Estimate, Scan
+
+
+class _Instant(NamedTuple):
+    state: TrackState
+    own: bool
+    """Whether it was a scan that the filter reads; at others there is a prediction."""
+
+
+@dataclass(frozen=True)
+class SmoothedTracker:
+    """The estimates of a tracker, each given the measurements after it too. Tracks start where the tracker starts them.
+
+    Between two scans that it reads, what is predicted from the earlier is smoothed by the later.
+    """
+
+    tracker: FilterTracker
+
+    def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
+        """The estimate at each scan, whatever their order."""
+        instants = self._filtered(sorted(scans, key=lambda scan: scan.time))
+        found: dict[float, Estimate] = {}
+        later: TrackState | None = None
+        while instants:
+            state, own = instants.pop()
+            belief = state.belief
+            if later is not None:
+                # Where there is no track yet, what is smoothed means nothing.
+                belief = self.tracker.filter.smooth(belief, later.belief, later.time - state.time)
+                belief = choose(state.started, belief, state.belief)
+            estimate = self.tracker.estimate(belief, state.started, state.waiting)
+            # The filter's own state, of which nothing is scored, would take as much memory again.
+            found[state.time] = estimate._replace(state=None, state_covariance=None)
+            if own:
+                later = state._replace(belief=belief)
+        return [found[scan.time] for scan in scans]
+
+    def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
+        state: TrackState | None = None
+        instants = []
+        for time, group in groupby(scans, key=lambda scan: scan.time):
+            own = False
+            for scan in group:
+                state, _ = self.tracker.step(state, scan)
+                own = own or self.tracker.advances(scan.sensor)
+            assert state is not None
+            belief = state.belief if own else self.tracker.predicted(state, time)
+            instants.append(_Instant(state._replace(time=time, belief=bare(belief)), own))
+        return instants
