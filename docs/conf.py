@@ -21,7 +21,7 @@ MENU = {
     "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "traffic-sensing", "sensor-presets"],
     "Trackers": ["motion-models", "filters", "traffic-trackers", "own-tracker", "own-multi-tracker", "adaptors"],
     "Results": ["metrics", "traffic-metrics", "reading-a-report", "reading-a-recording", "compare"],
-    "Tools": ["command-line", "execution", "doctor", "doctor-rates"],
+    "Tools": ["command-line", "execution", "tune", "doctor", "doctor-rates"],
     "Published projects": [
         "projects/range-3km",
         "projects/udacity-fusion",

@@ -142,6 +142,9 @@ class Estimate(NamedTuple):
     """``(...)`` True where a covariance had to be made positive definite again at this scan."""
     mode_probabilities: Array | None = None
     """``(M, ...)`` of each motion model of a tracker with several."""
+    log_likelihood: Array | None = None
+    """``(...)`` logarithm of the density of the measurement under the prediction, where that is not the Gaussian of the
+    innovation; NaN where there was no prediction."""
 
 
 class RecordedMeasurements(NamedTuple):

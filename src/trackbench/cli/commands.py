@@ -26,6 +26,7 @@ from trackbench.cli.report import report_command
 from trackbench.cli.run import run_command
 from trackbench.cli.serve import INTERRUPTED, serve_command
 from trackbench.cli.snapshot import snapshot_command
+from trackbench.cli.tune import tune_command
 from trackbench.cli.validate import check_command, schema_command
 from trackbench.cli.view import view_command
 from trackbench.errors import InputError, OutputError, TrackbenchError
@@ -63,6 +64,7 @@ def cli() -> None:
 for _command in (
     run_command,
     compare_command,
+    tune_command,
     report_command,
     doctor_command,
     audit_command,

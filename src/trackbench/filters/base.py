@@ -58,10 +58,14 @@ class Update(NamedTuple, Generic[B]):
     """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
     innovation_factor: linalg.Cholesky
     """``L``"""
+    mixture: Array | None = None
+    """``(...)`` logarithm of the density of the measurement, where it is that of a mixture."""
 
     @property
     def log_likelihood(self) -> Array:
-        """``(...)`` logarithm of the density of the measurement, ``N(y; 0, S)``."""
+        """``(...)`` logarithm of the density of the measurement: ``N(y; 0, S)``, or that of the mixture."""
+        if self.mixture is not None:
+            return self.mixture
         y = self.whitened_innovation
         normalised = np.prod(np.stack(self.innovation_factor.inverse_diagonal), axis=0) * TWO_PI ** (-len(y) / 2)
         return np.asarray(np.log(normalised) - 0.5 * np.einsum("i...,i...->...", y, y))

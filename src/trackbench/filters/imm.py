@@ -103,11 +103,13 @@ class InteractingMultipleModel:
         if not np.all(scan.valid):
             log_likelihood = np.where(scan.valid, log_likelihood, 0.0)
             said = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in said]
-        probability = normalised(np.log(belief.probability) + log_likelihood)
+        joint = np.log(belief.probability) + log_likelihood
+        probability = normalised(joint)
         after = joined(probability, [update.belief for update in updates], belief.repaired)
         innovation, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
         s = linalg.ensure_definite(covariance)
-        return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor)
+        mixture = np.logaddexp.reduce(joint, axis=0)
+        return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor, mixture)
 
     def smooth(self, belief: MultiModelBelief, later: MultiModelBelief, dt: float) -> MultiModelBelief:
         """The belief once it is known what is believed ``dt`` seconds later.

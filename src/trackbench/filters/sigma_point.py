@@ -127,8 +127,9 @@ class SigmaPointFilter(SingleModelFilter):
 
     def _noise_columns(self, x: Array, dt: float) -> Array:
         """``(n, q, ...)`` what one standard deviation of each driving noise adds to the state ``x``."""
-        gain = self.motion.noise_gain(x, dt)
-        return linalg.expand(gain * linalg.expand(np.asarray(self.motion.noise_sigma), gain[0]), x[:, None])
+        sigma = linalg.vector(self.motion.noise_sigma)
+        gain = linalg.expand(self.motion.noise_gain(x, dt), sigma[None])
+        return linalg.expand(gain * linalg.expand(sigma, gain[0]), x[:, None])
 
 
 def _points(belief: Belief, distance: float) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,24 +13,18 @@ from trackbench.metrics import BlockScores, Scorer, Sums, score_together
 from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
-from trackbench.models.motion import Kinematics
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
 from trackbench.runner.modes import ModeSums
+from trackbench.runner.prepare import stepper_of
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
 from trackbench.stepping.faults import TrackFault, fault_of
-from trackbench.stepping.remote import start
 from trackbench.stepping.steppers import Offline, Stepper, masked
-from trackbench.streams import stream
-from trackbench.trackers.builtin import build
-from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.smoothed import SmoothedTracker
-from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress, of_runs
+from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]
@@ -196,7 +190,9 @@ class TrackerRun:
         instant, scan = 0, scans[0]
         stepper: Stepper | None = None
         try:
-            stepper = self._stepper(scans)
+            work = self._work
+            given = (scan if self._reads(scan.sensor) else masked(scan) for scan in scans)
+            stepper = stepper_of(work, self._piece, work.trackers[self.name], given)
             if isinstance(stepper, Offline):
                 scans = [scan._replace(arrival_time=scan.time) for scan in scans]
             for instant, group in enumerate(deliveries(scans, self._reads, masked)):
@@ -226,50 +222,6 @@ class TrackerRun:
     def _reads(self, sensor: str) -> bool:
         named = self._work.trackers[self.name].sensors_used
         return named is None or sensor in named
-
-    def _stepper(self, scans: Sequence[Scan]) -> Stepper:
-        work = self._work
-        config = work.trackers[self.name]
-        if isinstance(config, FilterConfig) and config.smoother is not None:
-            given = [scan if self._reads(scan.sensor) else masked(scan) for scan in scans]
-            return Offline(SmoothedTracker(replace(self._primed(build(config)), lag_s=0.0)), given)
-        return start(config, work.folder, self._none.mean.shape[1], self._primed, work.isolation)
-
-    def _primed(self, tracker: FilterTracker) -> FilterTracker:
-        """The tracker, given its first states drawn from the truth if that is how it starts."""
-        work, truth = self._work, self._scene.truth
-        if not any(sensor.config.latency[1] for sensor in self._scene.sensors):
-            # Nothing comes late, and no past state needs to be kept.
-            tracker = replace(tracker, lag_s=0.0)
-        # When it starts must not depend on sensors that it does not read.
-        own = [sensor.steps for sensor in self._scene.sensors if tracker.advances(sensor.name)]
-        if not tracker.starts_from_truth or not own:
-            return tracker
-        instants = np.unique(np.concatenate(own))
-        objects = np.arange(len(truth.ids))
-        first = instants[np.argmax(truth.alive[instants], axis=0)]
-        shape = (len(objects), len(self._runs))
-
-        def at_start(values: Array) -> Array:
-            found = values[first, objects]
-            own = of_runs(found, self._runs)
-            return np.broadcast_to(own, shape).reshape(-1)
-
-        fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
-        motion = Kinematics(*(at_start(values) for values in fields))
-        size = max(6, *(len(motion.components) for motion in tracker.filter.motions))
-        normal = np.stack(
-            [
-                stream(work.seed, work.noise_of(self._piece.scene), run, "initial state").standard_normal(
-                    (size, len(objects))
-                )
-                for run in self._runs
-            ],
-            axis=-1,
-        )
-        when = np.where(truth.alive[instants].any(axis=0), truth.time[first], np.inf)
-        times = np.broadcast_to(when[:, None], shape).reshape(-1)
-        return tracker.with_prior(times, motion, normal.reshape(size, -1))
 
     def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
         """What the recorded run has of an estimate."""

@@ -22,7 +22,8 @@ class Targets:
         truth, instants = self._scene.truth, self._scene.instants()
         runs = piece.runs
         state = np.stack([truth.px, truth.py, truth.vx, truth.vy])[:, instants]
-        self._state = of_runs(state, runs)
+        self.state = of_runs(state, runs)
+        """``(4, instants, objects, runs or 1)``"""
         self._time, self._alive = truth.time[instants], truth.alive[instants]
         shape = (len(truth.ids), len(runs))
         self._valid: dict[str, Mask] = {
@@ -35,7 +36,8 @@ class Targets:
             name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
             for name in self._valid
         }
-        self._due = self._where_due()
+        self.due = self._where_due()
+        """``(instants, objects, runs)``"""
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
 
     def of(self, tracker: FilterConfig | PluginConfig) -> Target:
@@ -43,7 +45,7 @@ class Targets:
         case = frozenset(tracker.sensors_used or self._valid), _start(tracker, self._work.velocity_sigma)
         if case not in self._references:
             self._references[case] = self._reference(*case)
-        return Target(self._time, self._state, self._alive, self._due, self._work.divergence, self._references[case])
+        return Target(self._time, self.state, self._alive, self.due, self._work.divergence, self._references[case])
 
     def _where_due(self) -> Mask:
         """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse."""

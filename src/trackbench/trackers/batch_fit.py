@@ -46,7 +46,7 @@ class FirstMeasurements(NamedTuple):
     """``(2, L)`` that the first one states."""
 
 
-class StartPrior(NamedTuple):
+class BatchPrior(NamedTuple):
     """What is assumed of the first state beside the measurements."""
 
     velocity: float
@@ -100,7 +100,7 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
     )
 
 
-def fit(motion: MotionModel, measurements: FirstMeasurements, prior: StartPrior) -> Fit:
+def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
     """The most probable state at the latest measurement, of the motion model and its own process noise.
 
     What is sought is the first state and each driving noise from one measurement to the next, by damped Gauss-Newton on
@@ -122,14 +122,14 @@ def fit(motion: MotionModel, measurements: FirstMeasurements, prior: StartPrior)
     return own._replace(latest=_choose(own.converged, own.latest, motion.from_cartesian(other, prior.others)))
 
 
-def fit_straight(measurements: FirstMeasurements, prior: StartPrior) -> Fit:
+def fit_straight(measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
     """The fit of a velocity that is constant, without any noise: px, py, vx, vy."""
     standing = np.concatenate([measurements.position, np.zeros_like(measurements.position)])
     return _fit(ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False)
 
 
 def _fit(
-    motion: MotionModel, measurements: FirstMeasurements, prior: StartPrior, first: Array, *, driven: bool = True
+    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, first: Array, *, driven: bool = True
 ) -> Fit:
     size, lanes = first.shape
     noises = len(motion.noise_sigma) * len(measurements.interval) * driven
@@ -172,7 +172,7 @@ class _Linearised(NamedTuple):
     """``(n, p, L)`` its derivative."""
 
     @classmethod
-    def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: StartPrior, point: Array) -> _Linearised:
+    def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, point: Array) -> _Linearised:
         size, lanes = len(motion.components), point.shape[1]
         sigma = linalg.expand(np.asarray(motion.noise_sigma), point)
         driven = len(point) > size
@@ -196,7 +196,7 @@ class _Linearised(NamedTuple):
         return cls(np.einsum("i...,i...->...", r, r), information, linalg.apply_transposed(j, r), x, slope)
 
 
-def _of_prior(motion: MotionModel, prior: StartPrior, point: Array, slope: Array) -> tuple[list[Array], list[Array]]:
+def _of_prior(motion: MotionModel, prior: BatchPrior, point: Array, slope: Array) -> tuple[list[Array], list[Array]]:
     """The residuals ``(r, L)`` of what is assumed, and the derivatives ``(r, p, L)`` of what they are of."""
     size = len(motion.components)
     x, sigma = point[:size], prior.velocity

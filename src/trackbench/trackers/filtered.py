@@ -150,6 +150,7 @@ class FilterTracker:
                 innovation=_where(known, said.innovation),
                 innovation_covariance=said.innovation_covariance,
                 whitened_innovation=_where(known, said.whitened_innovation),
+                log_likelihood=None if said.mixture is None else _where(known, said.mixture),
             )
         seen = np.where(scan.valid, scan.time, state.seen)
         return TrackState(scan.time, belief._replace(repaired=None), started, waiting, seen, lost), estimate

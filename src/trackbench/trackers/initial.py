@@ -14,7 +14,7 @@ from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers import batch_fit
-from trackbench.trackers.batch_fit import FirstMeasurements, StartPrior
+from trackbench.trackers.batch_fit import BatchPrior, FirstMeasurements
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
 
@@ -157,7 +157,7 @@ def _from_batch(
     motions: Sequence[MotionModel],
 ) -> Start:
     scans, counted = (*after.scans, scan), (*after.counted, counts)
-    prior = StartPrior(config.velocity_sigma_mps, sigmas(config))
+    prior = BatchPrior(config.velocity_sigma_mps, sigmas(config))
     ready = ready & counts & (after.measurements - config.skip >= config.measurements)
     if has_yaw(motions) and np.any(ready):
         late = scan.time - after.time > LONGEST - SAME_TIME

@@ -65,8 +65,13 @@ class MotionModel(Config, ABC):
 
     @property
     def noise_sigma(self) -> tuple[float, ...]:
-        """``(q,)`` standard deviation of each driving noise."""
+        """``(q,)`` standard deviation of each driving noise; ``(q, ...)`` where each of a batch has its own."""
         return tuple(getattr(self, name) for name in self.driving_noise)
+
+    @property
+    def batched(self) -> bool:
+        """Whether each of a batch has its own noise."""
+        return any(np.ndim(sigma) > 0 for sigma in self.noise_sigma)
 
     @abstractmethod
     def transition(self, x: Array, dt: float) -> Array:
@@ -149,6 +154,7 @@ def first_sigma(model: MotionModel, component: str, sigmas: InitialSigmas) -> fl
 
 def process_noise(model: MotionModel, x: Array, dt: float) -> Array:
     """``(n, n, ...)`` covariance of the process noise over ``dt``: ``G diag(sigma^2) G^T``."""
-    gain = model.noise_gain(x, dt)
-    scaled = gain * linalg.expand(np.asarray(model.noise_sigma), gain[0])
+    sigma = linalg.vector(model.noise_sigma)
+    gain = linalg.expand(model.noise_gain(x, dt), sigma[None])
+    scaled = gain * linalg.expand(sigma, gain[0])
     return linalg.matmul_transposed(scaled, scaled)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from trackbench import linalg
 from trackbench.config import PROBLEM, Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
 from trackbench.config.key_units import in_si, split_key
 from trackbench.errors import nearest
@@ -192,11 +193,14 @@ class Sensor(Config, ABC):
 
     @classmethod
     def other_noise(cls, covariance: Array, sigmas: Mapping[str, float]) -> Array:
-        """``(m, m)`` the covariance with other standard deviations, by their option, and the same correlations."""
+        """``(m, m)`` the covariance with other standard deviations, by their option, and the same correlations.
+
+        ``(m, m, ...)`` where a standard deviation is ``(...)``.
+        """
         own = np.sqrt(np.diag(covariance))
         other = [in_si(name, sigmas[name]) if name in sigmas else own[i] for i, name in enumerate(cls.sigma_options)]
-        ratio = np.array(other) / own
-        return covariance * np.outer(ratio, ratio)
+        ratio = linalg.vector([sigma / own[i] for i, sigma in enumerate(other)])
+        return np.asarray(linalg.expand(covariance, ratio[None]) * (ratio[:, None] * ratio[None]))
 
     @classmethod
     @abstractmethod

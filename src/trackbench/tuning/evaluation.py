@@ -1,0 +1,179 @@
+"""The trials of one tracker: all on identical measurements, as many in one batch as differ in noise levels alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from trackbench.execution import Task
+from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
+from trackbench.scenario import Scenario
+from trackbench.scenario.modules import own_folder
+from trackbench.stepping.faults import fault_of
+from trackbench.stepping.isolation import ISOLATED, Isolation
+from trackbench.trackers.config import FilterConfig
+from trackbench.truth import LoadedTruth
+from trackbench.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
+from trackbench.tuning.hidden import score_hidden
+from trackbench.tuning.labelled import score_labelled
+from trackbench.tuning.measures import Sums
+from trackbench.tuning.parameters import Parameter, Values
+from trackbench.types import Indices, Progress, no_progress
+
+#: Most trials of one batch, so that several processes share them.
+MOST_TRIALS = 64
+
+
+class Outcome(NamedTuple):
+    """What became of a trial in one scenario."""
+
+    sums: Sums | None
+    failed: str = ""
+    """Why it has none."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A scenario with the truth on which trials are made."""
+
+    scenario: Scenario
+    truths: Sequence[LoadedTruth]
+
+    @property
+    def name(self) -> str:
+        """Of the scenario."""
+        return self.scenario.config.name
+
+    @property
+    def hidden(self) -> bool:
+        """Whether nobody labelled the detections."""
+        return self.scenario.config.sensing.identities == "hidden"
+
+
+class _Batch(NamedTuple):
+    """Trials that go through the measurements together."""
+
+    trials: tuple[int, ...]
+    """Their places among all."""
+    entries: tuple[Entry, ...]
+    points: tuple[Values, ...]
+    keys: tuple[str, ...]
+    """In which they differ."""
+
+    def part(self, here: slice) -> _Batch:
+        """Some of the trials."""
+        return _Batch(self.trials[here], self.entries[here], self.points[here], self.keys)
+
+
+class Evaluator:
+    """Makes trials of one tracker.
+
+    Args:
+        benches: the scenarios.
+        tracker: its name in each.
+        parameters: what differs between trials.
+        executor: what makes them.
+        isolation: how a tracker that is not built in is kept apart.
+    """
+
+    def __init__(
+        self,
+        benches: Sequence[Bench],
+        tracker: str,
+        parameters: Sequence[Parameter],
+        executor: Executor,
+        isolation: Isolation = ISOLATED,
+    ) -> None:
+        self.benches, self.tracker, self.parameters = benches, tracker, parameters
+        self._executor = executor
+        self._work = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
+
+    def scenes(self, bench: int) -> Indices:
+        """``(runs,)`` number of the scene of each run of a scenario."""
+        return self._work[bench].scene_of_run
+
+    def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
+        """Of each point its outcome in each scenario.
+
+        Args:
+            points: values by the parameters' keys; empty for the tracker as it is.
+            progress: called with how many parts are done and how many there are.
+        """
+        found: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
+        pending = []
+        for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
+            make = _hidden if bench.hidden else _labelled
+            tasks = [Task(make, work.of_scene(scene), own_folder(bench.scenario)) for scene in range(len(work.scenes))]
+            for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in found]):
+                for piece in _pieces(work, len(batch.trials)):
+                    pending.append((number, batch, self._executor.submit(tasks[piece.scene], piece, batch)))
+        for done, (number, batch, future) in enumerate(pending):
+            progress(done, len(pending))
+            for trial, outcome in zip(batch.trials, future.result(), strict=True):
+                found[trial][number].append(outcome)
+        progress(len(pending), len(pending))
+        return [[_joined(parts) for parts in outcomes] for outcomes in found]
+
+    def _batches(
+        self, loaded: Scenario, points: Sequence[Values], found: Sequence[list[Sums | str]]
+    ) -> Iterator[_Batch]:
+        """The trials in batches; of one whose values do not go together it is noted why."""
+        groups: dict[str, _Batch] = {}
+        for trial, point in enumerate(points):
+            try:
+                entry = entry_with(loaded, self.tracker, point)
+            except ValidationError as invalid:
+                found[trial].append(invalid.errors()[0]["msg"])
+                continue
+            keys = tuple(key for key in point if varies_in_batch(entry, key))
+            name = structure(point, keys)
+            group = groups.get(name, _Batch((), (), (), keys))
+            groups[name] = _Batch((*group.trials, trial), (*group.entries, entry), (*group.points, point), keys)
+        for group in groups.values():
+            for first in range(0, len(group.trials), MOST_TRIALS):
+                yield group.part(slice(first, first + MOST_TRIALS))
+
+
+def _pieces(work: Work, trials: int) -> Iterator[BlockRuns]:
+    """The runs of all scenes, so many at a time that a batch fits the processor's cache; it does not change them."""
+    for number, scene in enumerate(work.scenes):
+        size = max(1, LARGEST_BATCH // (trials * max(1, len(scene.truth.ids))))
+        for first in range(0, work.runs, size):
+            yield BlockRuns(number, range(first, min(first + size, work.runs)))
+
+
+def _labelled(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+    """The trials of a batch; where the arithmetic of one fails, each by itself."""
+    number, entry = len(batch.trials), batch.entries[0]
+    size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
+    if number == 1:
+        try:
+            return [*score_labelled(work, piece, entry, 1)]
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
+            return [fault_of(error).cause]
+    if isinstance(entry, FilterConfig) and batch.keys:
+        entry = combined(entry, columns_of(batch.points, batch.keys, size))
+    try:
+        return [*score_labelled(work, piece, entry, number)]
+    except np.linalg.LinAlgError:
+        return [_labelled(work, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
+
+
+def _hidden(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+    """The trials of a batch, one after the other."""
+    return [score_hidden(work, piece, entry) for entry in batch.entries]
+
+
+def _joined(parts: Sequence[Sums | str]) -> Outcome:
+    """The runs of all scenes together."""
+    failed = next((part for part in parts if isinstance(part, str)), None)
+    if failed is not None:
+        return Outcome(None, failed)
+    return Outcome(Sums.joined([part for part in parts if isinstance(part, Sums)]))

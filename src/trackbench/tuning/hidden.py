@@ -1,0 +1,27 @@
+"""Trials of a tracker that follows several objects from detections of hidden identities, each by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from trackbench.results import Failure
+from trackbench.runner.traffic import run_traffic_block
+from trackbench.runner.traffic_sums import PATHS
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.tuning.entry import Entry
+from trackbench.tuning.measures import TRAFFIC_UNITS, Sums
+
+TRIAL = "trial"
+
+
+def score_hidden(work: Work, piece: BlockRuns, entry: Entry) -> Sums | str:
+    """The sums of one trial over some runs of one scene; why there are none, where the tracker failed."""
+    block = run_traffic_block(replace(work, trackers={TRIAL: entry}), piece)
+    scores = block.scores[TRIAL]
+    if isinstance(scores, Failure):
+        return scores.cause
+    values = np.array(scores.sums.values)
+    wanted = {path: path for path in TRAFFIC_UNITS} | {"prediction_score": "log_likelihood"}
+    return Sums({name: values[:, :, PATHS.index(path)].T for path, name in wanted.items()})

@@ -1,0 +1,134 @@
+"""Trials of a tracker of labelled objects: several go through the same measurements as one batch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.metrics.consistency import normalised_square
+from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.delivery import deliveries
+from trackbench.runner.prepare import stepper_of
+from trackbench.runner.targets import Targets
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import sense
+from trackbench.stepping.steppers import Offline, masked
+from trackbench.tuning.entry import Entry
+from trackbench.tuning.measures import Sums
+from trackbench.types import Array, Estimate, Mask, Scan
+from trackbench.units import TWO_PI
+
+
+def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> list[Sums]:
+    """The sums of several trials over some runs of one scene.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs.
+        entry: of the tracker; its noise levels may be arrays ``(trials * objects * runs,)``.
+        trials: how many there are.
+
+    Raises:
+        Exception: what the tracker raises.
+    """
+    keep_freed_memory()
+    scene = work.scenes[piece.scene]
+    measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
+    targets = Targets(work, piece, measurements)
+    objects, runs = len(scene.truth.ids), len(piece.runs)
+    sums = _Sums(targets, trials, objects, runs)
+    named = entry.sensors_used
+
+    def reads(sensor: str) -> bool:
+        return named is None or sensor in named
+
+    scans = measurements.scans
+    given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
+    stepper = stepper_of(work, piece, entry, given, trials)
+    if isinstance(stepper, Offline):
+        scans = [scan._replace(arrival_time=scan.time) for scan in scans]
+    try:
+        with np.errstate(all="ignore"):
+            for instant, group in enumerate(deliveries(scans, reads, masked)):
+                latest: Estimate | None = None
+                for scan, number, _ in group:
+                    taken = _tiled(scan, trials)
+                    latest = stepper.step(taken)
+                    if latest is not None and number is not None:
+                        sums.add_innovation(instant, taken, latest)
+                if latest is not None:
+                    sums.add_error(instant, latest)
+    finally:
+        stepper.close()
+    return sums.of_trials()
+
+
+def _tiled(scan: Scan, trials: int) -> Scan:
+    """The scan for a batch of trials, which come slowest."""
+    if trials == 1:
+        return scan
+    return scan._replace(measurement=np.tile(scan.measurement, (1, trials)), valid=np.tile(scan.valid, trials))
+
+
+class _Sums:
+    """The sums under way, each ``(trials, objects, runs)``."""
+
+    def __init__(self, targets: Targets, trials: int, objects: int, runs: int) -> None:
+        self._state, self._due = targets.state, targets.due
+        self._shape = (trials, objects, runs)
+        names = ("position_rmse", "velocity_rmse", "nees", "log_likelihood")
+        self._total = {name: np.zeros(self._shape) for name in names}
+        self._count = {name: np.zeros(self._shape) for name in names}
+
+    def add_error(self, instant: int, estimate: Estimate) -> None:
+        """Take in the estimate after the last scan of an instant."""
+        mean = estimate.mean.reshape(4, *self._shape)
+        error = mean - self._state[:, instant, None]
+        given = self._due[instant] & np.isfinite(error).all(axis=0)
+        square = error * error
+        nees = normalised_square(error, estimate.covariance.reshape(4, 4, *self._shape))
+        self._add("position_rmse", square[0] + square[1], given)
+        self._add("velocity_rmse", square[2] + square[3], given)
+        self._add("nees", np.where(nees[2], nees[0], np.nan), given)
+
+    def add_innovation(self, instant: int, scan: Scan, estimate: Estimate) -> None:
+        """Take in how likely the tracker found a scan."""
+        log_density = log_likelihood(estimate)
+        if log_density is None:
+            return
+        log_density = log_density.reshape(self._shape)
+        used = scan.valid.reshape(self._shape) & self._due[instant] & ~np.isnan(log_density)
+        self._add("log_likelihood", log_density, used)
+
+    def of_trials(self) -> list[Sums]:
+        """Of each trial, summed over the objects."""
+        total = {name: values.sum(axis=1) for name, values in self._total.items()}
+        count = {name: values.sum(axis=1) for name, values in self._count.items()}
+        return [
+            Sums({name: np.stack([total[name][trial], count[name][trial]]) for name in total})
+            for trial in range(self._shape[0])
+        ]
+
+    def _add(self, name: str, values: Array, where: Mask) -> None:
+        self._total[name] += np.where(where, values, 0.0)
+        self._count[name] += where
+
+
+def log_likelihood(estimate: Estimate) -> Array | None:
+    """``(batch,)`` logarithm of the density of the measurement under the prediction; None where nothing tells it.
+
+    ``N(y; 0, S)`` of the innovation and its covariance. NaN where there was no prediction.
+    """
+    said: Any = estimate.log_likelihood
+    if said is not None:
+        return np.asarray(said)
+    y, s = estimate.innovation, estimate.innovation_covariance
+    if y is None or s is None:
+        return None
+    factor = linalg.cholesky(s)
+    white = factor.whiten(y)
+    diagonal = np.prod(np.stack(factor.inverse_diagonal), axis=0)
+    density = np.log(diagonal) - 0.5 * (len(y) * np.log(TWO_PI) + np.einsum("i...,i...->...", white, white))
+    return np.where(factor.positive, density, np.nan)

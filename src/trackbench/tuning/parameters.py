@@ -1,0 +1,102 @@
+"""What is tuned of a tracker: options, each with the range in which its best value is looked for."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Scale = Literal["log", "linear", "odds", "integer", "choice"]
+#: Significant digits of a value: more than any tuning can tell, and few enough to be read.
+DIGITS = 4
+#: A value so near to an end of its range, as a share of the range on its scale, is at the edge.
+EDGE = 0.02
+
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An option of a tracker and the values that are tried."""
+
+    key: str
+    """As ``sweep:`` writes it: ``initial.velocity_sigma_mps``."""
+    scale: Scale
+    low: float = 0.0
+    high: float = 1.0
+    choices: tuple[Any, ...] = ()
+
+    @property
+    def continuous(self) -> bool:
+        """Whether values lie between any two."""
+        return self.scale in ("log", "linear", "odds")
+
+    def from_unit(self, share: float) -> float:
+        """The value at a share of the range, on the scale; of a continuous one."""
+        low, high = self._stretch(self.low), self._stretch(self.high)
+        value = self._unstretch(low + min(max(share, 0.0), 1.0) * (high - low))
+        return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high) if self.scale != "odds" else _odds(value)
+
+    def to_unit(self, value: float) -> float:
+        """The share of the range at which a value lies, on the scale."""
+        low, high = self._stretch(self.low), self._stretch(self.high)
+        return (self._stretch(value) - low) / (high - low)
+
+    def edge(self, value: Any) -> float | None:
+        """The end of the range that a value is at, if it is."""
+        if self.scale == "choice":
+            return None
+        if self.scale == "integer":
+            return value if value in (self.low, self.high) else None
+        share = self.to_unit(value)
+        return self.low if share < EDGE else self.high if share > 1.0 - EDGE else None
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is one of those that are tried."""
+        if self.scale == "choice":
+            return value in self.choices
+        return isinstance(value, int | float) and self.low <= value <= self.high
+
+    def as_json(self) -> dict[str, Any]:
+        """What tells it from others."""
+        if self.scale == "choice":
+            return {"key": self.key, "choices": list(self.choices)}
+        return {"key": self.key, "low": self.low, "high": self.high, "scale": self.scale}
+
+    def __str__(self) -> str:
+        if self.scale == "choice":
+            return f"{self.key}={','.join(json.dumps(choice) for choice in self.choices)}"
+        return f"{self.key}={self.low:g}:{self.high:g}"
+
+    def _stretch(self, value: float) -> float:
+        if self.scale == "log":
+            return math.log(value)
+        return math.log(value / (1.0 - value)) if self.scale == "odds" else value
+
+    def _unstretch(self, stretched: float) -> float:
+        if self.scale == "log":
+            return math.exp(stretched)
+        return 1.0 / (1.0 + math.exp(-stretched)) if self.scale == "odds" else stretched
+
+
+def _odds(value: float) -> float:
+    """A probability with as many digits of its distance from one as of itself."""
+    return float(f"{value:.{DIGITS}g}") if value < 0.5 else 1.0 - float(f"{1.0 - value:.{DIGITS}g}")
+
+
+def shown(value: Any) -> str:
+    """A value as a scenario writes it."""
+    return f"{value:.10g}" if isinstance(value, float) else json.dumps(value)
+
+
+def settings(values: Values) -> str:
+    """Values on one line: ``gate=0.999, confirm=[3, 5]``."""
+    return ", ".join(f"{key}={shown(value)}" for key, value in values.items())
+
+
+def at_edges(parameters: Sequence[Parameter], values: Values) -> list[tuple[Parameter, float]]:
+    """The parameters whose value is at an end of its range."""
+    found = [(item, item.edge(values[item.key])) for item in parameters]
+    return [(item, edge) for item, edge in found if edge is not None]

@@ -1,0 +1,161 @@
+"""The ranges in which values are looked for: as given, or those usual for a tracker's options."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from trackbench.errors import InputError
+from trackbench.scenario import Scenario
+from trackbench.scenario.source import parse
+from trackbench.trackers.associate import COUNTING
+from trackbench.trackers.config import FilterConfig
+from trackbench.tuning.entry import current, problem_with
+from trackbench.tuning.parameters import Parameter, shown
+
+FORM = "write KEY=LOW:HIGH, such as acceleration_sigma_mps2=0.1:30, or KEY=A,B,C"
+#: Usual ranges of the noises that drive the built-in motion models: from a lorry on a motorway to an emergency.
+NOISES = {
+    "acceleration_sigma_mps2": (0.05, 30.0),
+    "yaw_acceleration_sigma_radps2": (0.005, 10.0),
+    "jerk_sigma_mps3": (0.1, 200.0),
+}
+#: Of other noises: this factor to either side of the start.
+FACTOR = 30.0
+#: Usual values of when tracks of several objects begin.
+GATE = (0.9, 0.99999)
+CONFIRM = ([2, 2], [2, 3], [3, 3], [3, 4], [3, 5], [4, 6])
+CONFIRM_EXISTENCE = (0.5, 0.999)
+
+
+def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
+    """A range as the command line gives it, checked against the tracker.
+
+    Raises:
+        InputError: it is no range, or the tracker does not take its values; says which it would.
+    """
+    key, equals, rest = text.partition("=")
+    key, at = key.strip(), f"--range {text}"
+    if not equals or not all(key.split(".")):
+        raise InputError(FORM, key=at)
+    ends = rest.split(":")
+    if len(ends) == 2 and "[" not in rest:
+        low, high = (_read(end, at) for end in ends)
+        parameter = _between(key, low, high, loaded, tracker, at)
+        _require(loaded, tracker, parameter, (low, high), at)
+        return parameter
+    choices = tuple(_read(f"[{rest}]", at))
+    if len(choices) < 2:
+        raise InputError(FORM, key=at)
+    parameter = Parameter(key, "choice", choices=choices)
+    _require(loaded, tracker, parameter, choices, at)
+    return parameter
+
+
+def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
+    """The ranges for a built-in tracker: its process noise; of several objects, gate and confirmation too.
+
+    Raises:
+        InputError: it is not built in, or has no such option.
+    """
+    entry = loaded.config.trackers[tracker]
+    if not isinstance(entry, FilterConfig):
+        raise InputError(f"{tracker} is not built in: give --range options.KEY=LOW:HIGH", file=loaded.path)
+    found: list[Parameter] = []
+    if entry.process_noise_diag is None:
+        for number, motion in enumerate(entry.models):
+            prefix = f"motion.imm.{number}." if len(entry.models) > 1 else _prefix(loaded, tracker)
+            for option in dict.fromkeys(motion.driving_noise):
+                found.append(_usual(prefix + option, option, getattr(motion, option)))
+    if entry.associate is not None:
+        method = entry.associate.method
+        if method != "oracle":
+            found.append(Parameter("associate.gate", "odds", *GATE))
+        if method not in COUNTING:
+            found.append(Parameter("associate.confirm_existence", "odds", *CONFIRM_EXISTENCE))
+        elif entry.associate.confirm != "score":
+            found.append(Parameter("associate.confirm", "choice", choices=CONFIRM))
+    if not found:
+        raise InputError(f"{tracker} has no process noise that could be tuned: give --range", file=loaded.path)
+    return found
+
+
+def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
+    """Whether a range is of an option that the tracker has."""
+    try:
+        parse_range(text, loaded, tracker)
+    except InputError:
+        return False
+    return True
+
+
+def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> dict[str, Any] | None:
+    """The values that the tracker has in the scenario; None where one of them is in no range."""
+    values = {item.key: current(loaded, tracker, item.key) for item in parameters}
+    if not all(item.holds(values[item.key]) for item in parameters):
+        return None
+    return {
+        key: float(value) if isinstance(value, int) and _real(parameters, key) else value
+        for key, value in values.items()
+    }
+
+
+def _real(parameters: Sequence[Parameter], key: str) -> bool:
+    return any(item.key == key and item.continuous for item in parameters)
+
+
+def _prefix(loaded: Scenario, tracker: str) -> str:
+    """Where the options of the motion model stand: beside its name, or with it in a mapping."""
+    motion = loaded.document.value["trackers"][tracker].get("motion")
+    return "motion." if isinstance(motion, dict) else ""
+
+
+def _usual(key: str, option: str, start: float) -> Parameter:
+    low, high = NOISES.get(option, (start / FACTOR, start * FACTOR))
+    return Parameter(key, "log", min(low, start / 2), max(high, start * 2))
+
+
+def _between(key: str, low: Any, high: Any, loaded: Scenario, tracker: str, at: str) -> Parameter:
+    for end in (low, high):
+        if isinstance(end, bool) or not isinstance(end, int | float) or not math.isfinite(end):
+            raise InputError(f"{shown(end)} is no number; {FORM}", key=at)
+    if low >= high:
+        raise InputError(
+            f"the range is upside down: write {key}={shown(high)}:{shown(low)}"
+            if low > high
+            else "the two ends are the same: give two that differ",
+            key=at,
+        )
+    whole = isinstance(low, int) and isinstance(high, int)
+    if whole and problem_with(loaded, tracker, {key: low}) is None and problem_with(loaded, tracker, {key: low + 0.5}):
+        return Parameter(key, "integer", low, high)
+    if low > 0 and high < 1 and problem_with(loaded, tracker, {key: 1.5}) is not None:
+        return Parameter(key, "odds", float(low), float(high))
+    return Parameter(key, "log" if low > 0 else "linear", float(low), float(high))
+
+
+def _require(loaded: Scenario, tracker: str, parameter: Parameter, values: Sequence[Any], at: str) -> None:
+    for value in values:
+        problem = problem_with(loaded, tracker, {parameter.key: value})
+        if problem is not None:
+            raise InputError(f"{tracker}: {problem}", key=at)
+
+
+def _read(text: str, at: str) -> Any:
+    try:
+        return parse(text, at).value
+    except InputError as error:
+        raise InputError(f"{error.message}; {FORM}", key=at) from None
+
+
+def require_no_repetition(parameters: Sequence[Parameter]) -> None:
+    """Make sure that no option has two ranges.
+
+    Raises:
+        InputError: one has.
+    """
+    keys = [item.key for item in parameters]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError(f"two ranges of {key}; give one", key="--range")
