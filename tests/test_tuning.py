@@ -91,7 +91,7 @@ def test_the_likelihood_is_that_of_the_innovations() -> None:
 
 def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> None:
     models = [{"model": "cv", "acceleration_sigma_mps2": sigma} for sigma in (0.5, 20.0)]
-    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]})
+    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_readings")
     assert isinstance(tracker.filter, InteractingMultipleModel)
     step = 0.05
     axis = np.arange(-9.0, 9.0, step)
