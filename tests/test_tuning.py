@@ -93,8 +93,8 @@ def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> Non
     models = [{"model": "cv", "acceleration_sigma_mps2": sigma} for sigma in (0.5, 20.0)]
     tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]})
     assert isinstance(tracker.filter, InteractingMultipleModel)
-    step = 0.05
-    axis = np.arange(-9.0, 9.0, step)
+    step = 0.2
+    axis = np.arange(-25.0, 25.0, step)
     grid = np.stack(np.meshgrid(axis, axis)).reshape(2, -1)
 
     def scan(time: float, measurement: Any) -> Scan:
