@@ -79,40 +79,34 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
     kinds = tuple(dict.fromkeys(SENSOR_MODELS[scan.kind] for scan in scans))
     size = max(len(scan.measurement) for scan in scans)
     value = np.zeros((len(scans), size, taken.shape[1]))
-    whitener = np.zeros((len(scans), taken.shape[1], size, size))
+    lanes = np.arange(taken.shape[1])
+    whitener = np.zeros((len(scans), len(lanes), size, size))
     for i, scan in enumerate(scans):
         own = len(scan.measurement)
         value[i, :own] = np.where(scan.valid, scan.measurement, 0.0)
-        # One for all objects, or for each its own.
-        noise = (
-            np.moveaxis(scan.noise_covariance[None], 0, -1)
-            if scan.noise_covariance.ndim == 2
-            else scan.noise_covariance
-        )
-        whitener[i, :, :own, :own] = np.linalg.inv(np.linalg.cholesky(np.moveaxis(noise, -1, 0)))
+        noise = np.moveaxis(scan.noise_covariance, (0, 1), (-2, -1))
+        whitener[i, :, :own, :own] = np.linalg.inv(np.linalg.cholesky(noise))
     time = np.array([scan.time for scan in scans])[number]
     kind = np.array([kinds.index(SENSOR_MODELS[scan.kind]) for scan in scans])[number]
     position = np.stack([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans])
-    lanes = np.arange(taken.shape[1])
     return FirstMeasurements(
         np.where(there[:-1], np.round(np.diff(time, axis=0), CLOCK), 0.0),
         kinds,
         np.where(there, kind, -1),
         np.take_along_axis(value, number[:, None], axis=0),
-        np.moveaxis(whitener[number, np.arange(taken.shape[1])], 1, -1) * there[:, None, None],
+        np.moveaxis(whitener[number, lanes], 1, -1) * there[:, None, None],
         np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
         np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
         position[number[np.argmax(there, axis=0), lanes], :, lanes].T,
     )
 
 
-def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, sigma: Array) -> Fit:
+def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
     """The most probable state at the latest measurement, of the motion model and its own process noise.
 
     What is sought is the first state and each driving noise from one measurement to the next, by damped Gauss-Newton on
     the sum of the squares of all normalised residuals; the covariance is the inverse of the information matrix, carried
     to the latest measurement. For a linear model and measurement it is the Kalman filter's state, exactly.
-    ``sigma`` is ``(q, L)``, the standard deviation of each driving noise of each object.
     It starts from the fit of constant velocity. Where that one moves on and this one does not come to rest, the
     former's latest state stands in its place.
 
@@ -121,39 +115,33 @@ def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior,
     smoother as a Gauss-Newton method".
     """
     straight = fit_straight(measurements, prior)
-    own = _fit(motion, measurements, prior, motion.from_cartesian(straight.first, prior.others).mean, sigma)
+    own = _fit(motion, measurements, prior, motion.from_cartesian(straight.first, prior.others).mean)
     if own.converged.all():
         return own
     driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
-    other = _fit(
-        driven,
-        measurements,
-        prior,
-        straight.first.mean,
-        np.full((2, straight.first.mean.shape[1]), prior.others.acceleration),
-    ).latest
+    other = _fit(driven, measurements, prior, straight.first.mean).latest
     return own._replace(latest=_choose(own.converged, own.latest, motion.from_cartesian(other, prior.others)))
 
 
 def fit_straight(measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
     """The fit of a velocity that is constant, without any noise: px, py, vx, vy."""
     standing = np.concatenate([measurements.position, np.zeros_like(measurements.position)])
-    return _fit(ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing)
+    return _fit(ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False)
 
 
 def _fit(
-    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, first: Array, sigma: Array | None = None
+    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, first: Array, *, driven: bool = True
 ) -> Fit:
     size, lanes = first.shape
-    noises = 0 if sigma is None else len(sigma) * len(measurements.interval)
+    noises = len(motion.noise_sigma) * len(measurements.interval) * driven
     found = np.concatenate([first, np.zeros((noises, lanes))])
-    at = _Linearised.of(motion, measurements, prior, found, sigma)
+    at = _Linearised.of(motion, measurements, prior, found)
     damping = np.full(lanes, 1e-6)
     converged = np.zeros(lanes, dtype=bool)
     for _ in range(MOST_STEPS):
         step = _solved(at.information, at.gradient, damping)
         tried = found + np.where(converged, 0.0, step)
-        there = _Linearised.of(motion, measurements, prior, tried, sigma)
+        there = _Linearised.of(motion, measurements, prior, tried)
         better = there.cost <= at.cost * (1.0 + 1e-12)
         length = np.einsum("i...,ij...,j...->...", step, at.information, step)
         converged |= (length < CONVERGED**2) & (better | (length < 1e-12))
@@ -185,25 +173,18 @@ class _Linearised(NamedTuple):
     """``(n, p, L)`` its derivative."""
 
     @classmethod
-    def of(
-        cls,
-        motion: MotionModel,
-        measurements: FirstMeasurements,
-        prior: BatchPrior,
-        point: Array,
-        sigma: Array | None,
-    ) -> _Linearised:
+    def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, point: Array) -> _Linearised:
         size, lanes = len(motion.components), point.shape[1]
+        sigma = np.asarray(linalg.expand(linalg.vector(motion.noise_sigma), point)) * np.ones(lanes)
+        driven = len(point) > size
         x = point[:size]
         slope = np.zeros((size, len(point), lanes))
         slope[range(size), range(size)] = 1.0
         residuals, derivatives = _of_prior(motion, prior, point, slope)
         for k in range(len(measurements.kind)):
             if k:
-                driven = None
-                if sigma is not None:
-                    driven = slice(size + len(sigma) * (k - 1), size + len(sigma) * k), sigma
-                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, point, driven)
+                own = slice(size + len(sigma) * (k - 1), size + len(sigma) * k) if driven else None
+                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, point, own, sigma)
             residual, derivative = _of_measurement(motion, measurements, k, x, slope)
             residuals.append(residual)
             derivatives.append(derivative)
@@ -231,22 +212,16 @@ def _of_prior(motion: MotionModel, prior: BatchPrior, point: Array, slope: Array
 
 
 def _moved(
-    motion: MotionModel,
-    interval: Array,
-    x: Array,
-    slope: Array,
-    point: Array,
-    driven: tuple[slice, Array] | None,
+    motion: MotionModel, interval: Array, x: Array, slope: Array, point: Array, own: slice | None, sigma: Array
 ) -> tuple[Array, Array]:
-    """The state after the interval and its derivative; ``driven`` says where its noises stand and their sigmas."""
+    """The state after the interval and its derivative; ``own`` is where its noises stand among the unknowns."""
     after, turned = x.copy(), slope.copy()
     for dt in np.unique(interval[interval > 0.0]):
         where = interval == dt
         here, before = x[:, where], slope[..., where]
         after[:, where] = motion.transition(here, dt)
         turned[..., where] = linalg.matmul(linalg.expand(motion.jacobian(here, dt), before), before)
-        if driven is not None:
-            own, sigma = driven
+        if own is not None:
             gain = sigma[:, where] * linalg.expand(motion.noise_gain(here, dt), before)
             after[:, where] += linalg.apply(gain, point[own, where])
             turned[:, own, where] += gain

@@ -170,9 +170,7 @@ def _from_batch(
         size = len(motion.components)
         mean = np.ones((size, *ready.shape))
         covariance = np.zeros((size, *mean.shape)) + linalg.expand(np.eye(size), mean[None])
-        # Each object may have noise levels of its own.
-        sigma = np.stack([np.broadcast_to(level, ready.shape)[ready] for level in motion.noise_sigma])
-        found = batch_fit.fit(motion, _collected(scans, counted, ready), prior, sigma)
+        found = batch_fit.fit(motion.part(ready), _collected(scans, counted, ready), prior)
         mean[:, ready], covariance[..., ready] = found.latest
         return _stated(Gaussian(mean, covariance), config)
 
@@ -184,12 +182,11 @@ def _from_batch(
 
 def _collected(scans: Sequence[Scan], counted: Sequence[Mask], where: Mask) -> FirstMeasurements:
     """The measurements that count, of some of the objects."""
-    own = [(_of(scan, where), mask[where]) for scan, mask in zip(scans, counted, strict=True) if mask[where].any()]
+    own = [(_part(scan, where), mask[where]) for scan, mask in zip(scans, counted, strict=True) if mask[where].any()]
     return batch_fit.collect([scan for scan, _ in own], np.stack([mask for _, mask in own]))
 
 
-def _of(scan: Scan, where: Mask) -> Scan:
-    """The scan of some of the objects, ``(m, L)``."""
+def _part(scan: Scan, where: Mask) -> Scan:
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance[..., where]
     return scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where], noise_covariance=noise)
 
