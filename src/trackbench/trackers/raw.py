@@ -47,7 +47,7 @@ class RawTracker:
         mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
         new = PositionFix(np.where(scan.valid, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
         later = scan.valid & ~(state.last.time >= scan.time)
-        better = scan.valid & ~later & (_size(new) < _size(state.last))
+        better = scan.valid & (state.last.time == scan.time) & (_size(new) < _size(state.last))
         last = _choose(later | better, new, state.last)
         before = _choose(later, state.last, state.before)
         dt = last.time - before.time
