@@ -46,6 +46,7 @@ NAMES = [
     "axis_mirrored",
     "ego_motion_ignored",
     "measurement_ignored",
+    "late_processed_as_new",
     "nonfinite",
     "not_deterministic",
 ]

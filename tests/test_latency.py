@@ -1,31 +1,123 @@
-"""A latency changes no score, and whoever states one is told."""
+"""Latency: in which order trackers get scans, and when they are asked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.conftest import Outcome, Run
+from tests.scenes import scan
 
-NOTE = "changes no score: measurements come in the order in which they were taken"
+import trackbench as tb
+from trackbench.runner.delivery import deliveries
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.sensing.scans import arrivals, ideal_sensors
+from trackbench.stepping.steppers import masked
+from trackbench.types import Scan
+
+#: Fails where scans do not come as they arrive. It stays where it is.
+STRICT = """
+import numpy as np
 
 
-def test_no_score_depends_on_it(run_tiny: Run) -> None:
-    prompt, late = (run_tiny(f"sensors.radar.latency_s={seconds}") for seconds in (0, 0.5))
-    of_prompt, of_late = (result.json()["trackers"] for result in (prompt, late))
-    for one, other in zip(of_prompt, of_late, strict=True):
-        for tracker in (one, other):
-            tracker["metrics"].pop("step_time")
-        assert one == other
+class Strict:
+    batched = True
+
+    def step(self, state, scan):
+        arrived, late, asked = state or (0.0, 0, 0)
+        assert scan.arrival_time >= arrived
+        assert not (scan.asked and scan.valid.any())
+        late, asked = late + (scan.arrival_time > scan.time), asked + scan.asked
+        # The lidar's first two scans are at 0 and 0.2 s, and 0.15 s late.
+        assert scan.time < 1.7 or (late >= 8 and asked == 0)
+        mean = np.zeros((4, *scan.valid.shape))
+        return (scan.arrival_time, late, asked), (mean, np.zeros((4, *mean.shape)) + np.eye(4)[..., None])
+"""
 
 
-@pytest.mark.parametrize("command", [["check"], ["run", "--quiet", "--no-recording", "--out", "results"]])
-def test_whoever_states_one_is_told(command: list[str], tiny: Path, cli: Callable[..., Outcome]) -> None:
-    prompt = cli(*command, tiny.name)
-    assert NOTE not in prompt.out + prompt.err
-    tiny.write_text(tiny.read_text().replace("azimuth_sigma_deg: 0.5", "azimuth_sigma_deg: 0.5, latency_s: 0.25"))
-    late = cli(*command, tiny.name)
-    assert late.status == prompt.status == 0
-    assert f"tiny.yaml:12: sensors.radar.latency_s: {NOTE}" in late.err
-    assert NOTE not in late.out
+def seen(sensor: str, time: float, latency: float = 0.0) -> Scan:
+    return scan("lidar", time, np.zeros((2, 1)))._replace(sensor=sensor, arrival_time=time + latency)
+
+
+def given(scans: list[Scan], *unread: str) -> list[list[tuple[str, float, bool]]]:
+    found = deliveries(scans, lambda sensor: sensor not in unread, masked)
+    return [[(one.scan.sensor, one.scan.time, one.scan.asked) for one in group] for group in found]
+
+
+def test_without_latency_each_scan_is_given_at_its_instant() -> None:
+    scans = [seen("a", 0), seen("b", 0), seen("a", 0.1), seen("b", 0.2)]
+    assert given(scans) == [[("a", 0, False), ("b", 0, False)], [("a", 0.1, False)], [("b", 0.2, False)]]
+    groups = list(deliveries(scans, lambda sensor: sensor == "a", masked))
+    assert [one.scan.valid.any() for group in groups for one in group] == [True, False, True, False]
+
+
+def test_scans_are_given_as_they_arrive_and_estimates_are_asked_for() -> None:
+    scans = [seen("late", 0, 0.15), seen("prompt", 0), seen("late", 0.1, 0.15), seen("late", 0.2, 0.05)]
+    scans += [seen("prompt", 0.3)]
+    assert given(scans) == [
+        [("prompt", 0, False)],
+        [("late", 0.1, True)],
+        [("late", 0, False), ("late", 0.2, True)],
+        # What was taken later arrives first, if its latency is so much shorter.
+        [("late", 0.1, False), ("late", 0.2, False), ("prompt", 0.3, False)],
+    ]
+    # Of a sensor that is not read a tracker hears nothing but that it is asked.
+    assert given(scans, "late") == [
+        [("prompt", 0, False)],
+        [("late", 0.1, True)],
+        [("late", 0.2, True)],
+        [("prompt", 0.3, False)],
+    ]
+    asked = list(deliveries(scans, lambda _: True, masked))[1][0].scan
+    assert (asked.time, asked.arrival_time, asked.valid.any(), np.isnan(asked.measurement).all()) == (0.1, 0.1, 0, 1)
+
+
+def test_a_tracker_of_ones_own_gets_scans_as_they_arrive(
+    run_tiny: Run, tmp_path: Path, write_module: Callable[[Path, str], str]
+) -> None:
+    use = f"trackers.mine={{use: '{write_module(tmp_path, STRICT)}:Strict'}}"
+    result = run_tiny(use, "sensors.lidar.latency_s=0.15", "monte_carlo.runs=1", folder=tmp_path)
+    assert result["mine"].failed is None
+    # It does find out where it is asked, which it is not while the radar is prompt.
+    result = run_tiny(use, "sensors.lidar.latency_s=0.15", "sensors.radar.latency_s=0.05", folder=tmp_path)
+    assert "AssertionError" in str(result["mine"].failed)
+
+
+def test_a_drawn_latency_is_the_same_in_every_run_and_between_its_ends(tiny: Path) -> None:
+    loaded = load_scenario(tiny, ["sensors.radar.latency_s=[0.05, 0.2]"])
+    (truth,) = truths_of(loaded)
+    radar, lidar = ideal_sensors(truth.truth, loaded.config.sensors)
+    late = arrivals(radar, 7, "tiny") - radar.time
+    assert 0.05 <= late.min() < 0.08 < 0.17 < late.max() <= 0.2
+    np.testing.assert_array_equal(arrivals(lidar, 7, "tiny"), lidar.time)
+    assert not np.array_equal(arrivals(radar, 8, "tiny") - radar.time, late)
+    few, many = (tb.run(tb.load(tiny, {"sensors.radar.latency_s": [0.05, 0.2]}, runs=runs)) for runs in (2, 5))
+    assert few.summary.fingerprints == many.summary.fingerprints[:2]
+    one, other = (result.to_pandas("runs").query("tracker == 'ekf' and run < 2") for result in (few, many))
+    np.testing.assert_allclose(one["position_rmse_m"], other["position_rmse_m"], rtol=1e-12)
+
+
+def test_latency_costs(run_tiny: Run) -> None:
+    prompt, late = (run_tiny(f"sensors.radar.latency_s={seconds}")["ekf"] for seconds in (0, 0.5))
+    assert late.metrics["position_rmse"].value > prompt.metrics["position_rmse"].value
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("[0.2, 0.1]", "the least comes first: [0.1, 0.2]"),
+        ("soon", "a number in seconds is needed"),
+        ("{}", "write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]"),
+        ("-1", "at least 0"),
+        ("[0.1]", "2"),
+    ],
+)
+def test_a_wrong_latency_is_said(value: str, message: str, tiny: Path, cli: Callable[..., Outcome]) -> None:
+    tiny.write_text(tiny.read_text().replace("azimuth_sigma_deg: 0.5", f"azimuth_sigma_deg: 0.5, latency_s: {value}"))
+    found = cli("check", tiny.name)
+    assert found.status == 2
+    assert "tiny.yaml:12: sensors.radar.latency_s" in found.err
+    assert message in found.err

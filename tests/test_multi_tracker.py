@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from tests.scenes import NOISE
 from tests.traffic_scans import FALSE_ALARM, Traffic, traffic, vehicles
 
-from trackbench.errors import TrackbenchError
 from trackbench.multi import MultiObjectTracker, build_multi
 from trackbench.testing import check_tracker
 from trackbench.trackers.builtin import build
@@ -252,14 +251,6 @@ def test_the_rules_for_trackers_of_several_objects_hold(method: str) -> None:
     checks = check_tracker(lambda: tracker(method), identities="hidden")
     assert len(checks) > 6
     assert all(check.problem is None for check in checks)
-
-
-def test_a_scan_older_than_the_state_is_refused() -> None:
-    seen = traffic(vehicles(2), 2)
-    of = tracker("gnn")
-    state, _ = of.step(None, scan_of_run(seen.scans[1], 0))
-    with pytest.raises(TrackbenchError, match="older than the estimate"):
-        of.step(state, scan_of_run(seen.scans[0], 0))
 
 
 def test_a_sensor_that_is_not_read_changes_nothing() -> None:

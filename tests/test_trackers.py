@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.scenes import LIDAR_NOISE, NOISE, RADAR_NOISE, TRACKERS, scan, tracker
+from tests.scenes import LIDAR_NOISE, NOISE, RADAR_NOISE, scan, tracker
 
-from trackbench.errors import TrackbenchError
 from trackbench.models.motion import Kinematics
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.published import create
@@ -14,15 +13,6 @@ EKF = {"filter": "ekf", "motion": "cv", **NOISE["cv"]}
 #: From the first two measurements that there are.
 TWO = {"from": "two_readings", "least_time_s": 0}
 FAR = np.array([[40.0], [30.0]])
-
-
-@pytest.mark.parametrize("keys", TRACKERS.values(), ids=TRACKERS)
-def test_an_out_of_sequence_scan_is_refused(keys):
-    made = tracker(**keys)
-    state, _ = made.step(None, scan("lidar", 1.0, FAR))
-    state, _ = made.step(state, scan("lidar", 1.2, FAR))
-    with pytest.raises(TrackbenchError, match=r"measurement of lidar at 1\.1 s is older than the estimate at 1\.2 s"):
-        made.step(state, scan("lidar", 1.1, FAR))
 
 
 @pytest.mark.parametrize("kind", ["radar", "lidar"])

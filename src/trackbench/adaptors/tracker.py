@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
 
@@ -11,7 +12,6 @@ from trackbench.adaptors.layout import Layout
 from trackbench.adaptors.options import AdaptorOptions
 from trackbench.errors import TrackbenchError
 from trackbench.trackers import initial
-from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.initial import TentativeTrack
 from trackbench.types import Array, Estimate, Gaussian, Scan
 
@@ -52,13 +52,14 @@ class AdaptedTracker(ABC):
         self._dt = options.dt_s
 
     def step(self, state: Track | None, scan: Scan) -> tuple[Track, Estimate | None]:
-        """Predict to the scan's time and take its measurement in.
+        """Predict to the scan's time and take its measurement in; a scan that is older than the state is dropped.
 
         Raises:
-            TrackbenchError: the scan is older than the state, or its interval or sensor does not fit the options.
+            TrackbenchError: the scan's interval or sensor does not fit the options.
         """
-        track = state or Track(scan.time, None, None)
-        require_in_sequence(scan, track.time)
+        track = state or Track(-math.inf, None, None)
+        if scan.asked or scan.time < track.time:
+            return track, None if track.belief is None else self._asked(track, max(scan.time, track.time))
         if track.belief is None and (self._initial is not None or not scan.valid):
             return self._wait(track, scan)
         belief = self._own(scan.time) if track.belief is None else self._predict(track.belief, scan.time - track.time)
@@ -67,6 +68,9 @@ class AdaptedTracker(ABC):
         return Track(scan.time, updated.belief, None), answer._replace(
             innovation=updated.innovation, innovation_covariance=updated.innovation_covariance
         )
+
+    def _asked(self, track: Track, time: float) -> Estimate:
+        return self._estimate(self._predict(track.belief, time - track.time))
 
     @abstractmethod
     def _own(self, time: float) -> Any:

@@ -13,7 +13,7 @@ from trackbench.api.plan import Plan
 from trackbench.errors import InputError
 from trackbench.results import Result
 from trackbench.scenario import Scenario
-from trackbench.scenario.check import check_plugins, notes
+from trackbench.scenario.check import check_plugins
 from trackbench.scenario.truth import PendingTruths
 
 
@@ -80,7 +80,7 @@ def _checked(scenario: Scenario, plan: Plan) -> Scenario:
 def _prepared(scenario: Scenario, pending: PendingTruths, listener: Listener, place: str) -> Prepared:
     with listener.progress(f"{place}truth of {scenario.config.name}", "steps") as advance:
         truths = pending.collect(advance)
-    for note in (*notes(scenario), *dict.fromkeys(note for truth in truths for note in truth.notes)):
+    for note in dict.fromkeys(note for truth in truths for note in truth.notes):
         listener.note(note)
     return Prepared(scenario, truths)
 

@@ -11,7 +11,7 @@ from trackbench.cli.completion import scenario_paths
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import quiet_option
 from trackbench.scenario import load_scenario
-from trackbench.scenario.check import check, notes
+from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import scenario_files, shown_name
 from trackbench.stepping.isolation import Isolation
@@ -42,8 +42,6 @@ def check_command(scenarios: tuple[Path, ...], isolation: Isolation, quiet: bool
             continue
         sweeps = ", ".join(f"{name}: {len(points)} points" for name, points in loaded.sweeps.items())
         click.echo(f"{shown_name(file)}: ok{f' ({sweeps})' if sweeps else ''}")
-        for note in notes(loaded):
-            click.echo(note, err=True)
 
 
 @click.command("schema")

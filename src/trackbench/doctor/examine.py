@@ -17,6 +17,7 @@ from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
 from trackbench.doctor.checks.gain import gain
 from trackbench.doctor.checks.innovations import innovations
+from trackbench.doctor.checks.late import late
 from trackbench.doctor.checks.models import models
 from trackbench.doctor.checks.output import output
 from trackbench.doctor.checks.prediction import prediction, spreading
@@ -54,6 +55,7 @@ PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
     wrapping,
     process_noise,
     innovations,
+    late,
     drives,
     validity,
 )
@@ -118,8 +120,8 @@ class Doctor:
     """Examines trackers with given sensors.
 
     Args:
-        sensors: by name. Only their kinds and noise are used: in an examination they are mounted at the observer's
-            centre, see all around, and have fixed rates.
+        sensors: by name. Only their kinds, their noise and their latency are used: in an examination they are mounted
+            at the observer's centre, see all around, and have fixed rates.
         seed: of the noise and of the variation of the probes; None for the probes as they are, and noise of seed 0.
     """
 
@@ -127,6 +129,7 @@ class Doctor:
         self._probes = Probes() if seed is None else varied(np.random.default_rng(seed))
         self._seed = seed or 0
         self.sensors = {name: simplified(sensor) for name, sensor in sensors.items()}
+        self._late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0}
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
@@ -164,7 +167,7 @@ class Doctor:
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
 
     def _under_test(self, make: Callable[[], Tracker], drives: list[tuple[TestDrive, Rollout]]) -> TrackerUnderTest:
-        return TrackerUnderTest(make, self.sensors, drives, self._probes, self._seed)
+        return TrackerUnderTest(make, self.sensors, drives, self._probes, self._seed, self._late)
 
     @one_blas_thread()
     def evidence(self, examination: Examination, make: Callable[[], Tracker]) -> list[EvidenceRun]:
@@ -196,4 +199,4 @@ def simplified(sensor: Sensor) -> Sensor:
         "detection_probability": 1.0,
         "dropouts": [],
     }
-    return sensor.model_copy(update={**biases, **unlimited, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0.0})
+    return sensor.model_copy(update={**biases, **unlimited, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0})

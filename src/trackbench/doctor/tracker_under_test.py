@@ -32,6 +32,7 @@ class TrackerUnderTest:
         drives: the test drives, each with the estimates of the reference.
         probes: all probes.
         seed: of the noise.
+        late: for each sensor whose scans come late, by how much at most, s.
     """
 
     def __init__(
@@ -41,12 +42,14 @@ class TrackerUnderTest:
         drives: Sequence[tuple[TestDrive, Rollout]],
         probes: Probes,
         seed: int,
+        late: Mapping[str, float],
     ) -> None:
         self.make = make
         self.sensors = sensors
         self.drives = drives
         self.probes = probes
         self.seed = seed
+        self.late = late
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
         """Each with the name of the probe, drive or check where it happened."""

@@ -71,9 +71,10 @@ class Scorer:
 
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
-        used = scan.valid & self._expected[instant]
-        innovation = Innovation(instant, whitened_innovation(estimate), used, used & self._had)
-        self._innovations[scan.sensor].append(innovation)
+        if not scan.asked:
+            used = scan.valid & self._expected[instant]
+            innovation = Innovation(instant, whitened_innovation(estimate), used, used & self._had)
+            self._innovations[scan.sensor].append(innovation)
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._expected[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)

@@ -17,4 +17,6 @@ def build_multi(config: FilterConfig) -> MultiObjectTracker:
         assumed=config.assumed,
         sensors=config.sensors,
         advance_at=config.advance_at,
+        late=config.late,
+        lag_s=config.lag_s,
     )

@@ -23,10 +23,10 @@ from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, re
 from trackbench.multi.undetected import Undetected
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
-from trackbench.trackers.base import require_in_sequence
 from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import from_first
 from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.late import LateMethod, Taken, kept, replayed, since
 from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
@@ -46,6 +46,8 @@ class MultiObjectState(NamedTuple):
     next_id: Indices
     """``(runs,)``"""
     undetected: Undetected
+    history: tuple[Taken[MultiObjectState], ...] = ()
+    """The latest scans that were taken in."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,10 @@ class MultiObjectTracker:
     sensors: Collection[str] | None = None
     """Names of the sensors whose detections it takes in; None: all."""
     advance_at: AdvanceAt = "own_scans"
+    late: LateMethod = "replay"
+    """What becomes of a scan that is older than the state."""
+    lag_s: float = 1.0
+    """How far back a late scan may reach, s."""
 
     batched: ClassVar = True
     multi_object: ClassVar = True
@@ -74,7 +80,7 @@ class MultiObjectTracker:
 
     def step(
         self, state: MultiObjectState | None, scan: Scan, origins: Indices | None = None
-    ) -> tuple[MultiObjectState, Tracks]:
+    ) -> tuple[MultiObjectState | None, Tracks]:
         """Predict to the scan's time, associate its detections, and let tracks begin and end.
 
         Args:
@@ -83,22 +89,52 @@ class MultiObjectTracker:
             origins: ``(D,)`` or ``(D, runs)`` number of the object that caused each detection, negative for none;
                 only for the oracle.
 
-        Raises:
-            TrackbenchError: the scan is older than the state.
+        A scan that is older than the state is dealt with as ``late`` says; the tracks are then those at the state's
+        time. What is replayed may give an id to another object than before the late scan.
         """
         if scan.valid.ndim == 1:
             one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
             state, tracks = self.step(state, one, None if origins is None else origins[:, None])
             return state, _alone(tracks)
         scan = self.assumed.read(scan)
-        runs = scan.valid.shape[1]
-        state = state or self._nothing_yet(scan.time, runs)
-        require_in_sequence(scan, state.time)
+        if state is None:
+            state = self._nothing_yet(scan.time, scan.valid.shape[1])
+            if scan.asked:
+                # Its first scan may still be on its way.
+                return None, self._tracks(state.table, scan.valid.shape[1])
+        if self.late == "as_new" and not scan.asked:
+            scan = scan._replace(time=scan.arrival_time)
+        reads = not scan.asked and self._reads(scan.sensor)
+        if not reads:
+            ahead, answer = self._asked(state, max(scan.time, state.time))
+            return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
+        if scan.time < state.time:
+            return self._out_of_sequence(state, scan, origins)
+        before = state._replace(history=())
+        after, answer = self._in_sequence(before, scan, origins)
+        if self.late == "replay":
+            after = after._replace(history=kept(state.history, Taken(before, scan, origins), self.lag_s))
+        return after, answer
+
+    def _in_sequence(
+        self, state: MultiObjectState, scan: Scan, origins: Indices | None
+    ) -> tuple[MultiObjectState, Tracks]:
         ahead, belief = self._predicted(state, scan.time)
-        if self._reads(scan.sensor):
-            return self._after(ahead, belief, scan, origins)
-        asked = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
-        return (ahead if self.advance_at == "all_scans" else state), self._tracks(asked, runs)
+        return self._after(ahead, belief, scan, origins)
+
+    def _asked(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
+        ahead, _ = self._predicted(state, time)
+        table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
+        return ahead, self._tracks(table, len(ahead.next_id))
+
+    def _out_of_sequence(
+        self, state: MultiObjectState, scan: Scan, origins: Indices | None
+    ) -> tuple[MultiObjectState, Tracks]:
+        later = since(state.history, scan.time)
+        if not later:
+            return state, self._asked(state, state.time)[1]
+        again = replayed(self._in_sequence, state.history, later, scan, origins)
+        return again.state._replace(history=again.history), _with_used(again.latest, again.late)
 
     def predicted(self, state: MultiObjectState | None, time: float, run: int) -> Tracks:
         """The reported tracks of one run at a later time, ``(K,)``; the state stays as it is."""
@@ -270,6 +306,15 @@ class MultiObjectTracker:
 def _alone(tracks: Tracks) -> Tracks:
     """Those of the only run."""
     return Tracks._make(None if part is None else part[..., 0] for part in tracks)
+
+
+def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
+    """The tracks with the detections that they took of the late scan, of which another answer tells."""
+    assert late.used is not None
+    found = np.full(tracks.ids.shape, NONE)
+    for ids, used in zip(late.ids, late.used, strict=True):
+        found = np.where((tracks.ids == ids) & (ids != NONE), used, found)
+    return tracks._replace(used=found)
 
 
 @lru_cache(maxsize=64)

@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.delivery import deliveries
 from trackbench.runner.modes import ModeSums
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
@@ -148,7 +148,17 @@ class TrackerRun:
                 np.full((4, instants, objects), np.nan),
                 np.full((4, 4, instants, objects), np.nan),
                 self._target.due[..., kept],
+                {
+                    sensor.name: [np.full(objects, np.nan)] * len(sensor.steps)
+                    for sensor in scene.sensors
+                    if len(sensor.steps)
+                },
             )
+            counts = dict.fromkeys(self.recorded.nis, 0)
+            self._of_sensor: list[int] = []
+            for scan in measurements.scans:
+                self._of_sensor.append(counts[scan.sensor])
+                counts[scan.sensor] += 1
         self.modes: ModeSums | None = None
         self._instants = self._through(measurements.scans)
 
@@ -181,18 +191,21 @@ class TrackerRun:
         stepper: Stepper | None = None
         try:
             work = self._work
-            stepper = stepper_of(work, self._piece, work.trackers[self.name], map(self._given, scans))
-            for instant, (_, group) in enumerate(groupby(scans, key=lambda item: item.time)):
+            given = (scan if self._reads(scan.sensor) else masked(scan) for scan in scans)
+            stepper = stepper_of(work, self._piece, work.trackers[self.name], given)
+            if isinstance(stepper, Offline):
+                scans = [scan._replace(arrival_time=scan.time) for scan in scans]
+            for instant, group in enumerate(deliveries(scans, self._reads, masked)):
                 latest = self._none
-                for scan in group:
-                    given = self._given(scan)
+                for scan, number, _ in group:
                     begin = time.perf_counter()
-                    answer = stepper.step(given)
+                    answer = stepper.step(scan)
                     # A smoother does not work step by step.
                     seconds = math.nan if isinstance(stepper, Offline) else time.perf_counter() - begin
                     latest = answer or self._none
-                    self.scorer.scan(instant, given, latest, seconds)
-                    self._keep_nis(given, latest)
+                    self.scorer.scan(instant, scan, latest, seconds)
+                    if number is not None:
+                        self._keep_nis(number, scan, latest)
                 self.scorer.estimate(latest)
                 if latest.mode_probabilities is not None:
                     self.modes = self.modes or ModeSums(len(latest.mode_probabilities), self._target, self._kept)
@@ -206,10 +219,9 @@ class TrackerRun:
             if stepper is not None:
                 stepper.close()
 
-    def _given(self, scan: Scan) -> Scan:
-        """What the tracker is given of a scan."""
+    def _reads(self, sensor: str) -> bool:
         named = self._work.trackers[self.name].sensors_used
-        return scan if named is None or scan.sensor in named else masked(scan)
+        return named is None or sensor in named
 
     def _keep(self, instant: int, estimate: Estimate) -> Gaussian | None:
         """What the recorded run has of an estimate."""
@@ -224,7 +236,7 @@ class TrackerRun:
         self.recorded.mean[:, instant], self.recorded.covariance[:, :, instant] = found
         return found
 
-    def _keep_nis(self, scan: Scan, estimate: Estimate) -> None:
+    def _keep_nis(self, number: int, scan: Scan, estimate: Estimate) -> None:
         if self.recorded is None or self._kept is None:
             return
         nis = np.full(len(self._scene.truth.ids), np.nan)
@@ -232,7 +244,7 @@ class TrackerRun:
         white = whitened_innovation(estimate, members)
         if white is not None:
             nis = np.where(scan.valid[members], np.einsum("i...,i...->...", white, white), np.nan)
-        self.recorded.nis.setdefault(scan.sensor, []).append(nis)
+        self.recorded.nis[scan.sensor][self._of_sensor[number]] = nis
 
     def fail(self, fault: TrackFault, instant: int, sensor: str | None) -> None:
         """Note that and where the tracker cannot go on."""

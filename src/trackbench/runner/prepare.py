@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -33,7 +34,7 @@ def stepper_of(
     """
     prepare = partial(primed, work, piece, copies=copies)
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
-        return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
+        return Offline(SmoothedTracker(replace(prepare(build(entry)), lag_s=0.0)), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
     return start(entry, work.folder, batch, prepare, work.isolation)
 
@@ -49,6 +50,9 @@ def primed(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1
     """
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
+    if not any(sensor.config.latency[1] for sensor in scene.sensors):
+        # Nothing comes late, and no past state needs to be kept.
+        tracker = replace(tracker, lag_s=0.0)
     # When it starts must not depend on sensors that it does not read.
     own = [sensor.steps for sensor in scene.sensors if tracker.advances(sensor.name)]
     if not tracker.starts_from_truth or not own:

@@ -32,6 +32,10 @@ class Targets:
             )
             for sensor in self._scene.sensors
         }
+        self._arrival = {
+            name: np.array([scan.arrival_time for scan in measurements.scans if scan.sensor == name])
+            for name in self._valid
+        }
         self.due = self._where_due()
         """``(instants, objects, runs)``"""
         self._references: dict[tuple[frozenset[str], BoundStart], Array] = {}
@@ -52,12 +56,12 @@ class Targets:
         return np.asarray(self._alive[:, :, None] & settled & (unseen <= self._work.lost_after))
 
     def _first_detection(self) -> Array:
-        """``(objects, runs)`` s; infinity where there is none."""
+        """``(objects, runs)`` s when it arrived; infinity where there is none."""
         first = np.full(next(iter(self._valid.values())).shape[1:], np.inf)
         for sensor in self._scene.sensors:
-            valid = self._valid[sensor.name]
+            valid, arrival = self._valid[sensor.name], self._arrival[sensor.name]
             if len(valid):
-                first = np.where(valid.any(axis=0), np.minimum(first, sensor.time[np.argmax(valid, axis=0)]), first)
+                first = np.minimum(first, np.where(valid, arrival[:, None, None], np.inf).min(axis=0))
         return first
 
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
 
 import numpy as np
 import numpy.typing as npt
 
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.delivery import deliveries
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
@@ -113,7 +113,7 @@ class _Passage:
         self._taken: list[tuple[int, Tracks, int]] = []
         self._asked = range(len(piece.runs)) if not self._truth.known else () if kept is None else (kept,)
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._asked}
-        self._seconds, self._timed_from = 0.0, int(UNTIMED * len(hidden.scans))
+        self._seconds, self._timed, self._timed_from = 0.0, 0, int(UNTIMED * len(hidden.scans))
         self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
 
     def scores(self) -> TrafficScores | Failure:
@@ -126,17 +126,22 @@ class _Passage:
         except Exception as error:
             return self._failure(fault_of(error), 0, None)
         try:
-            numbered = enumerate(zip(self._hidden.scans, self._hidden.origins, strict=True))
-            for instant, (_, group) in enumerate(groupby(numbered, key=lambda item: item[1][0].time)):
-                for number, (scan, origins) in group:
-                    given, known = self._given(scan, origins)
-                    if given is scan:
+            named = self._work.trackers[self._name].sensors_used
+            given = deliveries(self._hidden.scans, lambda sensor: named is None or sensor in named, unread)
+            nothing = np.zeros((0, len(self._piece.runs)), dtype=np.intp)
+            stepped = 0
+            for instant, group in enumerate(given):
+                for scan, number, read in group:
+                    if read and number is not None and scan.arrival_time == scan.time:
                         self._predict(stepper, scan.time, number)
+                    origins = self._hidden.origins[number] if read and number is not None else nothing
                     begin = time.perf_counter()
-                    tracks = stepper.step(given, known)
-                    if number >= self._timed_from:
+                    tracks = stepper.step(scan, origins)
+                    if stepped >= self._timed_from:
                         self._seconds += time.perf_counter() - begin
-                    if given is scan:
+                        self._timed += 1
+                    stepped += 1
+                    if read and number is not None:
                         self._taken.append((instant, tracks, number))
                 self._instants.append(tracks)
         except (KeyboardInterrupt, GeneratorExit):
@@ -146,13 +151,6 @@ class _Passage:
         finally:
             stepper.close()
         return self._scored()
-
-    def _given(self, scan: Scan, origins: Indices) -> tuple[Scan, Indices]:
-        """The scan; of a sensor that the tracker does not read an empty one, which could have detected nothing."""
-        named = self._work.trackers[self._name].sensors_used
-        if named is None or scan.sensor in named:
-            return scan, origins
-        return unread(scan), origins[:0]
 
     def _predict(self, stepper: TracksStepper, time: float, number: int) -> None:
         """Keep what a built-in tracker expects before a scan; others could be changed by the question."""
@@ -164,7 +162,7 @@ class _Passage:
         runs = self._piece.runs
         tracks = _stacked(self._instants)
         state = np.stack([self._truth.px, self._truth.py, self._truth.vx, self._truth.vy])[:, self._due.steps]
-        steps = (len(self._hidden.scans) - self._timed_from) * len(runs)
+        steps = self._timed * len(runs)
         found = TrafficScores(TrafficSums(), np.zeros(len(runs)), self._seconds, steps)
         taken = self._associations() if self._truth.known else None
         for run in range(len(runs)):

@@ -33,14 +33,6 @@ def check(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     _all(loaded, [truth, *_trackers(loaded, isolation, started=False)])
 
 
-def notes(loaded: Scenario) -> Iterator[str]:
-    """What is stated without an effect, a line each."""
-    for name, sensor in loaded.config.sensors.items():
-        if sensor.latency_s > 0:
-            text = "changes no score: measurements come in the order in which they were taken"
-            yield str(loaded.locate(InputError(text, key=f"sensors.{name}.latency_s")))
-
-
 def check_plugins(loaded: Scenario, isolation: Isolation = ISOLATED) -> None:
     """Start each plug-in once, for a run.
 

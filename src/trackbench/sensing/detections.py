@@ -12,7 +12,7 @@ import numpy as np
 from trackbench.models.sensors import Sensor
 from trackbench.sensing.clutter import false_alarms
 from trackbench.sensing.resolution import resolve
-from trackbench.sensing.scans import IdealSensor, measured
+from trackbench.sensing.scans import IdealSensor, arrivals, measured
 from trackbench.sensing.schedule import silent
 from trackbench.sensing.view import field_of_view
 from trackbench.streams import stream
@@ -69,7 +69,7 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
         for i, of_run in enumerate(drawn):
             hashes[i].update(of_run.instant.tobytes())
             hashes[i].update(of_run.measurement.tobytes())
-        found += _scans(sensor, drawn)
+        found += _scans(sensor, drawn, arrivals(sensor, seed, scenario))
     # Stable: sensors that fire together stay in the scenario's order.
     found.sort(key=lambda entry: entry[0].time)
     return HiddenMeasurements(
@@ -131,7 +131,7 @@ def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _De
     )
 
 
-def _scans(sensor: IdealSensor, drawn: Sequence[_Detections]) -> list[tuple[Scan, Indices, Indices]]:
+def _scans(sensor: IdealSensor, drawn: Sequence[_Detections], arrival: Array) -> list[tuple[Scan, Indices, Indices]]:
     """Each scan with its origins and the second objects of merged detections."""
     config, size = sensor.config, len(sensor.noise_covariance)
     counts = np.stack([np.bincount(one.instant, minlength=len(sensor.time)) for one in drawn], axis=-1)
@@ -159,7 +159,7 @@ def _scans(sensor: IdealSensor, drawn: Sequence[_Detections]) -> list[tuple[Scan
             noise_covariance=sensor.noise_covariance,
             sensor_pose=sensor.pose[:, k],
             sensor_velocity=sensor.velocity[:, k],
-            arrival_time=float(time) + config.latency_s,
+            arrival_time=float(arrival[k]),
             # A silent sensor says so: that it detects nothing tells nothing of the objects.
             detection_probability=0.0 if quiet[k] else probability,
             clutter_density=0.0 if quiet[k] else density,

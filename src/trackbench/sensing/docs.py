@@ -15,8 +15,7 @@ INTRODUCTION = """\
 <!-- Made from the presets by `python -m trackbench.sensing.docs`. Change presets.yaml, not this page. -->
 
 Published figures of real sensors, named in a scenario as `preset:`; a key that the scenario writes itself wins over the
-preset's. What each key means is in [sensors](sensors.md), where it
-says that `latency_s` changes no score.
+preset's. What each key means is in [sensors](sensors.md).
 
 Makers rarely say what "accuracy" means. Where the source states no standard deviation, the figure is taken as one: the
 cautious measurement, as a bound or a two-sigma figure would mean less noise. A figure that no source gives is marked

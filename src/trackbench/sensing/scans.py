@@ -96,6 +96,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
         for shared in (measurement, valid, sensor.noise_covariance, sensor.pose, sensor.velocity):
             # One tracker must not change what the next one reads.
             shared.setflags(write=False)
+        arrival = arrivals(sensor, seed, scenario)
         for k, time in enumerate(sensor.time):
             scans.append(
                 Scan(
@@ -107,12 +108,20 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
                     noise_covariance=sensor.noise_covariance,
                     sensor_pose=sensor.pose[:, k],
                     sensor_velocity=sensor.velocity[:, k],
-                    arrival_time=float(time) + sensor.config.latency_s,
+                    arrival_time=float(arrival[k]),
                 )
             )
     # Stable: sensors that fire together stay in the scenario's order.
     scans.sort(key=lambda scan: scan.time)
     return Measurements(scans, detections, [run.digest() for run in hashes])
+
+
+def arrivals(sensor: IdealSensor, seed: int, scenario: str) -> Array:
+    """``(instants,)`` when each scan reaches a tracker, s: the same in every run, so that all take it at once."""
+    low, high = sensor.config.latency
+    if low == high:
+        return sensor.time + low
+    return sensor.time + stream(seed, scenario, 0, f"latency of {sensor.name}").uniform(low, high, len(sensor.time))
 
 
 def _ideal(truth: Truth, name: str, config: Sensor, steps: Indices) -> IdealSensor:

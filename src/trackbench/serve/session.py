@@ -169,7 +169,7 @@ class Session:
             noise_covariance=sensor.noise_covariance,
             sensor_pose=sensor.pose,
             sensor_velocity=np.zeros(2),
-            arrival_time=time + sensor.config.latency_s,
+            arrival_time=time,
         )
         named = self._served.config.sensors_used
         return scan if named is None or sensor.name in named else masked(scan)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
-from trackbench.errors import TrackbenchError
 from trackbench.filters import AnyBelief
 from trackbench.types import Array, Estimate, Scan
 
@@ -19,19 +18,6 @@ class Tracker(Protocol):
         none; a batched tracker gives NaN where an object has none yet.
         """
         ...
-
-
-def require_in_sequence(scan: Scan, time: float) -> None:
-    """Refuse a scan that is older than what the tracker has already taken in.
-
-    Raises:
-        TrackbenchError: it is.
-    """
-    if scan.time < time:
-        raise TrackbenchError(
-            f"measurement of {scan.sensor} at {scan.time:g} s is older than the estimate at {time:g} s: "
-            "out-of-sequence measurements are not supported"
-        )
 
 
 class Prior(NamedTuple):

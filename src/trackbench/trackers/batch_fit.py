@@ -17,9 +17,11 @@ from trackbench.units import difference
 #: Those before the latest so many are not used.
 MOST_MEASUREMENTS = 30
 #: Steps after which a fit that still moves counts as not converged.
-MOST_STEPS = 20
+MOST_STEPS = 12
+#: Steps of the fit of a straight line, which only has to be near.
+STRAIGHT_STEPS = 5
 #: Length of a step below which a fit has converged, in standard deviations.
-CONVERGED = 1e-3
+CONVERGED = 0.05
 #: Factor by which the damping grows after a step that raised the cost, and falls after one that did not.
 DAMPING = 10.0
 #: Decimals to which intervals are told apart: times are sums of periods, which are not exact.
@@ -126,11 +128,19 @@ def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior)
 def fit_straight(measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
     """The fit of a velocity that is constant, without any noise: px, py, vx, vy."""
     standing = np.concatenate([measurements.position, np.zeros_like(measurements.position)])
-    return _fit(ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False)
+    return _fit(
+        ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False, steps=STRAIGHT_STEPS
+    )
 
 
 def _fit(
-    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, first: Array, *, driven: bool = True
+    motion: MotionModel,
+    measurements: FirstMeasurements,
+    prior: BatchPrior,
+    first: Array,
+    *,
+    driven: bool = True,
+    steps: int = MOST_STEPS,
 ) -> Fit:
     size, lanes = first.shape
     noises = len(motion.noise_sigma) * len(measurements.interval) * driven
@@ -138,7 +148,7 @@ def _fit(
     at = _Linearised.of(motion, measurements, prior, found)
     damping = np.full(lanes, 1e-6)
     converged = np.zeros(lanes, dtype=bool)
-    for _ in range(MOST_STEPS):
+    for _ in range(steps):
         step = _solved(at.information, at.gradient, damping)
         tried = found + np.where(converged, 0.0, step)
         there = _Linearised.of(motion, measurements, prior, tried)

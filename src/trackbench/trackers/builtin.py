@@ -41,6 +41,8 @@ def build(config: FilterConfig) -> FilterTracker:
         assumed=config.assumed,
         sensors=config.sensors,
         advance_at=config.advance_at,
+        late=config.late,
+        lag_s=config.lag_s,
     )
 
 

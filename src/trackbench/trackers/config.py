@@ -16,6 +16,7 @@ from trackbench.trackers.associate import AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
 from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.late import LateMethod
 
 FilterName = Literal["kf", "ekf", "iekf", "ukf", "ckf"]
 AdvanceAt = Literal["own_scans", "all_scans"]
@@ -60,6 +61,16 @@ class FilterConfig(OptionsBeside):
         description="At which scans its state moves on. own_scans: those of the sensors that it reads; at others it is "
         "asked for a prediction, which it does not keep, so that they change none of its estimates. all_scans: those "
         "of sensors left out too, as some published programs have it; the process noise then comes in smaller pieces.",
+    )
+    late: LateMethod = Field(
+        "replay",
+        description="What becomes of a scan that was taken before the state's time, since its sensor is late. drop: it "
+        "is left out. as_new: every scan counts as taken when it arrived, which is wrong. replay: the filter goes back "
+        "to the time of the scan and takes all later ones in again. retrodiction: the present state is corrected "
+        "without going back (Bar-Shalom); of one motion model and one object.",
+    )
+    lag_s: Positive = Field(
+        1, le=60, description="How far back replay and retrodiction reach, s. Older scans are dropped."
     )
     process_noise_diag: list[NonNegative] | None = Field(
         None,
@@ -175,6 +186,11 @@ class FilterConfig(OptionsBeside):
                 yield Problem(("initial", key), f"motion {names} has no such component; {others} have")
         if self.associate is not None:
             yield from self._not_associated()
+        if self.late == "retrodiction" and (self.associate is not None or isinstance(self.motion, ImmConfig)):
+            what = "associate" if self.associate is not None else "several motion models"
+            yield Problem(("late",), f"retrodiction does not go with {what}; use replay or drop")
+        if "lag_s" in given and self.late in ("drop", "as_new"):
+            yield Problem(("lag_s",), f"not used with late: {self.late}; remove it")
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)
 

@@ -9,15 +9,16 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import AnyBelief, Filter, MultiModelBelief, Update, choose
+from trackbench.filters import AnyBelief, Belief, Filter, MultiModelBelief, SingleModelFilter, Update, choose
 from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import initial
 from trackbench.trackers.assumed import AssumedSensors
-from trackbench.trackers.base import Prior, require_in_sequence
+from trackbench.trackers.base import Prior
 from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import TentativeTrack
 from trackbench.trackers.initial_config import InitialConfig
-from trackbench.types import Array, Estimate, Gaussian, Mask, Scan
+from trackbench.trackers.late import LateMethod, Retrodiction, Taken, kept, replayed, retrodicted, since
+from trackbench.types import Array, Estimate, Gaussian, Indices, Mask, Scan
 
 
 class TrackState(NamedTuple):
@@ -33,6 +34,8 @@ class TrackState(NamedTuple):
     """``(...)`` time of the latest measurement that was taken in, s."""
     lost: Mask | None = None
     """``(...)`` where the track is to start again."""
+    history: tuple[Taken[TrackState], ...] = ()
+    """The latest scans that were taken in, where late ones may come."""
 
 
 @dataclass(frozen=True)
@@ -51,21 +54,74 @@ class FilterTracker:
     sensors: Collection[str] | None = None
     """Names of the sensors whose measurements it takes in; None: all that it is given."""
     advance_at: AdvanceAt = "own_scans"
+    late: LateMethod = "replay"
+    """What becomes of a scan that is older than the state."""
+    lag_s: float = 1.0
+    """How far back a late scan may reach, s."""
 
     batched: ClassVar = True
 
     def step(self, state: TrackState | None, scan: Scan) -> tuple[TrackState, Estimate]:
         """Predict to the scan's time, and take its measurements in if it is of a sensor that the tracker reads.
 
-        Raises:
-            TrackbenchError: the scan is older than the state.
+        A scan that is older than the state is dealt with as ``late`` says; the estimate is then that at the state's
+        time.
         """
         scan = self.assumed.read(scan)
         if state is None:
-            state = TrackState(scan.time, self._placeholder(scan.valid), np.zeros_like(scan.valid))
-        require_in_sequence(scan, state.time)
-        if not self.advances(scan.sensor):
-            return state, self.estimate(self.predicted(state, scan.time), state.started, state.waiting)
+            state = self._nothing_yet(scan)
+        if scan.asked or not self.advances(scan.sensor):
+            return state, self._asked(state, scan.time)
+        if self.late == "as_new":
+            scan = scan._replace(time=scan.arrival_time)
+        if scan.time < state.time:
+            return self._out_of_sequence(state, scan)
+        before = state._replace(history=())
+        after, estimate = self._in_sequence(before, scan)
+        if self.late in ("replay", "retrodiction"):
+            after = after._replace(history=kept(state.history, Taken(before, scan), self.lag_s))
+        return after, estimate
+
+    def _asked(self, state: TrackState, time: float) -> Estimate:
+        return self.estimate(self.predicted(state, time), state.started, state.waiting)
+
+    def _nothing_yet(self, scan: Scan) -> TrackState:
+        return TrackState(-np.inf, self._placeholder(scan.valid), np.zeros_like(scan.valid))
+
+    def _out_of_sequence(self, state: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
+        later = since(state.history, scan.time)
+        if not later:
+            return state, self._asked(state, state.time)
+        if self.late == "retrodiction":
+            return self._retrodicted(state, later[0].before, scan)
+        again = replayed(self._in_sequence, state.history, later, scan)
+        said = again.late
+        return again.state._replace(history=again.history), again.latest._replace(
+            innovation=said.innovation,
+            innovation_covariance=said.innovation_covariance,
+            whitened_innovation=said.whitened_innovation,
+        )
+
+    def _retrodicted(self, state: TrackState, before: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
+        """The present state with a late scan, where a track has gone on since before it."""
+        known = before.started & state.started
+        if before.lost is not None or state.lost is not None or not np.any(known & scan.valid):
+            return state, self._asked(state, state.time)
+        assert isinstance(self.filter, SingleModelFilter)
+        assert isinstance(before.belief, Belief)
+        assert isinstance(state.belief, Belief)
+        beliefs = Retrodiction(before.belief, before.time, state.belief, state.time)
+        said = retrodicted(self.filter, beliefs, scan, known & scan.valid)
+        estimate = self.estimate(said.belief, state.started, state.waiting)._replace(
+            innovation=_where(known, said.innovation),
+            innovation_covariance=said.innovation_covariance,
+            whitened_innovation=_where(known, said.whitened_innovation),
+        )
+        return state._replace(belief=said.belief._replace(repaired=None)), estimate
+
+    def _in_sequence(
+        self, state: TrackState, scan: Scan, origins: Indices | None = None
+    ) -> tuple[TrackState, Estimate]:
         belief, started = self._predict(state, scan.time - state.time), state.started
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)

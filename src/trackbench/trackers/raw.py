@@ -8,7 +8,6 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers.base import require_in_sequence
 from trackbench.types import Array, Estimate, Mask, Scan
 
 
@@ -26,8 +25,6 @@ class PositionFix(NamedTuple):
 class RawState(NamedTuple):
     """The last two instants at which an object was seen."""
 
-    time: float
-    """Of the last scan, s."""
     last: PositionFix
     before: PositionFix
 
@@ -42,20 +39,15 @@ class RawTracker:
     batched: ClassVar = True
 
     def step(self, state: RawState | None, scan: Scan) -> tuple[RawState, Estimate]:
-        """Keep the measurement, and difference it with the one before.
-
-        Raises:
-            TrackbenchError: the scan is older than the one before.
-        """
+        """Keep the measurement, and difference it with the one before; an older one than the latest does not count."""
         if state is None:
             nowhere = np.full(np.shape(scan.valid), np.nan)
             none = PositionFix(nowhere, np.stack([nowhere] * 2), np.stack([np.stack([nowhere] * 2)] * 2))
-            state = RawState(scan.time, none, none)
-        require_in_sequence(scan, state.time)
+            state = RawState(none, none)
         mean, covariance = SENSOR_MODELS[scan.kind].position(scan)
         new = PositionFix(np.where(scan.valid, scan.time, np.nan), mean, linalg.expand(covariance, mean[None]))
         later = scan.valid & ~(state.last.time >= scan.time)
-        better = scan.valid & ~later & (_size(new) < _size(state.last))
+        better = scan.valid & (state.last.time == scan.time) & (_size(new) < _size(state.last))
         last = _choose(later | better, new, state.last)
         before = _choose(later, state.last, state.before)
         dt = last.time - before.time
@@ -66,7 +58,7 @@ class RawTracker:
         covariance[2:, 2:] = (last.covariance + before.covariance) / dt**2
         complete = ~np.isnan(dt)
         estimate = Estimate(np.where(complete, mean, np.nan), np.where(complete, covariance, np.nan))
-        return RawState(scan.time, last, before), estimate
+        return RawState(last, before), estimate
 
 
 def _size(fix: PositionFix) -> Array:

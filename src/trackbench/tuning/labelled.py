@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,12 @@ from trackbench.metrics.conditions import Classes, conditions
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.delivery import deliveries
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
-from trackbench.stepping.steppers import masked
+from trackbench.stepping.steppers import Offline, masked
 from trackbench.tuning.conditions import CONDITIONS, members
 from trackbench.tuning.entry import Entry
 from trackbench.tuning.measures import Sums
@@ -45,18 +45,22 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
     sums = _Sums(targets, conditions(scene.truth, scene.instants(), read, piece.runs), trials, objects, runs)
     named = entry.sensors_used
 
-    def given(scan: Scan) -> Scan:
-        return _tiled(scan if named is None or scan.sensor in named else masked(scan), trials)
+    def reads(sensor: str) -> bool:
+        return named is None or sensor in named
 
-    stepper = stepper_of(work, piece, entry, map(given, measurements.scans), trials)
+    scans = measurements.scans
+    given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
+    stepper = stepper_of(work, piece, entry, given, trials)
+    if isinstance(stepper, Offline):
+        scans = [scan._replace(arrival_time=scan.time) for scan in scans]
     try:
         with np.errstate(all="ignore"):
-            for instant, (_, group) in enumerate(groupby(measurements.scans, key=lambda scan: scan.time)):
+            for instant, group in enumerate(deliveries(scans, reads, masked)):
                 latest: Estimate | None = None
-                for scan in group:
-                    taken = given(scan)
+                for scan, number, _ in group:
+                    taken = _tiled(scan, trials)
                     latest = stepper.step(taken)
-                    if latest is not None:
+                    if latest is not None and number is not None:
                         sums.add_innovation(instant, taken, latest)
                 if latest is not None:
                     sums.add_error(instant, latest)

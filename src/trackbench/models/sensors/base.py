@@ -4,19 +4,38 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from trackbench import linalg
-from trackbench.config import Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
+from trackbench.config import PROBLEM, Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
 from trackbench.config.key_units import in_si, split_key
 from trackbench.errors import nearest
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.presets import presets
 from trackbench.plugins import Registry, lacks_class
 from trackbench.types import Array, Gaussian, Scan
+
+#: A time for which a measurement is on its way, s.
+Delay = Annotated[float, Field(ge=0, le=60)]
+
+
+def _latency_choice(value: Any) -> str | None:
+    if isinstance(value, list):
+        return "<interval>"
+    return "<constant>" if isinstance(value, int | float | str) and not isinstance(value, bool) else None
+
+
+Latency = Annotated[
+    Annotated[Delay, Tag("<constant>")] | Annotated[list[Delay], Field(min_length=2, max_length=2), Tag("<interval>")],
+    Discriminator(
+        _latency_choice,
+        custom_error_type=PROBLEM,
+        custom_error_message="write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]",
+    ),
+]
 
 
 class Mount(Config):
@@ -93,12 +112,10 @@ class Sensor(Config, ABC):
         description="What it tells trackers where that is not what is simulated, to study wrong figures.",
     )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
-    latency_s: float = Field(
+    latency_s: Latency = Field(
         0,
-        ge=0,
-        le=60,
-        description="Delay from the measurement to its arrival at the tracker, s. It changes no score: measurements "
-        "come in the order in which they were taken.",
+        description="Time from a measurement to its arrival at the tracker, s; [least, most]: drawn evenly for each "
+        "scan, the same in every run of a scene. Trackers get scans in the order of arrival.",
     )
 
     @model_validator(mode="before")
@@ -123,6 +140,9 @@ class Sensor(Config, ABC):
                 yield Problem(at, f"a {self.kind()} has no uniform clutter; remove it")
             elif self.max_range_m is None:
                 yield Problem(("max_range_m",), "missing: uniform clutter needs a field of view that ends")
+        least, most = self.latency
+        if least > most:
+            yield Problem(("latency_s",), f"the least comes first: [{most:g}, {least:g}]")
         if self.resolution is not None and self.resolution.range_rate_mps and "range_rate" not in self.components:
             yield Problem(("resolution", "range_rate_mps"), f"a {self.kind()} measures no range rate; remove it")
 
@@ -136,6 +156,12 @@ class Sensor(Config, ABC):
     def kind(cls) -> str:
         """The name by which a scenario asks for this class."""
         return SENSOR_MODELS.name_of(cls)
+
+    @property
+    def latency(self) -> tuple[float, float]:
+        """The least and the most time from a measurement to its arrival, s."""
+        low, high = self.latency_s if isinstance(self.latency_s, list) else (self.latency_s, self.latency_s)
+        return low, high
 
     def sigmas(self) -> tuple[float, ...]:
         """``(m,)`` standard deviation of each component of a measurement, in SI units and radians."""
