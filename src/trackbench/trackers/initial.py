@@ -24,7 +24,7 @@ TRUE_YAW_SIGMA = 0.1
 COURSE_KNOWN = 0.1
 #: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
 COURSE_LOST = 0.5
-#: Time after which a batch starts a track though the course is not known: the object may be standing, s.
+#: Time after which a batch starts a track though its course is not known, s: the object may be standing.
 LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
