@@ -58,11 +58,15 @@ def tune_trackers(
     """
     require_optuna()
     require_objective(plan.objective, scenarios)
-    names = list(dict.fromkeys(trackers))
-    chosen = [select_trackers(item, names) for item in scenarios]
+    names = [item.config.name for item in scenarios]
+    for item in scenarios:
+        if names.count(item.config.name) > 1:
+            raise InputError(f"another scenario has the name {item.config.name!r} too", file=item.path, key="name")
+    tuned = list(dict.fromkeys(trackers))
+    chosen = [select_trackers(item, tuned) for item in scenarios]
     for item in chosen:
         check_plugins(item, plan.isolation)
-    tasks = [_task(name, scenarios, names, plan) for name in names]
+    tasks = [_task(name, scenarios, tuned, plan) for name in tuned]
     halves = [halved(item, plan.split) for item in chosen]
     train = [_bench(item.train, executor, listener) for item in halves]
     test = [

@@ -22,7 +22,7 @@ from trackbench.tuning.measures import Sums
 from trackbench.tuning.objectives import Objective
 from trackbench.tuning.parameters import Parameter, Values, at_edges
 from trackbench.tuning.polish import polished
-from trackbench.tuning.response import Response
+from trackbench.tuning.response import FACTORS, Response
 from trackbench.tuning.search import search
 from trackbench.tuning.study import Study
 from trackbench.tuning.trials import TuningTrial, front_of, trial_of
@@ -101,11 +101,15 @@ def tune(
     start = _start(evaluator, objective)
     study = Study(task.tracker, task.storage, task.parameters, objective.axes, _signature(task, train))
 
+    # After them comes a pass over each option, with about so many trials.
+    last = len(FACTORS) * len(task.parameters)
+    total = task.trials + last
+
     def make(points: Sequence[Values]) -> list[TuningTrial]:
         done = len(study.trials)
 
         def advance(part: float, parts: float) -> None:
-            progress(done + part / parts * len(points), task.trials)
+            progress(done + part / parts * len(points), total)
 
         outcomes = evaluator(points, advance)
         return [trial_of(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
@@ -116,7 +120,11 @@ def tune(
     best = min(made, key=lambda trial: objective.rank(trial.parts))
     if not best.losses:
         raise InputError(f"{task.tracker}: every trial failed; the first: {best.failed}", key="--range")
-    best, responses = polished(evaluator, objective, start, best)
+
+    def advance_last(part: float, parts: float) -> None:
+        progress(task.trials + part / parts * last, total)
+
+    best, responses = polished(evaluator, objective, start, best, advance_last)
     held_out = compare_held_out(Evaluator(test, task.tracker, task.parameters, executor, isolation), best.values)
     return Tuning(
         tracker=task.tracker,
@@ -170,7 +178,7 @@ def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
 def _nothing(objective: Objective, bench: Bench, where: str) -> str:
     if objective.name == "likelihood":
         if bench.hidden:
-            return f"{where}: with hidden identities there is a likelihood of built-in trackers on logs without a truth"
+            return f"{where} has no likelihood: of hidden identities only logs without a truth have one; choose gospa"
         return f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
     return f"{where} has no {objective.measure}: nothing is scored"
 
