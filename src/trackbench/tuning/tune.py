@@ -57,7 +57,7 @@ class Tuning:
     @property
     def front(self) -> list[TuningTrial]:
         """The trials that no other beats in both losses; empty where there is one."""
-        return front_of(self.trials) if len(self.objective.axes) > 1 else []
+        return front_of([*self.trials, self.best]) if len(self.objective.axes) > 1 else []
 
 
 @dataclass(frozen=True)
