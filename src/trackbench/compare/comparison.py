@@ -73,7 +73,7 @@ class EntrantScore(Part):
     failure: str = ""
     """Why there is no score."""
     reference: bool = False
-    """Whether it knows which detection is whose, so that the others are ranked without it."""
+    """Whether it knows which detection is whose, or later measurements, so that the others are ranked without it."""
 
     def value(self, metric: str) -> float | None:
         """The value of a metric, None where there is none."""

@@ -61,7 +61,7 @@ class Result:
 
     @property
     def contenders(self) -> list[TrackerResult]:
-        """Of the scored trackers those that do not know the true origins of the detections; all where all do."""
+        """Of the scored trackers those that know no more than a tracker can; all where all do know more."""
         return [found for found in self.scored if not found.is_reference] or self.scored
 
     @property

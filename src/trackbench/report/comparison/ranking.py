@@ -124,8 +124,8 @@ _METHOD = (
     "with as many runs: both the choice of scenarios and the noise within them are in the spread of the ranks. Two "
     "mean ranks differ where few choices of the signs of their differences in the scenarios give as large a sum (exact "
     f"sign-flip test, Holm over the pairs). No interval with fewer than {FEWEST_SCENARIOS} scenarios or "
-    f"{FEWEST_TRACKERS} trackers. A reference knows which detection is whose: the others are ranked without it, and "
-    "its rank is that which it would have."
+    f"{FEWEST_TRACKERS} trackers. A reference knows which detection is whose, or later measurements too: the "
+    "others are ranked without it, and its rank is that which it would have."
 )
 
 

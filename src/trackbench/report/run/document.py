@@ -29,7 +29,7 @@ from trackbench.report.run.figures.consistency import nees_over_time, nis_over_t
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.figures.errors import error_over_time, spread
 from trackbench.report.run.figures.map import map_of_run, mapped
-from trackbench.report.run.figures.modes import mean_modes, recorded_modes
+from trackbench.report.run.figures.modes import modes_over_time
 from trackbench.report.run.frame import framed
 from trackbench.report.run.moments import moments_section, worst_moments
 from trackbench.report.run.scenes import basis_of_intervals, scenes
@@ -144,10 +144,7 @@ def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section
 
 
 def _modes(result: Result) -> Iterator[Section]:
-    drawn = [tracker.name for tracker in result.drawn]
-    modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
-    of_run = recorded_modes(recorded, drawn, result.summary.recorded_run)
-    yield from _figures("Modes", [mean_modes(modes, drawn) if result.summary.runs > 1 else None, of_run])
+    yield from _figures("Modes", [modes_over_time(result)])
 
 
 def _breakdown(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Section]:

@@ -14,12 +14,13 @@ from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
 from trackbench.document.drawing import WIDTH
 from trackbench.palette import mode_colours
 from trackbench.report.run.figures.columns import column, names, where
+from trackbench.results import Result
 from trackbench.types import Array
 from trackbench.words import counted
 
 _PANEL = 125.0
-#: Panels of the recorded run: the first objects of the best trackers.
-_MOST = 8
+#: Of the recorded run, for each tracker.
+_MOST_OBJECTS = 3
 
 
 class _Panel(NamedTuple):
@@ -29,23 +30,19 @@ class _Panel(NamedTuple):
     """By mode."""
 
 
-def mean_modes(modes: pa.Table, trackers: Sequence[str]) -> Figure | None:
-    """Mean over runs and objects, a panel for each tracker that has modes."""
-    panels = [_panel(where(modes, tracker=name), name) for name in trackers if name in names(modes, "tracker")]
-    return _figure("modes", "Modes over time", "Mean over runs and objects of the probability of each mode", panels)
-
-
-def recorded_modes(modes: pa.Table, trackers: Sequence[str], run: int) -> Figure | None:
-    """The recorded run, a panel for each tracker that has modes and each object."""
-    objects = names(modes, "object")
-    panels = [
-        _panel(where(modes, tracker=tracker, object=name), tracker if len(objects) == 1 else f"{tracker}, {name}")
-        for tracker in trackers
-        if tracker in names(modes, "tracker")
-        for name in objects
-    ][:_MOST]
-    title = f"Modes in run {run}"
-    return _figure("recorded-modes", title, f"Probability of each mode in run {run}", panels)
+def modes_over_time(result: Result) -> Figure | None:
+    """A panel for each tracker that has modes: the mean over runs and objects, and the recorded run."""
+    summary = result.summary
+    modes, recorded = (result.tables.if_there(name) for name in ("modes", "recorded_modes"))
+    objects = names(recorded, "object")
+    panels = []
+    for tracker in (found.name for found in result.drawn if found.name in names(modes, "tracker")):
+        if summary.runs > 1:
+            panels.append(_panel(where(modes, tracker=tracker), f"{tracker}, {counted(summary.runs, 'run')}"))
+        for name in objects[:_MOST_OBJECTS]:
+            title = f"{tracker}, run {summary.recorded_run}" + (f", {name}" if len(objects) > 1 else "")
+            panels.append(_panel(where(recorded, tracker=tracker, object=name), title))
+    return _figure(panels) if panels else None
 
 
 def _panel(rows: pa.Table, title: str) -> _Panel:
@@ -54,9 +51,7 @@ def _panel(rows: pa.Table, title: str) -> _Panel:
     return _Panel(title, time, {name: column(each, "probability") for name, each in of_mode.items()})
 
 
-def _figure(name: str, title: str, said: str, panels: Sequence[_Panel]) -> Figure | None:
-    if not panels:
-        return None
+def _figure(panels: Sequence[_Panel]) -> Figure:
     colours = mode_colours(mode for panel in panels for mode in panel.probability)
     columns = 2 if len(panels) > 1 else 1
     rows = -(-len(panels) // columns)
@@ -79,10 +74,11 @@ def _figure(name: str, title: str, said: str, panels: Sequence[_Panel]) -> Figur
         every[0].set_ylim(0, 1)
 
     return Figure(
-        name,
-        title,
-        f"{said}, one above the other; together they are 1. A mode is one of the tracker's motion models.",
-        f"{title}, {counted(len(panels), 'panel')}. {' '.join(map(_said, panels))}",
+        "modes",
+        "Modes over time",
+        "Which motion model a tracker with several holds for right: the probability of each, one above the other, "
+        "together 1. Over several runs it is the mean over them and their objects.",
+        f"Probability of each motion model over time, {counted(len(panels), 'panel')}. {' '.join(map(_said, panels))}",
         paint,
         _PANEL * rows + 60,
         legend=tuple(LegendEntry(mode, colour, "box") for mode, colour in colours.items()),
