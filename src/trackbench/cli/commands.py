@@ -56,7 +56,7 @@ class Commands(click.Group):
 def cli() -> None:
     """
     \b
-    Example:  trackbench run highway    # vehicle trackers on the same truth and noise
+    Example:  trackbench run highway    # trackers, on the same truth and noise
     """
 
 
