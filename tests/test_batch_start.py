@@ -48,6 +48,9 @@ def own_model(model: str, sensors: str, filters: dict[str, Any], runs: int = 100
         "far": {"start": {"x": 80, "y": 40, "speed_mps": 20, "course_deg": 200}, "pieces": pieces},
     }
     start = {"from": "batch", **RATES[model]}
+    if sensors == "radar" and model in ("cv", "ca"):
+        # What two measurements of a radar say across the line of sight is little, and not linear.
+        start["least_time_s"] = 0.2
     return tb.run(
         tb.load(
             {
@@ -70,7 +73,7 @@ def test_nees_is_right_from_the_second_estimate_on(model: str, sensors: str) -> 
     for name, steps in found.groupby("tracker"):
         steps = steps[steps["count"] == 450]
         nees = steps["nees_mean"].to_numpy()[1:]
-        assert len(nees) > 8
+        assert len(nees) > 7
         # 10 %, and two standard errors of the mean of 450 chi-square variables with 4 degrees of freedom.
         assert np.all(np.abs(nees - 4.0) < 0.4 + 2 * np.sqrt(8 / 450)), (name, nees)
 

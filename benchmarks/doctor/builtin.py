@@ -21,7 +21,7 @@ from .mutant import Mutant, Subject
 
 
 def _initial(start: str, velocity_sigma: float) -> dict[str, Any]:
-    known = {"velocity_sigma_mps": velocity_sigma} if start == "first_reading" else {}
+    known = {"velocity_sigma_mps": velocity_sigma} if start == "first_reading" else {"least_time_s": 0}
     return {"from": start, **known}
 
 

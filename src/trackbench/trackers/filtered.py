@@ -11,7 +11,7 @@ import numpy as np
 from trackbench import linalg
 from trackbench.filters import AnyBelief, Belief, Filter, MultiModelBelief, SingleModelFilter, Update, choose
 from trackbench.models.motion import Kinematics, MotionModel
-from trackbench.trackers import initial
+from trackbench.trackers import course, initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior
 from trackbench.trackers.config import AdvanceAt
@@ -128,11 +128,11 @@ class FilterTracker:
         said: Update[Any] | None = None
         starts = self.prior is None and _named(scan, self.initial.sensors or self.sensors)
         lost, waiting = state.lost, state.waiting
-        if starts and self.initial.source == "batch" and initial.has_yaw(self.filter.motions):
+        if starts and self.initial.source == "batch" and course.has_yaw(self.filter.motions):
             lost, waiting = self._lost(state, belief, scan)
         own = scan
         if lost is not None:
-            belief = initial.placed(self.filter.motions, belief, scan, scan.valid & lost)
+            belief = course.placed(self.filter.motions, belief, scan, scan.valid & lost)
             own = scan._replace(valid=scan.valid & ~lost)
         if np.any(own.valid) and _named(scan, self.sensors):
             said = self.filter.update(belief, own)
@@ -210,7 +210,7 @@ class FilterTracker:
         gap: Mask = scan.valid & state.started & (scan.time - state.seen >= self.initial.least_time(True))
         if not np.any(gap):
             return state.lost, state.waiting
-        fresh: Mask = gap & ~initial.course_known(self.filter.motions, belief)
+        fresh: Mask = gap & ~course.course_known(self.filter.motions, belief)
         if not np.any(fresh):
             return state.lost, state.waiting
         waiting = None if state.waiting is None else initial.forgotten(state.waiting, fresh)

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import AnyBelief, Belief, MultiModelBelief
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers import batch_fit
 from trackbench.trackers.batch_fit import BatchPrior, FirstMeasurements
+from trackbench.trackers.course import has_yaw
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
 
@@ -22,9 +22,7 @@ from trackbench.types import Array, Gaussian, Mask, Scan
 TRUE_YAW_SIGMA = 0.1
 #: Standard deviation of the course below which a batch starts a track with a yaw in its state, rad.
 COURSE_KNOWN = 0.1
-#: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
-COURSE_LOST = 0.5
-#: Time after which a batch starts a track though the course is not known: the object may be standing, s.
+#: Time after which a batch starts a track though its course is not known, s: the object may be standing.
 LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
@@ -100,41 +98,6 @@ def forgotten(waiting: TentativeTrack, where: Mask) -> TentativeTrack:
         time=np.where(where, np.nan, waiting.time),
         counted=tuple(mask & ~where for mask in waiting.counted),
     )
-
-
-def course_known(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask:
-    """``(...)`` whether a state with a yaw can still be believed to be Gaussian."""
-    known: Mask = np.ones(belief[0].shape[1:], dtype=bool)
-    for motion, mode in zip(motions, _modes(belief), strict=True):
-        for name in set(YAW) & set(motion.components):
-            i = motion.components.index(name)
-            known = known & (mode.covariance[i, i] < COURSE_LOST**2)
-    return known
-
-
-def has_yaw(motions: Sequence[MotionModel]) -> bool:
-    """Whether the state of any model has a yaw."""
-    return any(set(YAW) & set(motion.components) for motion in motions)
-
-
-def placed(motions: Sequence[MotionModel], belief: AnyBelief, scan: Scan, where: Mask) -> AnyBelief:
-    """The belief with the position that the measurements state in some places, and all else as it was."""
-    position = _position(scan)
-    moved = []
-    for motion, mode in zip(motions, _modes(belief), strict=True):
-        own = [motion.components.index(name) for name in POSITION]
-        mean, covariance = mode.mean.copy(), mode.covariance.copy()
-        mean[own] = np.where(where, position.mean, mean[own])
-        covariance[own] = np.where(where, 0.0, covariance[own])
-        covariance[:, own] = np.where(where, 0.0, covariance[:, own])
-        block = np.ix_(own, own)
-        covariance[block] = np.where(where, position.covariance, covariance[block])
-        moved.append(Belief(mean, covariance, repaired=mode.repaired))
-    return belief._replace(modes=tuple(moved)) if isinstance(belief, MultiModelBelief) else moved[0]
-
-
-def _modes(belief: AnyBelief) -> tuple[Belief, ...]:
-    return belief.modes if isinstance(belief, MultiModelBelief) else (belief,)
 
 
 def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:

@@ -11,9 +11,9 @@ from trackbench.config import Config, Positive, Problem
 
 InitialSource = Literal["first_reading", "two_readings", "batch", "truth"]
 
-#: Least time from the first of the measurements that start a track to the last, s; the second from a batch for a state
-#: with a yaw, which is Gaussian only once the course is known.
-LEAST_TIME, BEFORE_YAW = 0.2, 0.5
+#: Least time from the first of the measurements that start a track to the last, s; the last for a state with a yaw,
+#: which is Gaussian only once the course is known.
+BETWEEN_TWO, OF_BATCH, BEFORE_YAW = 0.2, 0.1, 0.5
 #: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "sensors": ("first_reading", "two_readings", "batch"),
@@ -63,7 +63,7 @@ class InitialConfig(Config):
         ge=0,
         le=60,
         description="Least time from the first of the measurements that start a track to the last, s. Unless given: "
-        "0.2; from batch 0.5 for a motion model with a yaw.",
+        "0.2 from two_readings; from batch 0.1, and 0.5 for a motion model with a yaw.",
     )
     velocity: Literal["zero", "radial", "range_rate"] = Field(
         "zero",
@@ -110,7 +110,9 @@ class InitialConfig(Config):
         """
         if self.least_time_s is not None:
             return self.least_time_s
-        return BEFORE_YAW if yaw and self.source == "batch" else LEAST_TIME
+        if self.source == "two_readings":
+            return BETWEEN_TWO
+        return BEFORE_YAW if yaw else OF_BATCH
 
     def problems(self) -> Iterator[Problem]:
         for key in (name for name in type(self).model_fields if name in self.model_fields_set):
