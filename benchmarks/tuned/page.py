@@ -33,10 +33,10 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield ""
     yield (
         f"Every tracker is tuned in the same way: {protocol.trials} trials of `trackbench tune --objective "
-        f"{protocol.objective}` (the smallest position error of those whose mean NEES is consistent in every condition, or "
-        f"nearest to it) on {tuned.scenes} scenes of {tuned.runs} runs, with other traffic and other noise than the "
-        f"{scored.scenes} scenes of {scored.runs} runs that it is scored on here. It gets one set of values for a family "
-        "of scenarios, and for comparison one for each scenario and one for all."
+        f"{protocol.objective}` (the smallest position error of those whose mean NEES is consistent in every "
+        f"condition, or nearest to it) on {tuned.scenes} scenes of {tuned.runs} runs, with other traffic and other "
+        f"noise than the {scored.scenes} scenes of {scored.runs} runs that it is scored on here. It gets one set of "
+        "values for a family of scenarios, and for comparison one for each scenario and one for all."
     )
     yield ""
     for family, names in protocol.families.items():
@@ -48,23 +48,14 @@ def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Position error, values of the family"
     yield ""
     yield (
-        "RMSE, m, with the 95 % interval over scenes; the smallest is bold. Smoothed: imm_cv_ca and a Rauch-Tung-Striebel "
-        "smoother, what was to be had offline."
+        "RMSE, m, with the 95 % interval over scenes; the smallest is bold. Smoothed: imm_cv_ca and a "
+        "Rauch-Tung-Striebel smoother, what was to be had offline."
     )
     yield ""
     yield from _table(
         ["scenario", *protocol.trackers, "smoothed"],
         [
-            [
-                name,
-                *_bold(
-                    [
-                        (_error(of, f"{item}_family"), of[f"{item}_family"]["position_rmse"])
-                        for item in protocol.trackers
-                    ]
-                ),
-            ]
-            + [_error(of, "smoothed")]
+            [name, *_bold([_error(of[f"{item}_family"]) for item in protocol.trackers]), _error(of["smoothed"])]
             for name, of in scores.items()
         ],
     )
@@ -74,9 +65,9 @@ def _honesty(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Whose covariance can be believed"
     yield ""
     yield (
-        "Mean NEES, of which 4 is right, with the values of the family. Consistent: within 10 % over all estimates, and within "
-        "-25 % and +50 % under every condition (each manoeuvre, each range, the first second, position and velocity alone); "
-        "these are bold. Else the condition that is furthest off."
+        "Mean NEES, of which 4 is right, with the values of the family. Consistent: within 10 % over all estimates, and "
+        "within -25 % and +50 % under every condition (each manoeuvre, each range, the first second, position and "
+        "velocity alone); these are bold. Else the condition that is furthest off."
     )
     yield ""
     yield from _table(
@@ -91,8 +82,8 @@ def _honesty(protocol: Protocol, scores: Scores) -> Iterator[str]:
         some = [name for name, trackers in honest.items() if trackers]
         none = [name for name, trackers in honest.items() if not trackers]
         yield (
-            f"With values of {words}, some tracker is consistent in every condition in {len(some)} of {len(honest)} scenarios"
-            + (f"; in none of them: {', '.join(none)}." if none else ".")
+            f"With values of {words}, some tracker is consistent in every condition in {len(some)} of {len(honest)} "
+            f"scenarios{', in none in ' + ', '.join(none) if none else ''}."
         )
         yield ""
 
@@ -100,7 +91,7 @@ def _honesty(protocol: Protocol, scores: Scores) -> Iterator[str]:
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## What one set of values costs"
     yield ""
-    yield "Position error with the values of the family, and of all scenarios, over that with values for the very scenario."
+    yield "Position error with the values of the family, and of all scenarios, over that with the scenario's own values."
     yield ""
     rows, worst = [], 0.0
     for name, of in scores.items():
@@ -130,9 +121,9 @@ def _values(protocol: Protocol, values: dict[str, dict[str, dict[str, Any]]]) ->
     yield from _table(["option", *names], rows)
 
 
-def _error(of: dict[str, dict[str, Any]], name: str) -> str:
-    value, (low, high) = of[name]["position_rmse"], of[name]["ci95"]
-    return f"{value:.3f} (±{(high - low) / 2:.3f})"
+def _error(scores: dict[str, Any]) -> str:
+    low, high = scores["ci95"]
+    return f"{scores['position_rmse']:.3f} (±{(high - low) / 2:.3f})"
 
 
 def _nees(scores: dict[str, Any]) -> str:
@@ -145,9 +136,9 @@ def _nees(scores: dict[str, Any]) -> str:
     return f"{text} ({scores['verdict']})"
 
 
-def _bold(cells: Sequence[tuple[str, float]]) -> list[str]:
-    least = min(value for _, value in cells)
-    return [f"**{text}**" if value == least else text for text, value in cells]
+def _bold(cells: Sequence[str]) -> list[str]:
+    least = min(cells)
+    return [f"**{text}**" if text == least else text for text in cells]
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
