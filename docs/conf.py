@@ -19,7 +19,15 @@ exclude_patterns = ["site"]
 MENU = {
     "Start": ["Quick start <self>", "tour", "traffic"],
     "Scenarios": ["scenario-file", "truth", "own-log", "sensors", "traffic-sensing", "sensor-presets"],
-    "Trackers": ["motion-models", "filters", "late-measurements", "traffic-trackers", "own-tracker", "own-multi-tracker", "adaptors"],
+    "Trackers": [
+        "motion-models",
+        "filters",
+        "late-measurements",
+        "traffic-trackers",
+        "own-tracker",
+        "own-multi-tracker",
+        "adaptors",
+    ],
     "Results": ["metrics", "traffic-metrics", "reading-a-report", "reading-a-recording", "compare"],
     "Tools": ["command-line", "execution", "tune", "doctor", "doctor-rates"],
     "Published projects": [

@@ -65,8 +65,8 @@ def _honesty(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Whose covariance can be believed"
     yield ""
     yield (
-        "Mean NEES, of which 4 is right, with the values of the family. Consistent: within 10 % over all estimates, and "
-        "within -25 % and +50 % under every condition (each manoeuvre, each range, the first second, position and "
+        "Mean NEES, of which 4 is right, with the values of the family. Consistent: within 10 % over all estimates, "
+        "and within -25 % and +50 % under every condition (each manoeuvre, each range, the first second, position and "
         "velocity alone); these are bold. Else the condition that is furthest off."
     )
     yield ""
@@ -91,7 +91,7 @@ def _honesty(protocol: Protocol, scores: Scores) -> Iterator[str]:
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## What one set of values costs"
     yield ""
-    yield "Position error with the values of the family, and of all scenarios, over that with the scenario's own values."
+    yield "Position error with the values of the family, and of all scenarios, over that with its own values."
     yield ""
     rows, worst = [], 0.0
     for name, of in scores.items():

@@ -54,7 +54,7 @@ def _scores(found: Any) -> dict[str, Any]:
         "position_rmse": found.position_rmse.value,
         "ci95": found.position_rmse.ci95,
         "velocity_rmse": found.velocity_rmse.value,
-        "diverged": found.health.diverged_runs if hasattr(found.health, "diverged_runs") else None,
+        "diverged": found.health.diverged_runs,
         "nees": nees.value,
         "nees_ci95": nees.ci95,
         "verdict": nees.verdict,
