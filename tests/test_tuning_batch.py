@@ -49,7 +49,11 @@ NOISES = {
     "linear_ukf": ["acceleration_sigma_mps2"],
     "ckf": [*CTRV],
     "from_truth": [*CTRV],
-    "imm": ["motion.imm.0.acceleration_sigma_mps2", "motion.imm.1.yaw_acceleration_sigma_radps2"],
+    "imm": [
+        "motion.imm.0.acceleration_sigma_mps2",
+        "motion.imm.1.yaw_acceleration_sigma_radps2",
+        "motion.stay_s.0",
+    ],
 }
 
 

@@ -233,3 +233,11 @@ def test_on_truth_of_its_own_model_the_true_sigmas_are_found(cli: Cli, tmp_path:
     (tracker,) = json.loads(done.out)["trackers"]
     assert tracker["tuned"]["acceleration_sigma_mps2"] == pytest.approx(1.0, rel=0.05)
     assert tracker["tuned"]["yaw_acceleration_sigma_radps2"] == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_range_is_for_the_trackers_that_have_the_option(cli: Cli) -> None:
+    ranges = ("--range", "acceleration_sigma_mps2=1:4", "--range", "iterations=1:3")
+    settings = ("--set", "trackers.iekf={filter: iekf, motion: cv, acceleration_sigma_mps2: 2}", "--train-runs", "2")
+    done = cli("tune", "own.yaml", "--trackers", "kf,iekf", *ranges, *settings, "--trials", "3", "--json")
+    found = {item["name"]: set(item["tuned"]) for item in json.loads(done.out)["trackers"]}
+    assert found == {"kf": {"acceleration_sigma_mps2"}, "iekf": {"acceleration_sigma_mps2", "iterations"}}

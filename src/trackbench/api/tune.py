@@ -20,7 +20,7 @@ from trackbench.tuning.ranges import has_option, parse_range, require_no_repetit
 from trackbench.tuning.search import usual_trials
 from trackbench.tuning.split import Split, halved
 from trackbench.tuning.study import require_optuna
-from trackbench.tuning.tune import Tuning, TuningTask, require_objective, tune
+from trackbench.tuning.tune import Tuning, TuningTask, require_objective, tune, without_truth
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class TunePlan:
 
 
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
-    """The objective of a name; unless given, GOSPA of detections that nobody labelled, and else the likelihood."""
+    """The objective of a name; unless given, GOSPA where there is one, and else the likelihood."""
     if name is None:
-        hidden = any(item.config.sensing.identities == "hidden" for item in scenarios)
+        hidden = any(item.config.sensing.identities == "hidden" and not without_truth(item) for item in scenarios)
         name = "gospa" if hidden else "likelihood"
     if name not in OBJECTIVES:
         raise InputError(f"no objective {name!r}; {nearest(name, OBJECTIVES)}", key="--objective")

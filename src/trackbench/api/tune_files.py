@@ -46,7 +46,9 @@ def require_out(out: Path, scenarios: Sequence[Scenario]) -> None:
             there = file.parent / module.name
             if there.is_file() and there.read_bytes() != module.read_bytes():
                 raise InputError(
-                    f"{module.name} there is another one than beside {scenario.path}", key="--out", file=out
+                    f"another {module.name} than that beside {scenario.path} is there; give another folder",
+                    key="--out",
+                    file=out,
                 )
 
 

@@ -56,8 +56,7 @@ class Commands(click.Group):
 def cli() -> None:
     """
     \b
-    Run vehicle trackers on the same truth and noise, and compare their errors.
-    Example:  trackbench run highway
+    Example:  trackbench run highway    # trackers, on the same truth and noise
     """
 
 

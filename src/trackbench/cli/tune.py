@@ -88,8 +88,7 @@ def tune_command(
     \b
     Examples:
       trackbench tune highway --trackers ukf_ctrv --out tuned.yaml
-      trackbench tune u_turn racetrack --trackers ekf_cv,ukf_ctrv \\
-          --objective consistent_rmse --storage study.db --workers 2
+      trackbench tune u_turn racetrack --trackers ekf_cv --storage study.db
 
     \b
     Exit status: 0 tuned, 2 bad input, 4 cannot write

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from trackbench.filters.base import (
 from trackbench.filters.future import future
 from trackbench.filters.mixing import in_state_of, moment_matched
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array, Gaussian, Mask, Scan
+from trackbench.types import Array, Gaussian, Indices, Mask, Scan
 
 #: The least probability of a mode: one that underflowed to zero could never come back where modes do not switch.
 LEAST = 1e-300
@@ -51,7 +51,7 @@ class InteractingMultipleModel:
 
     filters: tuple[SingleModelFilter, ...]
     stay_s: tuple[float, ...]
-    """Mean time for which the motion stays with each model, s."""
+    """Mean time for which the motion stays with each model, s; each may be ``(batch,)``."""
     initial_probabilities: tuple[float, ...]
 
     @property
@@ -63,13 +63,13 @@ class InteractingMultipleModel:
         """The belief of a track that starts where ``state_of`` says, in the state of each motion model."""
         modes = tuple(filter.begin(state_of) for filter in self.filters)
         batch = modes[0].mean.shape[1:]
-        probability = np.array(self.initial_probabilities).reshape(-1, *(1 for _ in batch))
+        probability = linalg.expand(linalg.vector(self.initial_probabilities), modes[0].mean)
         return MultiModelBelief(np.broadcast_to(probability, (len(modes), *batch)), modes)
 
     def predict(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
         """Mix the modes by the Markov chain, and predict each."""
         if dt > 0.0:
-            belief = self._mixed(belief, transition_probabilities(self.stay_s, dt))
+            belief = self._mixed(belief, self._chain(dt))
         modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
         return joined(belief.probability, modes, belief.repaired)
 
@@ -119,7 +119,7 @@ class InteractingMultipleModel:
         filter leaves, with one smoother for each mode, as that of Lopez and Danès (2017), "Low-complexity IMM smoothing
         for jump Markov nonlinear systems"; here the measurements to come enter as a ratio of two Gaussians.
         """
-        chain = transition_probabilities(self.stay_s, dt)
+        chain = self._chain(dt)
         size = len(self.filters)
         joint = np.zeros((size, *later.probability.shape))
         parts: list[list[Gaussian]] = [[] for _ in self.filters]
@@ -153,13 +153,26 @@ class InteractingMultipleModel:
         parts = [filter.cartesian(mode) for filter, mode in zip(self.filters, belief.modes, strict=True)]
         return moment_matched(belief.probability, parts, ())
 
+    def _chain(self, dt: float) -> Array:
+        """``(M, M)``, or ``(M, M, batch)`` where each of a batch has its own, as ``transition_probabilities``."""
+        distinct, place = self._stays
+        chains = [transition_probabilities(tuple(stay), dt) for stay in distinct]
+        return chains[0] if place.ndim == 0 else np.stack(chains, axis=-1)[..., place]
+
+    @cached_property
+    def _stays(self) -> tuple[list[list[float]], Indices]:
+        """The different mean times of a batch, and which of them each of it has."""
+        stay = linalg.vector(self.stay_s)
+        distinct, place = np.unique(stay.reshape(len(stay), -1), axis=1, return_inverse=True)
+        return distinct.T.tolist(), place.reshape(stay.shape[1:])
+
     def _mixed(self, belief: MultiModelBelief, chain: Array) -> MultiModelBelief:
         """What each mode starts its prediction from: the modes that may have gone over to it, by their probability."""
         modes = []
         for j, motion in enumerate(self.motions):
             come, parts = self.mixture(belief, chain, j)
             modes.append(Belief(*moment_matched(come, parts, motion.angular)))
-        probability = np.einsum("i...,ij->j...", belief.probability, chain)
+        probability = np.einsum("i...,ij...->j...", belief.probability, chain)
         return MultiModelBelief(probability, tuple(modes), belief.repaired)
 
     def mixture(self, belief: MultiModelBelief, chain: Array, to: int) -> tuple[Array, list[Gaussian]]:

@@ -24,6 +24,8 @@ from trackbench.tuning.parameters import Values
 from trackbench.types import Array
 
 Entry = FilterConfig | PluginConfig
+#: Before the number of a model in the key of its mean time.
+STAYS = "motion.stay_s."
 
 _TRACKER: TypeAdapter[Entry] = TypeAdapter(AnyTracker)
 
@@ -91,6 +93,8 @@ def varies_in_batch(entry: Entry, key: str) -> bool:
         return True
     if entry.process_noise_diag is not None:
         return False
+    if isinstance(entry.motion, ImmConfig) and key.startswith(STAYS):
+        return True
     found = _motion_option(entry, key)
     return found is not None and found[1] in found[0].driving_noise
 
@@ -108,6 +112,10 @@ def combined(entry: FilterConfig, columns: Mapping[str, Array]) -> FilterConfig:
         if key.startswith("measurement_noise."):
             _, sensor, option = key.split(".")
             noise.setdefault(sensor, {})[option] = column
+        elif isinstance(motion, ImmConfig) and key.startswith(STAYS):
+            stay_s: list[Any] = list(motion.stay_s)
+            stay_s[int(key.removeprefix(STAYS))] = column
+            motion = motion.model_copy(update={"stay_s": stay_s})
         elif isinstance(motion, ImmConfig):
             _, _, place, option = key.split(".")
             models = list(motion.imm)

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from trackbench import linalg
+from trackbench.metrics.conditions import Classes, conditions
 from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
 from trackbench.runner.prepare import stepper_of
@@ -15,6 +17,7 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.stepping.steppers import Offline, masked
+from trackbench.tuning.conditions import CONDITIONS, members
 from trackbench.tuning.entry import Entry
 from trackbench.tuning.measures import Sums
 from trackbench.types import Array, Estimate, Mask, Scan
@@ -38,7 +41,8 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
     objects, runs = len(scene.truth.ids), len(piece.runs)
-    sums = _Sums(targets, trials, objects, runs)
+    read = [sensor for sensor in scene.sensors if entry.sensors is None or sensor.name in entry.sensors]
+    sums = _Sums(targets, conditions(scene.truth, scene.instants(), read, piece.runs), trials, objects, runs)
     named = entry.sensors_used
 
     def reads(sensor: str) -> bool:
@@ -75,12 +79,14 @@ def _tiled(scan: Scan, trials: int) -> Scan:
 class _Sums:
     """The sums under way, each ``(trials, objects, runs)``."""
 
-    def __init__(self, targets: Targets, trials: int, objects: int, runs: int) -> None:
+    def __init__(self, targets: Targets, classes: Classes, trials: int, objects: int, runs: int) -> None:
         self._state, self._due = targets.state, targets.due
         self._shape = (trials, objects, runs)
-        names = ("position_rmse", "velocity_rmse", "nees", "log_likelihood")
+        names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
         self._total = {name: np.zeros(self._shape) for name in names}
         self._count = {name: np.zeros(self._shape) for name in names}
+        self._member = members(classes)
+        self._nees = np.zeros((2, len(CONDITIONS), trials, runs))
 
     def add_error(self, instant: int, estimate: Estimate) -> None:
         """Take in the estimate after the last scan of an instant."""
@@ -88,10 +94,16 @@ class _Sums:
         error = mean - self._state[:, instant, None]
         given = self._due[instant] & np.isfinite(error).all(axis=0)
         square = error * error
-        nees = normalised_square(error, estimate.covariance.reshape(4, 4, *self._shape))
+        covariance = estimate.covariance.reshape(4, 4, *self._shape)
+        nees, whitened, positive = normalised_square(error, covariance)
         self._add("position_rmse", square[0] + square[1], given)
         self._add("velocity_rmse", square[2] + square[3], given)
-        self._add("nees", np.where(nees[2], nees[0], np.nan), given)
+        self._add("nees", np.where(positive, nees, np.nan), given)
+        # The factor is triangular: its first rows are those of the position by itself.
+        self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), given)
+        self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], given)
+        counted = np.stack([np.where(given, nees, 0.0), np.broadcast_to(given, self._shape)])
+        self._nees += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
 
     def add_innovation(self, instant: int, scan: Scan, estimate: Estimate) -> None:
         """Take in how likely the tracker found a scan."""
@@ -106,6 +118,8 @@ class _Sums:
         """Of each trial, summed over the objects."""
         total = {name: values.sum(axis=1) for name, values in self._total.items()}
         count = {name: values.sum(axis=1) for name, values in self._count.items()}
+        total |= dict(zip(CONDITIONS, self._nees[0], strict=True))
+        count |= dict(zip(CONDITIONS, self._nees[1], strict=True))
         return [
             Sums({name: np.stack([total[name][trial], count[name][trial]]) for name in total})
             for trial in range(self._shape[0])

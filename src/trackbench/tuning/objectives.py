@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.metrics.verdicts import TOLERANCE
+from trackbench.tuning import conditions
 from trackbench.tuning.evaluation import Outcome
 from trackbench.tuning.measures import NEES_DOF, Sums
 
@@ -98,7 +99,8 @@ def _error(measure: str) -> Callable[[Sequence[Sums], Sequence[Sums]], Parts]:
 def _error_and_nees(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
     with np.errstate(divide="ignore", invalid="ignore"):
         nees = {f"{NEES}{i}": float(np.log(own.value("nees") / NEES_DOF)) for i, own in enumerate(sums)}
-    return {**_error("position_rmse")(sums, start), **nees}
+    under = {f"under {i} {name}": value for i, own in enumerate(sums) for name, value in conditions.off(own)}
+    return {**_error("position_rmse")(sums, start), **nees, **under}
 
 
 def _likelihood(sums: Sequence[Sums], _: Sequence[Sums]) -> Parts:
@@ -119,7 +121,10 @@ def mean_nees(parts: Parts) -> float:
 
 
 def _consistent(parts: Parts) -> tuple[float, ...]:
-    return (parts["error"] + PRICE * float(np.mean([max(0.0, off - SLACK) for off in _off(parts)])),)
+    off = _off(parts)
+    total = sum(max(0.0, value - SLACK) for value in off)
+    total += sum(conditions.excess(value) for name, value in parts.items() if name.startswith("under"))
+    return (parts["error"] + PRICE * total / len(off),)
 
 
 def _both(parts: Parts) -> tuple[float, ...]:
@@ -150,7 +155,7 @@ OBJECTIVES = {
         ),
         Objective(
             "consistent_rmse",
-            "smallest position error of those with a consistent mean NEES",
+            "smallest position error of those whose mean NEES is consistent in every condition",
             "position_rmse",
             _error_and_nees,
             _consistent,

@@ -57,7 +57,7 @@ class Tuning:
     @property
     def front(self) -> list[TuningTrial]:
         """The trials that no other beats in both losses; empty where there is one."""
-        return front_of(self.trials) if len(self.objective.axes) > 1 else []
+        return front_of([*self.trials, self.best]) if len(self.objective.axes) > 1 else []
 
 
 @dataclass(frozen=True)
@@ -156,6 +156,13 @@ def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> No
         if hidden and not objective.hidden and objective.needs_truth:
             problem = f"{loaded.config.name} has detections that nobody labelled; choose gospa"
             raise InputError(f"{problem}, or likelihood without a truth", key="--objective")
+        if objective.needs_truth and without_truth(loaded):
+            raise InputError(f"{loaded.config.name} has no truth; choose likelihood", key="--objective")
+
+
+def without_truth(loaded: Scenario) -> bool:
+    """Whether a scenario is a log of measurements alone."""
+    return bool(getattr(loaded.config.truth, "without_truth", False))
 
 
 def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:

@@ -113,7 +113,7 @@ class Sensor(Config, ABC):
     )
     dropouts: list[Dropout] = Field(default_factory=list, description="Intervals in which the sensor is silent.")
     latency_s: Latency = Field(
-        0,
+        0.0,
         description="Time from a measurement to its arrival at the tracker, s; [least, most]: drawn evenly for each "
         "scan, the same in every run of a scene. Trackers get scans in the order of arrival.",
     )

@@ -60,7 +60,11 @@ def response_figure(item: Tuning, response: Response, name: str) -> Figure | Non
         panels[-1].set_xlabel(parameter.key)
 
     legend = [LegendEntry("tuned", _BEST), *([LegendEntry("start", INK, "dash")] if start is not None else [])]
-    band = "" if with_nees else "; the band is the 95 % interval of the difference, from the same runs"
+    band = (
+        ""
+        if with_nees or not response.told
+        else "; the band is the 95 % interval of the difference, from the same runs"
+    )
     return Figure(
         f"{name}response-{_file(parameter.key)}",
         parameter.key,
@@ -146,7 +150,7 @@ def _pair(item: Tuning, first: Parameter, second: Parameter, name: str) -> Figur
 def front_figure(item: Tuning, name: str) -> Figure:
     """All trials by both losses, and the front."""
     done = [trial for trial in item.trials if trial.losses]
-    near = [trial for trial in done if trial.losses[0] < math.log(3) and trial.losses[1] < math.log(20)] or done
+    near = [trial for trial in done if trial.losses[0] < math.log(1.5) and trial.losses[1] < math.log(5)] or done
     front = item.front
 
     def paint(canvas: Canvas) -> None:

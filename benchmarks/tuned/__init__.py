@@ -1,0 +1,1 @@
+"""Trackers tuned by one protocol, and compared over all scenarios of single objects."""

@@ -1,0 +1,43 @@
+"""Tune every tracker by one protocol, and compare them on other scenes: results/tuned/.
+
+python -m benchmarks.tuned [--scores-only]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import yaml
+
+from .protocol import read
+from .scores import scored
+from .tuning import all_tuned
+
+OUT = Path(__file__).parents[2] / "results" / "tuned"
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(prog="python -m benchmarks.tuned", description=__doc__)
+    arguments.add_argument("--scores-only", action="store_true", help="with the values that are there")
+    arguments.add_argument("--workers", type=int, default=2)
+    given = arguments.parse_args()
+    # Before a worker imports NumPy: the linear algebra of each would take every core.
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+    protocol, values = read(), OUT / "values.yaml"
+    OUT.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        if not given.scores_only:
+            found: dict[str, dict[str, object]] = {tracker: {} for tracker in protocol.trackers}
+            for tracker, name, best in all_tuned(protocol, pool):
+                print(f"{tracker}, {name}: {best}", flush=True)
+                found[tracker][name] = best
+            values.write_text(yaml.safe_dump(found, sort_keys=False), encoding="utf-8")
+        scored(protocol, yaml.safe_load(values.read_text(encoding="utf-8")), pool, OUT)
+
+
+if __name__ == "__main__":
+    main()
