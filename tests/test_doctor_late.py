@@ -13,7 +13,7 @@ from tests.scenes import NOISE, tracker
 from trackbench.doctor.checks.late import late
 from trackbench.doctor.examine import simplified
 from trackbench.doctor.findings import PartResult
-from trackbench.doctor.probes import Probes
+from trackbench.doctor.probes import GENERAL, PASSING, Probes
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.trackers.raw import RawTracker
@@ -25,8 +25,8 @@ SENSORS = {
     ),
     "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, latency_s=0.1),
 }
+FEW = Probes(general=GENERAL[:1], passing=PASSING[:1], moving=())
 KEYS: dict[str, dict[str, Any]] = {
-    "kf": {"filter": "kf", "motion": "cv", **NOISE["cv"]},
     "ekf": {"filter": "ekf", "motion": "cv", **NOISE["cv"]},
     "ukf": {"filter": "ukf", "motion": "ctrv", **NOISE["ctrv"]},
 }
@@ -57,7 +57,7 @@ class Refusing(Clamped):
 
 def examined(make: Callable[[], Any], **latency: float) -> PartResult:
     sensors = {name: simplified(sensor) for name, sensor in SENSORS.items()}
-    return late(TrackerUnderTest(make, sensors, [], Probes(), 0, latency))
+    return late(TrackerUnderTest(make, sensors, [], FEW, 0, latency))
 
 
 @pytest.mark.parametrize("method", ["replay", "retrodiction", "drop"])
