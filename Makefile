@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark tuned reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -87,6 +87,10 @@ benchmark: $(VENV)/.installed-dev
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.calibration
+
+# Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about 40 minutes on two cores.
+tuned: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.tuned
 
 # How often the doctor is right; about 40 minutes on two cores.
 doctor-rates: $(VENV)/.installed-dev

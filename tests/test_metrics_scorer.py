@@ -277,7 +277,7 @@ def test_the_error_is_taken_over_that_of_the_reference():
 
 TWO = {
     "ekf": FilterConfig.model_validate(TRACKERS["ekf-cv"]),
-    "ukf": FilterConfig.model_validate({**TRACKERS["ukf-ctrv"], "sensors": ["radar"]}),
+    "ukf": FilterConfig.model_validate({**TRACKERS["ukf-ctrv"], "sensors": ["radar"], "initial": "two_readings"}),
     "prior": FilterConfig.model_validate({**TRACKERS["ekf-cv"], "initial": "truth"}),
     "raw": PluginConfig(use="raw"),
 }

@@ -20,6 +20,7 @@ from trackbench.filters import InteractingMultipleModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers.builtin import ekf
+from trackbench.tuning import conditions
 from trackbench.tuning.evaluation import Bench, Evaluator
 from trackbench.tuning.labelled import log_likelihood
 from trackbench.tuning.objectives import OBJECTIVES
@@ -80,6 +81,26 @@ def test_a_trial_is_scored_as_a_run_is(scenario: Scenario, tracker: str) -> None
     for name in ("position_rmse", "velocity_rmse", "nees"):
         assert outcome.sums.value(name) == pytest.approx(getattr(result[tracker], name).value, rel=1e-12)
     assert outcome.sums.values["log_likelihood"][1].sum() > 0
+
+
+@pytest.mark.parametrize("tracker", ["ekf", "ukf", "lidar_only"])
+def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker: str) -> None:
+    stated = tb.run(load(TEXT, trackers=[tracker]))[tracker].breakdown
+    expected = {name: found.nees.value for name, found in {**stated.manoeuvre, **stated.range, **stated.age}.items()}
+    expected |= {"position alone": stated.all.nees_position.value, "velocity alone": stated.all.nees_velocity.value}
+    (outcome,) = evaluator(scenario, tracker)([{}])[0]
+    found = dict(conditions.off(outcome.sums))
+    assert {"turning", "straight", "first second", "50 to 100 m"} < set(found)
+    for name, off in found.items():
+        dof = 2 if "alone" in name else 4
+        assert dof * np.exp(off) == pytest.approx(expected[name], rel=1e-12), name
+
+
+@pytest.mark.parametrize(
+    ("nees", "off"), [(4.0, 0.0), (5.3, 0.0), (8.0, np.log(2) - conditions.HIGH), (2.0, np.log(2) + conditions.LOW)]
+)
+def test_a_condition_is_off_beyond_what_a_verdict_tolerates(nees: float, off: float) -> None:
+    assert conditions.excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
 
 
 def test_the_likelihood_is_that_of_the_innovations() -> None:
