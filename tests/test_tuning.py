@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -303,3 +304,29 @@ def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(monkeypatch: pytes
     best = min(sums.value("position_rmse") for sums in rows if sums is not None)
     assert found.best.measures["position_rmse"] < best
     assert found.apart == ("",)
+
+
+def test_a_program_tunes_as_the_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("two_cars.yaml").write_text(TEXT, encoding="utf-8")
+    told: list[float] = []
+    tuned = tb.tune(
+        "two_cars.yaml",
+        ["ekf"],
+        ranges={"acceleration_sigma_mps2": (0.5, 10.0)},
+        trials=4,
+        progress=lambda done, every: told.append(done / every),
+    )
+    arguments = ("--trackers", "ekf", "--range", "acceleration_sigma_mps2=0.5:10", "--trials", "4", "--json")
+    said = json.loads(cli("tune", "two_cars.yaml", *arguments).out)
+    assert tuned.json()["trackers"] == said["trackers"]
+    value = tuned.values["ekf"]["acceleration_sigma_mps2"]
+    assert tuned["ekf"].best.values == {"acceleration_sigma_mps2": value}
+    assert told[-1] == 1.0
+    assert "tuned.yaml" in " ".join(tuned.save("out/tuned.yaml"))
+    motion = load(Path("out/tuned.yaml")).config.trackers["ekf"].motion
+    assert motion.acceleration_sigma_mps2 == pytest.approx(value)
+    assert f"{value:.4g}" in str(tuned)
+    assert "<iframe" in tuned._repr_html_()
+    with pytest.raises(InputError, match="ekf"):
+        tb.tune("two_cars.yaml", ["efk"])

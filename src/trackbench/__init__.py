@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from trackbench.api.run import run
     from trackbench.api.scenario import load
     from trackbench.api.scene import sense, truth
+    from trackbench.api.tuned import tune
     from trackbench.errors import InputError, TrackbenchError
     from trackbench.scenario import Scenario
     from trackbench.testing import check_tracker
@@ -48,6 +49,7 @@ _HOMES = {
     "run": ("api.run", "run"),
     "sense": ("api.scene", "sense"),
     "truth": ("api.scene", "truth"),
+    "tune": ("api.tuned", "tune"),
 }
 
 __all__ = [
@@ -68,6 +70,7 @@ __all__ = [
     "run",
     "sense",
     "truth",
+    "tune",
 ]
 
 

@@ -63,3 +63,15 @@ class Listener:
 
     def compared(self, comparison: Comparison, page: Path) -> None:
         """Several scenarios are compared, and the page says what was found."""
+
+
+class Counter(Listener):
+    """Passes on how much of one unit is done."""
+
+    def __init__(self, progress: Progress, unit: str) -> None:
+        self._progress, self._unit = progress, unit
+
+    @contextmanager
+    def progress(self, work: str, unit: str) -> Iterator[Progress]:
+        """Of the unit alone."""
+        yield self._progress if unit == self._unit else no_progress

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import overload
 
 from trackbench.api import session
-from trackbench.api.listener import Listener
+from trackbench.api.listener import Counter
 from trackbench.api.plan import Plan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
@@ -83,21 +81,9 @@ def run(
         raise InputError(f'{problem} if __name__ == "__main__":')
     given = scenario if isinstance(scenario, list | tuple) else [scenario]
     plan = Plan(None if out is None else Path(out), workers, cluster, recording, Isolation(in_process, tracker_timeout))
-    listener = _Counter(progress)
+    listener = Counter(progress, "runs")
     loaded = [loaded_scenario(item) for item in given]
     with executor(workers, cluster) as chosen:
         prepared = session.prepare(loaded, plan, chosen, listener)
         found = [ReportableResult.of(result) for result in session.run(prepared, plan, chosen, listener)]
     return found if isinstance(scenario, list | tuple) else found[0]
-
-
-class _Counter(Listener):
-    """Passes on how many runs are done."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-
-    @contextmanager
-    def progress(self, work: str, unit: str) -> Iterator[Progress]:
-        """Of the runs alone."""
-        yield self._progress if unit == "runs" else no_progress
