@@ -188,6 +188,11 @@ def test_the_usual_ranges_are_of_the_process_noise(scenario: Scenario) -> None:
     found = usual_ranges(scenario, "ukf")
     assert [item.key for item in found] == ["acceleration_sigma_mps2", "yaw_acceleration_sigma_radps2"]
     assert start_values(scenario, "ukf", found) == {"acceleration_sigma_mps2": 1, "yaw_acceleration_sigma_radps2": 0.3}
+    models = "[{model: cv, acceleration_sigma_mps2: 1}, {model: ca, jerk_sigma_mps3: 5}]"
+    imm = load(TEXT, [f"trackers.imm={{filter: ekf, motion: {{imm: {models}, stay_s: [5, 2]}}}}"])
+    found = usual_ranges(imm, "imm")
+    noises = {"motion.imm.0.acceleration_sigma_mps2": 1, "motion.imm.1.jerk_sigma_mps3": 5}
+    assert start_values(imm, "imm", found) == {**noises, "motion.stay_s.0": 5, "motion.stay_s.1": 2}
     with pytest.raises(InputError, match="--range"):
         usual_ranges(scenario, "raw")
 

@@ -11,15 +11,18 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.source import parse
 from trackbench.trackers.associate import COUNTING
 from trackbench.trackers.config import FilterConfig
-from trackbench.tuning.entry import current, problem_with
+from trackbench.trackers.imm import ImmConfig
+from trackbench.tuning.entry import STAYS, current, problem_with
 from trackbench.tuning.parameters import Parameter, shown
 
 FORM = "write KEY=LOW:HIGH, such as acceleration_sigma_mps2=0.1:30, or KEY=A,B,C"
-#: Usual ranges of the noises that drive the built-in motion models: from a lorry on a motorway to an emergency.
+#: Usual ranges of the noises that drive the built-in motion models, from a lorry on a motorway to an emergency, and of
+#: the time for which a motion stays with one.
 NOISES = {
     "acceleration_sigma_mps2": (0.05, 30.0),
     "yaw_acceleration_sigma_radps2": (0.005, 10.0),
     "jerk_sigma_mps3": (0.1, 200.0),
+    "stay_s": (0.1, 100.0),
 }
 #: Of other noises: this factor to either side of the start.
 FACTOR = 30.0
@@ -54,7 +57,8 @@ def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
 
 
 def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
-    """The ranges for a built-in tracker: its process noise; of several objects, gate and confirmation too.
+    """The ranges for a built-in tracker: its process noise and the mean times of its models; of several objects, gate
+    and confirmation too.
 
     Raises:
         InputError: it is not built in, or has no such option.
@@ -68,6 +72,8 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
             prefix = f"motion.imm.{number}." if len(entry.models) > 1 else _prefix(loaded, tracker)
             for option in dict.fromkeys(motion.driving_noise):
                 found.append(_usual(prefix + option, option, getattr(motion, option)))
+    if isinstance(entry.motion, ImmConfig):
+        found += [_usual(f"{STAYS}{number}", "stay_s", stay) for number, stay in enumerate(entry.motion.stay_s)]
     if entry.associate is not None:
         method = entry.associate.method
         if method != "oracle":
