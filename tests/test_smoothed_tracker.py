@@ -10,6 +10,7 @@ import trackbench as tb
 from trackbench.doctor.subject import subject
 from trackbench.errors import InputError
 from trackbench.filters import smoothed
+from trackbench.report.run.tables import ranking
 from trackbench.runner.work import LARGEST_SMOOTHED, work_of
 from trackbench.scenario.truth import truths_of
 from trackbench.serve.session import served
@@ -96,6 +97,7 @@ def test_on_truth_of_its_own_model_it_is_consistent_and_no_competitor():
     assert offline.nees.verdict == "consistent"
     assert result.summary.ranking == ["offline", "online"]
     assert [one.name for one in result.contenders] == ["online"]
+    assert [(row[0].text, row[1].text) for row in ranking(result).rows] == [("", "offline"), ("1", "online")]
     assert offline.step_time.value is None
     assert "nis.lidar" not in offline.metrics or offline.metrics["nis.lidar"].value is None
 

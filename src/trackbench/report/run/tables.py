@@ -28,7 +28,7 @@ def ranking(result: Result) -> Table:
     margin = margin_words(result.summary.score.margin, "m")
     group = groups([tracker.name for tracker in trackers], Pairs(result.summary))
     columns = [
-        (Column("#", "rank by position RMSE"), [Cell(str(i + 1)) for i in range(len(trackers))]),
+        (Column("#", "rank by position RMSE"), _ranks(result)),
         (TRACKER, names(trackers)),
         (
             Column("group", f"no difference over {margin} was shown between trackers that share a letter", left=True),
@@ -57,6 +57,12 @@ def ranking(result: Result) -> Table:
         (Column("µs per step", "one predict and update of one run"), values(trackers, "step_time", significant=2)),
     ]
     return Table.of_columns("ranking", columns)
+
+
+def _ranks(result: Result) -> list[Cell]:
+    """None for one that is no competitor."""
+    order = [tracker.name for tracker in result.contenders]
+    return [Cell(str(order.index(t.name) + 1) if t.name in order else "") for t in result.scored]
 
 
 def axes_and_reference(result: Result) -> Table:
