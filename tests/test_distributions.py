@@ -41,6 +41,7 @@ def test_probabilities(x):
     assert normal_within(abs(x)) == pytest.approx(2 * stats.norm.cdf(abs(x)) - 1, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_no_command_waits_for_scipy_stats(tiny: Path) -> None:
     """Nor ``run`` with a cached truth for the simulator."""
     commands = ["list trackers", "check tiny.yaml", "run tiny.yaml", "run tiny.yaml", "compare results/tiny"]

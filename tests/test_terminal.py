@@ -224,6 +224,7 @@ def offered(trackbench: str, folder: Path, *words: str) -> list[str]:
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_completion_offers_scenarios_and_their_trackers(tiny: Path, tmp_path: Path, trackbench: str) -> None:
     (tmp_path / "scenarios" / "deep").mkdir(parents=True)
     for name in ("one", "deep/two"):
