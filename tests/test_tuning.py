@@ -24,7 +24,7 @@ from trackbench.trackers.builtin import ekf
 from trackbench.tuning import conditions
 from trackbench.tuning.evaluation import Bench, Evaluator
 from trackbench.tuning.labelled import log_likelihood
-from trackbench.tuning.objectives import OBJECTIVES
+from trackbench.tuning.objectives import OBJECTIVES, source_of
 from trackbench.tuning.parameters import Parameter, Values
 from trackbench.tuning.ranges import parse_range, start_values, usual_ranges
 from trackbench.tuning.search import search, usual_trials
@@ -90,11 +90,15 @@ def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker
     expected = {name: found.nees.value for name, found in {**stated.manoeuvre, **stated.range, **stated.age}.items()}
     expected |= {"position alone": stated.all.nees_position.value, "velocity alone": stated.all.nees_velocity.value}
     (outcome,) = evaluator(scenario, tracker)([{}])[0]
-    found = dict(conditions.off(outcome.sums))
+    found = dict(conditions.off(outcome.sums, outcome.sums))
     assert {"turning", "straight", "first second", "50 to 100 m"} < set(found)
     for name, off in found.items():
         dof = 2 if "alone" in name else 4
         assert dof * np.exp(off) == pytest.approx(expected[name], rel=1e-12), name
+        # What its interval is of.
+        source = source_of(f"under 0 {name}", OBJECTIVES["consistent_rmse"], 1)
+        assert (source.scenarios, source.logarithm) == ([0], True)
+        assert outcome.sums.value(source.measure) == pytest.approx(expected[name], rel=1e-12)
 
 
 @pytest.mark.parametrize(

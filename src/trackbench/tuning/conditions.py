@@ -35,14 +35,14 @@ def members(classes: Classes) -> Array:
     return np.stack(found).astype(float)
 
 
-def off(sums: Sums) -> Iterator[tuple[str, float]]:
-    """By condition with enough estimates, the logarithm of the mean NEES over its degrees of freedom."""
-    everything = sums.values["nees"][1].sum()
+def off(sums: Sums, start: Sums) -> Iterator[tuple[str, float]]:
+    """By condition of which the start gives enough estimates, the logarithm of the mean NEES over its degrees of
+    freedom: of every trial the same conditions."""
+    everything = start.values["nees"][1].sum()
     for name in (*CONDITIONS, *HALVES):
-        total, count = (values.sum() for values in sums.values[name])
-        if count >= SMALLEST_SHARE * everything:
+        if start.values[name][1].sum() >= SMALLEST_SHARE * everything:
             dof = DOF["nees_position"] if name in HALVES else DOF["nees"]
-            yield name, math.log(total / count / dof) if total > 0 else -math.inf
+            yield name, float(np.log(sums.value(name) / dof))
 
 
 def excess(value: float) -> float:

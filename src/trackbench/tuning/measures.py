@@ -50,7 +50,7 @@ class Sums:
         if name == "log_likelihood":
             return clustered(ratio(total, count), scene)
         mean = ratio(total, count, at_least=0.0)
-        return clustered(mean if name == "nees" else root(mean), scene)
+        return clustered(root(mean) if name.endswith("_rmse") else mean, scene)
 
     def value(self, name: str) -> float:
         """A measure over all runs; NaN where no run tells it."""

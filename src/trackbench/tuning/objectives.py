@@ -18,6 +18,8 @@ from trackbench.tuning.measures import NEES_DOF, Sums
 Parts = Mapping[str, float]
 #: With the number of the scenario, the part that is the logarithm of its mean NEES over the degrees of freedom.
 NEES = "nees "
+#: The same of its mean under a condition, whose name follows the number.
+UNDER = "under "
 #: How much a mean NEES that is off by a further per cent counts beside an error that is larger by one.
 PRICE = 10.0
 #: How far the logarithm of the mean NEES over its degrees of freedom may be off: half of what the verdict tolerates,
@@ -82,6 +84,9 @@ def source_of(part: str, objective: Objective, scenarios: int) -> PartSource:
     """The measure behind a part of an objective over so many scenarios."""
     if part.startswith(NEES):
         return PartSource("nees", [int(part.removeprefix(NEES))], logarithm=True)
+    if part.startswith(UNDER):
+        number, condition = part.removeprefix(UNDER).split(" ", 1)
+        return PartSource(condition, [int(number)], logarithm=True)
     if part == "likelihood":
         return PartSource(objective.measure, range(scenarios), logarithm=False, sign=-1.0)
     return PartSource(objective.measure, range(scenarios), logarithm=True)
@@ -99,7 +104,11 @@ def _error(measure: str) -> Callable[[Sequence[Sums], Sequence[Sums]], Parts]:
 def _error_and_nees(sums: Sequence[Sums], start: Sequence[Sums]) -> Parts:
     with np.errstate(divide="ignore", invalid="ignore"):
         nees = {f"{NEES}{i}": float(np.log(own.value("nees") / NEES_DOF)) for i, own in enumerate(sums)}
-    under = {f"under {i} {name}": value for i, own in enumerate(sums) for name, value in conditions.off(own)}
+        under = {
+            f"{UNDER}{i} {name}": value
+            for i, (own, other) in enumerate(zip(sums, start, strict=True))
+            for name, value in conditions.off(own, other)
+        }
     return {**_error("position_rmse")(sums, start), **nees, **under}
 
 
@@ -123,7 +132,7 @@ def mean_nees(parts: Parts) -> float:
 def _consistent(parts: Parts) -> tuple[float, ...]:
     off = _off(parts)
     total = sum(max(0.0, value - SLACK) for value in off)
-    total += sum(conditions.excess(value) for name, value in parts.items() if name.startswith("under"))
+    total += sum(conditions.excess(value) for name, value in parts.items() if name.startswith(UNDER))
     return (parts["error"] + PRICE * total / len(off),)
 
 
