@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.types import Array, Mask
+from trackbench.units import TWO_PI
 
 
 def matrix(rows: Sequence[Sequence[Array | float]]) -> Array:
@@ -98,6 +99,11 @@ class Cholesky(NamedTuple):
         """``L`` as an array ``(n, n, ...)``."""
         size = len(self.rows)
         return matrix([[*row, *[0.0] * (size - len(row))] for row in self.rows])
+
+    def log_density(self, whitened: Array) -> Array:
+        """``(...)`` logarithm of ``N(y; 0, P)``, for ``L^-1 y`` ``(n, ...)``."""
+        normalised = np.prod(np.stack(self.inverse_diagonal), axis=0) * TWO_PI ** (-len(whitened) / 2)
+        return np.asarray(np.log(normalised) - 0.5 * np.einsum("i...,i...->...", whitened, whitened))
 
     def whiten(self, b: Array) -> Array:
         """``L^-1 B`` for a vector or a matrix ``b`` of ``n`` rows."""

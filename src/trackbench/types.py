@@ -95,6 +95,10 @@ class Scan(NamedTuple):
     """True where no measurement has arrived and the estimate at ``time`` is asked for. What is predicted for it is not
     to be kept: measurements that are still on their way were taken earlier."""
 
+    def prompt(self) -> Scan:
+        """The same scan, arrived when it was taken."""
+        return self._replace(arrival_time=self.time)
+
 
 def scan_of_run(scan: Scan, run: int) -> Scan:
     """With hidden identities the detections of one run of a batch, without padding: ``measurement`` ``(m, D)``."""

@@ -45,6 +45,17 @@ def scenario_paths(_ctx: click.Context, _parameter: click.Parameter, incomplete:
     return begun or [CompletionItem(incomplete, type="file")]
 
 
+#: The scenarios of a command that takes several.
+scenarios_argument = click.argument(
+    "scenarios",
+    nargs=-1,
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="SCENARIO...",
+    shell_complete=scenario_paths,
+)
+
+
 def trackers_of_scenarios(ctx: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """``A,B``: the trackers of the scenarios on the line, those already named left out."""
     before, comma, begun = incomplete.rpartition(",")

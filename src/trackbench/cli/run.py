@@ -14,7 +14,7 @@ from trackbench import results
 from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run
-from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
+from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, require_known, showing
 from trackbench.cli.run_output import RunOutput
@@ -31,14 +31,7 @@ FAILED_TRACKER = 3
 
 
 @click.command("run")
-@click.argument(
-    "scenarios",
-    nargs=-1,
-    required=True,
-    type=click.Path(path_type=Path),
-    metavar="SCENARIO...",
-    shell_complete=scenario_paths,
-)
+@scenarios_argument
 @click.option("--runs", type=click.IntRange(1), metavar="N", help="Monte-Carlo runs, instead of the scenario's.")
 @click.option(
     "--runs-until",

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.scenario import load_several
-from trackbench.cli.completion import scenario_paths, trackers_of_scenarios
+from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.serve import INTERRUPTED
@@ -20,14 +20,7 @@ from trackbench.stepping.isolation import Isolation
 
 
 @click.command("tune")
-@click.argument(
-    "scenarios",
-    nargs=-1,
-    required=True,
-    type=click.Path(path_type=Path),
-    metavar="SCENARIO...",
-    shell_complete=scenario_paths,
-)
+@scenarios_argument
 @click.option("--trackers", required=True, metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
 @click.option(
     "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."

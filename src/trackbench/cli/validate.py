@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from trackbench.cli.completion import scenario_paths
+from trackbench.cli.completion import scenarios_argument
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import quiet_option
 from trackbench.scenario import load_scenario
@@ -18,14 +18,7 @@ from trackbench.stepping.isolation import Isolation
 
 
 @click.command("check")
-@click.argument(
-    "scenarios",
-    nargs=-1,
-    required=True,
-    type=click.Path(path_type=Path),
-    metavar="SCENARIO...",
-    shell_complete=scenario_paths,
-)
+@scenarios_argument
 @isolation_options
 @quiet_option("Only say what is wrong.")
 def check_command(scenarios: tuple[Path, ...], isolation: Isolation, quiet: bool) -> None:

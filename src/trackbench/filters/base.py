@@ -12,7 +12,7 @@ import numpy as np
 from trackbench import linalg
 from trackbench.models.motion import MotionModel
 from trackbench.types import Array, Gaussian, Mask, Scan
-from trackbench.units import TWO_PI, difference
+from trackbench.units import difference
 
 
 class Belief(NamedTuple):
@@ -66,9 +66,7 @@ class Update(NamedTuple, Generic[B]):
         """``(...)`` logarithm of the density of the measurement: ``N(y; 0, S)``, or that of the mixture."""
         if self.mixture is not None:
             return self.mixture
-        y = self.whitened_innovation
-        normalised = np.prod(np.stack(self.innovation_factor.inverse_diagonal), axis=0) * TWO_PI ** (-len(y) / 2)
-        return np.asarray(np.log(normalised) - 0.5 * np.einsum("i...,i...->...", y, y))
+        return self.innovation_factor.log_density(self.whitened_innovation)
 
 
 class Measured(NamedTuple):

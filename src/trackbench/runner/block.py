@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackbench.metrics import BlockScores, Scorer, Sums, score_together
-from trackbench.metrics.conditions import conditions
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
@@ -125,14 +124,13 @@ class TrackerRun:
     ) -> None:
         config = work.trackers[name]
         scene = work.scenes[piece.scene]
-        read = [sensor for sensor in scene.sensors if config.sensors is None or sensor.name in config.sensors]
         self.name = name
         self.failure: Failure | None = None
         self._work, self._piece, self._scene, self._runs, self._kept = work, piece, scene, piece.runs, kept
         self._target = targets.of(config)
         self.scorer = Scorer(
             self._target,
-            conditions(scene.truth, scene.instants(), read, piece.runs),
+            targets.conditions(config),
             {sensor.name: len(sensor.steps) for sensor in scene.sensors},
             tracker=name,
             first=piece.scene == piece.runs.start == 0,
@@ -194,7 +192,7 @@ class TrackerRun:
             given = (scan if self._reads(scan.sensor) else masked(scan) for scan in scans)
             stepper = stepper_of(work, self._piece, work.trackers[self.name], given)
             if isinstance(stepper, Offline):
-                scans = [scan._replace(arrival_time=scan.time) for scan in scans]
+                scans = [scan.prompt() for scan in scans]
             for instant, group in enumerate(deliveries(scans, self._reads, masked)):
                 latest = self._none
                 for scan, number, _ in group:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench.metrics import Target
-from trackbench.metrics.conditions import out_of_view
+from trackbench.metrics.conditions import Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
@@ -46,6 +46,12 @@ class Targets:
         if case not in self._references:
             self._references[case] = self._reference(*case)
         return Target(self._time, self.state, self._alive, self.due, self._work.divergence, self._references[case])
+
+    def conditions(self, tracker: FilterConfig | PluginConfig) -> Classes:
+        """``(instants, objects, runs or 1)`` the class of each object, by what the tracker reads."""
+        scene, named = self._scene, tracker.sensors
+        read = [sensor for sensor in scene.sensors if named is None or sensor.name in named]
+        return conditions(scene.truth, scene.instants(), read, self._piece.runs)
 
     def _where_due(self) -> Mask:
         """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse."""

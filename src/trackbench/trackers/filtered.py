@@ -100,6 +100,7 @@ class FilterTracker:
             innovation=said.innovation,
             innovation_covariance=said.innovation_covariance,
             whitened_innovation=said.whitened_innovation,
+            log_likelihood=said.log_likelihood,
         )
 
     def _retrodicted(self, state: TrackState, before: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
@@ -112,11 +113,7 @@ class FilterTracker:
         assert isinstance(state.belief, Belief)
         beliefs = Retrodiction(before.belief, before.time, state.belief, state.time)
         said = retrodicted(self.filter, beliefs, scan, known & scan.valid)
-        estimate = self.estimate(said.belief, state.started, state.waiting)._replace(
-            innovation=_where(known, said.innovation),
-            innovation_covariance=said.innovation_covariance,
-            whitened_innovation=_where(known, said.whitened_innovation),
-        )
+        estimate = _with_innovation(self.estimate(said.belief, state.started, state.waiting), said, known)
         return state._replace(belief=said.belief._replace(repaired=None)), estimate
 
     def _in_sequence(
@@ -146,12 +143,7 @@ class FilterTracker:
             started, waiting = started | begin.ready, begin.waiting
         estimate = self.estimate(belief, started, waiting)
         if said is not None:
-            estimate = estimate._replace(
-                innovation=_where(known, said.innovation),
-                innovation_covariance=said.innovation_covariance,
-                whitened_innovation=_where(known, said.whitened_innovation),
-                log_likelihood=None if said.mixture is None else _where(known, said.mixture),
-            )
+            estimate = _with_innovation(estimate, said, known)
         seen = np.where(scan.valid, scan.time, state.seen)
         return TrackState(scan.time, belief._replace(repaired=None), started, waiting, seen, lost), estimate
 
@@ -238,6 +230,16 @@ class FilterTracker:
             probability = _where(started, belief.probability)
             return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
         return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
+
+
+def _with_innovation(estimate: Estimate, said: Update[Any], known: Mask) -> Estimate:
+    """The estimate with what the measurement said, of the tracks that were there before it."""
+    return estimate._replace(
+        innovation=_where(known, said.innovation),
+        innovation_covariance=said.innovation_covariance,
+        whitened_innovation=_where(known, said.whitened_innovation),
+        log_likelihood=None if said.mixture is None else _where(known, said.mixture),
+    )
 
 
 def _where(known: Mask, values: Array) -> Array:

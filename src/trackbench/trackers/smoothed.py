@@ -29,8 +29,7 @@ class SmoothedTracker:
 
     def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
         """The estimate at each scan, whatever their order: offline none comes late."""
-        in_time = [scan._replace(arrival_time=scan.time) for scan in scans]
-        instants = self._filtered(sorted(in_time, key=lambda scan: scan.time))
+        instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
         found: dict[float, Estimate] = {}
         later: TrackState | None = None
         while instants:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from trackbench import linalg
-from trackbench.metrics.conditions import Classes, conditions
+from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.allocation import keep_freed_memory
@@ -21,7 +21,6 @@ from trackbench.tuning.conditions import CONDITIONS, members
 from trackbench.tuning.entry import Entry
 from trackbench.tuning.measures import Sums
 from trackbench.types import Array, Estimate, Mask, Scan
-from trackbench.units import TWO_PI
 
 
 def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> list[Sums]:
@@ -41,8 +40,7 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
     objects, runs = len(scene.truth.ids), len(piece.runs)
-    read = [sensor for sensor in scene.sensors if entry.sensors is None or sensor.name in entry.sensors]
-    sums = _Sums(targets, conditions(scene.truth, scene.instants(), read, piece.runs), trials, objects, runs)
+    sums = _Sums(targets, targets.conditions(entry), trials, objects, runs)
     named = entry.sensors_used
 
     def reads(sensor: str) -> bool:
@@ -52,7 +50,7 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
     given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
     stepper = stepper_of(work, piece, entry, given, trials)
     if isinstance(stepper, Offline):
-        scans = [scan._replace(arrival_time=scan.time) for scan in scans]
+        scans = [scan.prompt() for scan in scans]
     try:
         with np.errstate(all="ignore"):
             for instant, group in enumerate(deliveries(scans, reads, masked)):
@@ -142,7 +140,4 @@ def log_likelihood(estimate: Estimate) -> Array | None:
     if y is None or s is None:
         return None
     factor = linalg.cholesky(s)
-    white = factor.whiten(y)
-    diagonal = np.prod(np.stack(factor.inverse_diagonal), axis=0)
-    density = np.log(diagonal) - 0.5 * (len(y) * np.log(TWO_PI) + np.einsum("i...,i...->...", white, white))
-    return np.where(factor.positive, density, np.nan)
+    return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
