@@ -23,15 +23,31 @@ class Budget:
 
 
 @dataclass(frozen=True)
+class Refinement:
+    """Trials around the best ones so far, in passes that look ever closer."""
+
+    size: int
+    """Of each pass."""
+    radii: list[float]
+    """Of each pass, as a share of the range."""
+
+
+@dataclass(frozen=True)
 class Protocol:
     """How trackers are tuned and compared."""
 
     objective: str
-    trials: int
+    spread: int
+    around_the_best: Refinement
     tuned_on: Budget
     scored_on: Budget
     families: dict[str, list[str]]
     trackers: dict[str, dict[str, Any]]
+
+    @property
+    def trials(self) -> int:
+        """Of each search."""
+        return self.spread + self.around_the_best.size * len(self.around_the_best.radii)
 
     @property
     def scenarios(self) -> list[str]:
@@ -41,10 +57,6 @@ class Protocol:
     def family_of(self, scenario: str) -> str:
         """The family that a scenario belongs to."""
         return next(family for family, names in self.families.items() if scenario in names)
-
-    def sets(self) -> dict[str, list[str]]:
-        """By name, the scenarios for which values are sought: each by itself, each family, and all."""
-        return {**{name: [name] for name in self.scenarios}, **self.families, "all": self.scenarios}
 
     def loaded(self, scenario: str, trackers: dict[str, Any], **more: Any) -> Any:
         """A shipped scenario with other trackers, of which nothing is expected."""
@@ -56,4 +68,4 @@ def read() -> Protocol:
     """The protocol of the file."""
     content = yaml.safe_load((HERE / "protocol.yaml").read_text(encoding="utf-8"))
     budgets = {name: Budget(**content.pop(name)) for name in ("tuned_on", "scored_on")}
-    return Protocol(**content, **budgets)
+    return Protocol(around_the_best=Refinement(**content.pop("around_the_best")), **budgets, **content)

@@ -2,38 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import Executor
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, Future
 from typing import Any
 
-from trackbench.api.listener import Listener
-from trackbench.api.tune import TunePlan, tune_trackers
 from trackbench.execution import InProcess
+from trackbench.scenario.truth import PendingTruths
+from trackbench.tuning.evaluation import Bench, Evaluator, Outcome
 from trackbench.tuning.objectives import OBJECTIVES
-from trackbench.tuning.split import Split
+from trackbench.tuning.parameters import Values
+from trackbench.tuning.ranges import parse_range, start_values
+from trackbench.tuning.search import Proposals, search
+from trackbench.tuning.split import Split, halved
+from trackbench.tuning.study import Study
+from trackbench.tuning.trials import TuningTrial, best_of, trial_of
+from trackbench.types import no_progress
 
 from .protocol import Protocol
 
-Values = dict[str, Any]
+#: What came of a tracker's values in one scenario, by their JSON.
+Outcomes = dict[str, Outcome]
 
 
-def tuned(protocol: Protocol, tracker: str, scenarios: list[str]) -> Values:
-    """The best values of one tracker for some scenarios."""
-    entry, ranges = protocol.trackers[tracker]["entry"], protocol.trackers[tracker]["ranges"]
-    loaded = [protocol.loaded(name, {tracker: entry}) for name in scenarios]
-    budget = protocol.tuned_on
-    split = Split(budget.scenes, 1, budget.runs, 1)
-    plan = TunePlan(OBJECTIVES[protocol.objective], tuple(ranges), protocol.trials, split=split)
-    (found,) = tune_trackers(loaded, [tracker], plan, InProcess(), Listener())
-    return dict(found.best.values)
+class Tried:
+    """A tracker in one scenario, on the scenes that it is tuned on; each set of values is tried once.
+
+    Args:
+        protocol: how.
+        tracker: its name.
+        scenario: its name.
+        outcomes: of what was tried already.
+    """
+
+    def __init__(self, protocol: Protocol, tracker: str, scenario: str, outcomes: Outcomes) -> None:
+        stated, budget = protocol.trackers[tracker], protocol.tuned_on
+        loaded = protocol.loaded(scenario, {tracker: stated["entry"]})
+        self.parameters = [parse_range(text, loaded, tracker) for text in stated["ranges"]]
+        self.start = start_values(loaded, tracker, self.parameters)
+        self.outcomes = outcomes
+        train = halved(loaded, Split(budget.scenes, 1, budget.runs, 1)).train
+        bench = Bench(train, PendingTruths(train, InProcess()).collect(no_progress))
+        self._evaluator = Evaluator([bench], tracker, self.parameters, InProcess())
+
+    def __call__(self, points: Sequence[Values]) -> list[Outcome]:
+        """What comes of each."""
+        keys = [json.dumps(point) for point in points]
+        missing = {key: point for key, point in zip(keys, points, strict=True) if key not in self.outcomes}
+        found = self._evaluator(list(missing.values())) if missing else []
+        self.outcomes |= {key: outcome for key, (outcome,) in zip(missing, found, strict=True)}
+        return [self.outcomes[key] for key in keys]
 
 
-def all_tuned(protocol: Protocol, pool: Executor) -> Iterator[tuple[str, str, Values]]:
-    """Tracker, set of scenarios and values, the longest searches first."""
-    pending = [
-        (tracker, name, pool.submit(tuned, protocol, tracker, scenarios))
-        for name, scenarios in sorted(protocol.sets().items(), key=lambda item: -len(item[1]))
+def tuned(
+    protocol: Protocol, tracker: str, scenarios: Sequence[str], outcomes: Sequence[Outcomes]
+) -> tuple[dict[str, Any], list[Outcomes]]:
+    """The best values of one tracker for some scenarios, and what came of all that were tried.
+
+    The values that are spread over the ranges are the same in every search of a tracker.
+    """
+    tried = [Tried(protocol, tracker, *of) for of in zip(scenarios, outcomes, strict=True)]
+    objective = OBJECTIVES[protocol.objective]
+    start = [item([{}])[0].sums for item in tried]
+    assert all(start), f"{tracker} fails as it is"
+
+    def make(points: Sequence[Values]) -> list[TuningTrial]:
+        found = zip(*(item(points) for item in tried), strict=True)
+        return [trial_of(objective, point, of, start) for point, of in zip(points, found, strict=True)]
+
+    parameters = tried[0].parameters
+    study = Study(tracker, None, parameters, objective.axes, {})
+    search(parameters, study, tried[0].start, make, objective.losses, protocol.trials, 0, batches=batches(protocol))
+    best = best_of(study.trials)
+    assert best is not None, f"every trial of {tracker} failed"
+    return dict(best.values), [item.outcomes for item in tried]
+
+
+def batches(protocol: Protocol) -> list[Proposals]:
+    """Of each search."""
+    local = protocol.around_the_best
+    return [Proposals("spread", protocol.spread), *(Proposals("local", local.size, radius) for radius in local.radii)]
+
+
+def all_tuned(protocol: Protocol, pool: Executor) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Tracker, set of scenarios and values: of each scenario by itself, then of the families and of all."""
+    alone = {
+        (tracker, name): pool.submit(tuned, protocol, tracker, [name], [{}])
         for tracker in protocol.trackers
-    ]
-    for tracker, name, future in pending:
-        yield tracker, name, future.result()
+        for name in protocol.scenarios
+    }
+    together: dict[tuple[str, str], Future[Any]] = {}
+    for tracker in protocol.trackers:
+        outcomes = {}
+        for name in protocol.scenarios:
+            best, (outcomes[name],) = alone.pop((tracker, name)).result()
+            yield tracker, name, best
+        for name, scenarios in {**protocol.families, "all": protocol.scenarios}.items():
+            known = [outcomes[item] for item in scenarios]
+            together[tracker, name] = pool.submit(tuned, protocol, tracker, scenarios, known)
+    for (tracker, name), future in together.items():
+        yield tracker, name, future.result()[0]

@@ -47,6 +47,12 @@ class FirstMeasurements(NamedTuple):
     position: Array
     """``(2, L)`` that the first one states."""
 
+    def part(self, where: Mask | slice) -> FirstMeasurements:
+        """Those of some objects."""
+        return FirstMeasurements(
+            *(item if name == "kinds" else item[..., where] for name, item in self._asdict().items())
+        )
+
 
 class BatchPrior(NamedTuple):
     """What is assumed of the first state beside the measurements."""
@@ -146,18 +152,20 @@ def _fit(
     noises = len(motion.noise_sigma) * len(measurements.interval) * driven
     found = np.concatenate([first, np.zeros((noises, lanes))])
     at = _Linearised.of(motion, measurements, prior, found)
-    damping = np.full(lanes, 1e-6)
-    converged = np.zeros(lanes, dtype=bool)
+    damping, converged = np.full(lanes, 1e-6), np.zeros(lanes, dtype=bool)
     for _ in range(steps):
-        step = _solved(at.information, at.gradient, damping)
-        tried = found + np.where(converged, 0.0, step)
-        there = _Linearised.of(motion, measurements, prior, tried)
-        better = there.cost <= at.cost * (1.0 + 1e-12)
-        length = np.einsum("i...,ij...,j...->...", step, at.information, step)
-        converged |= (length < CONVERGED**2) & (better | (length < 1e-12))
-        found = np.where(better, tried, found)
-        at = _Linearised(*(np.where(better, new, old) for new, old in zip(there, at, strict=True)))
-        damping = np.clip(np.where(better, damping / DAMPING, damping * DAMPING * DAMPING), 1e-12, 1e12)
+        moving = _index(~converged)
+        now = at.part(moving)
+        step = _solved(now.information, now.gradient, damping[moving])
+        tried = found[:, moving] + step
+        there = _Linearised.of(motion.part(moving), measurements.part(moving), prior, tried)
+        better = there.cost <= now.cost * (1.0 + 1e-12)
+        length = np.einsum("i...,ij...,j...->...", step, now.information, step)
+        for whole, new in zip((found, *at), (tried, *there), strict=True):
+            whole[..., moving] = np.where(better, new, whole[..., moving])
+        factor = np.where(better, 1.0 / DAMPING, DAMPING * DAMPING)
+        damping[moving] = np.clip(damping[moving] * factor, 1e-12, 1e12)
+        converged[moving] = (length < CONVERGED**2) & (better | (length < 1e-12))
         if converged.all():
             break
     identity = np.broadcast_to(np.eye(len(found))[..., None], (*at.information.shape,))
@@ -182,59 +190,70 @@ class _Linearised(NamedTuple):
     slope: Array
     """``(n, p, L)`` its derivative."""
 
+    def part(self, where: Mask | slice) -> _Linearised:
+        """That of some objects."""
+        return _Linearised(*(item[..., where] for item in self))
+
     @classmethod
     def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, point: Array) -> _Linearised:
-        size, lanes = len(motion.components), point.shape[1]
+        size, (unknowns, lanes) = len(motion.components), point.shape
         sigma = np.asarray(linalg.expand(linalg.vector(motion.noise_sigma), point)) * np.ones(lanes)
-        driven = len(point) > size
-        x = point[:size]
-        slope = np.zeros((size, len(point), lanes))
+        x, noises = point[:size], point[size:].reshape(-1, len(sigma), lanes)
+        slope = np.zeros((size, size, lanes))
         slope[range(size), range(size)] = 1.0
-        residuals, derivatives = _of_prior(motion, prior, point, slope)
+        cost = (point[size:] ** 2).sum(axis=0)
+        information = np.zeros((unknowns, unknowns, lanes))
+        information[range(size, unknowns), range(size, unknowns)] = 1.0
+        gradient = np.concatenate([np.zeros_like(x), -point[size:]])
+        parts = [_of_prior(motion, prior, x)]
         for k in range(len(measurements.kind)):
             if k:
-                own = slice(size + len(sigma) * (k - 1), size + len(sigma) * k) if driven else None
-                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, point, own, sigma)
-            residual, derivative = _of_measurement(motion, measurements, k, x, slope)
-            residuals.append(residual)
-            derivatives.append(derivative)
-        r, j = np.concatenate(residuals), np.concatenate(derivatives)
-        information = linalg.gram(j)
+                x, slope = _moved(motion, measurements.interval[k - 1], x, slope, sigma, noises[k - 1 : k])
+            parts.append(_of_measurement(motion, measurements, k, x, slope))
+        for residual, derivative in parts:
+            # What comes later has no part in a measurement.
+            known = derivative.shape[1]
+            cost += np.einsum("i...,i...->...", residual, residual)
+            information[:known, :known] += linalg.gram(derivative)
+            gradient[:known] += linalg.apply_transposed(derivative, residual)
         for i, name in enumerate(motion.components):
             if name in YAW:
                 # Nothing pulls at the course, but no more is unknown of it than of any angle.
                 information[i, i] += prior.others.yaw**-2
-        return cls(np.einsum("i...,i...->...", r, r), information, linalg.apply_transposed(j, r), x, slope)
+        return cls(cost, information, gradient, x, slope)
 
 
-def _of_prior(motion: MotionModel, prior: BatchPrior, point: Array, slope: Array) -> tuple[list[Array], list[Array]]:
-    """The residuals ``(r, L)`` of what is assumed, and the derivatives ``(r, p, L)`` of what they are of."""
-    size = len(motion.components)
-    x, sigma = point[:size], prior.velocity
-    velocity = linalg.expand(motion.cartesian_jacobian(x)[2:], slope[:2, :size])
+def _of_prior(motion: MotionModel, prior: BatchPrior, x: Array) -> tuple[Array, Array]:
+    """The residuals ``(r, L)`` of what is assumed of the first state, and the derivatives ``(r, n, L)`` of what they
+    are of."""
+    size, sigma = len(x), prior.velocity
+    velocity = linalg.expand(motion.cartesian_jacobian(x)[2:], x[None])
     open_ = [i for i, name in enumerate(motion.components) if name not in (*POSITION, *VELOCITY, *YAW)]
     scale = np.array([first_sigma(motion, motion.components[i], prior.others) for i in open_])[:, None]
-    residuals = [-motion.to_cartesian(x)[2:] / sigma, -x[open_] / scale, -point[size:]]
-    noises = np.zeros((len(point) - size, *slope.shape[1:]))
-    noises[range(len(noises)), range(size, len(point))] = 1.0
-    derivatives = [linalg.matmul(velocity, slope) / sigma, slope[open_] / scale[..., None], noises]
-    return residuals, derivatives
+    rows = np.broadcast_to((np.eye(size)[open_] / scale)[..., None], (len(open_), *x.shape))
+    residual = np.concatenate([-motion.to_cartesian(x)[2:] / sigma, -x[open_] / scale])
+    return residual, np.concatenate([np.broadcast_to(velocity, (2, *x.shape)) / sigma, rows])
 
 
 def _moved(
-    motion: MotionModel, interval: Array, x: Array, slope: Array, point: Array, own: slice | None, sigma: Array
+    motion: MotionModel, interval: Array, x: Array, slope: Array, sigma: Array, noise: Array
 ) -> tuple[Array, Array]:
-    """The state after the interval and its derivative; ``own`` is where its noises stand among the unknowns."""
-    after, turned = x.copy(), slope.copy()
+    """The state after the interval and its derivative, which gains a column for each of the interval's noises.
+
+    ``noise`` is ``(1, q, L)``, or empty where there is none.
+    """
+    own = np.zeros((len(x), noise.size // x.shape[1], x.shape[1]))
+    after, turned = x.copy(), np.concatenate([slope, own], axis=1)
+    known = slope.shape[1]
     for dt in np.unique(interval[interval > 0.0]):
-        where = interval == dt
+        where = _index(interval == dt)
         here, before = x[:, where], slope[..., where]
         after[:, where] = motion.transition(here, dt)
-        turned[..., where] = linalg.matmul(linalg.expand(motion.jacobian(here, dt), before), before)
-        if own is not None:
+        turned[:, :known, where] = linalg.matmul(linalg.expand(motion.jacobian(here, dt), before), before)
+        for drawn in noise:
             gain = sigma[:, where] * linalg.expand(motion.noise_gain(here, dt), before)
-            after[:, where] += linalg.apply(gain, point[own, where])
-            turned[:, own, where] += gain
+            after[:, where] += linalg.apply(gain, drawn[:, where])
+            turned[:, known:, where] = gain
     return after, turned
 
 
@@ -245,17 +264,24 @@ def _of_measurement(
     target, way = motion.to_cartesian(x), motion.cartesian_jacobian(x)
     residual, derivative = np.zeros_like(value), np.zeros((len(value), *slope.shape[1:]))
     for number, sensor in enumerate(measurements.kinds):
-        where = measurements.kind[k] == number
-        if not where.any():
+        there = measurements.kind[k] == number
+        if not there.any():
             continue
+        where = _index(there)
         at = target[:, where], measurements.pose[k][:, where], measurements.velocity[k][:, where]
         size = len(sensor.components)
         residual[:size, where] = difference(value[:size, where], sensor.measure(*at), sensor.angular)
         h = sensor.jacobian(*at)
         h = np.broadcast_to(linalg.expand(h, at[0][None]), (size, 4, at[0].shape[1]))
-        own = np.broadcast_to(linalg.expand(way, target[None]), (4, len(x), len(where)))[..., where]
-        derivative[:size, :, where] = linalg.matmul(linalg.matmul(h, own), slope[..., where])
-    return linalg.apply(whitener, residual), linalg.matmul(whitener, derivative)
+        own = np.broadcast_to(linalg.expand(way, target[None]), (4, len(x), len(there)))[..., where]
+        whitened = linalg.matmul(linalg.matmul(whitener[:, :size, where], h), own)
+        derivative[:, :, where] = linalg.matmul(whitened, slope[..., where])
+    return linalg.apply(whitener, residual), derivative
+
+
+def _index(where: Mask) -> Mask | slice:
+    """Of all, a slice: no copy is made."""
+    return slice(None) if where.all() else where
 
 
 def _solved(information: Array, right: Array, damping: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -63,6 +63,7 @@ def search(
     trials: int,
     seed: int,
     front: bool = False,
+    batches: Iterable[Proposals] | None = None,
 ) -> None:
     """Make trials until there are so many in the study; those that it has already are not made again.
 
@@ -77,9 +78,10 @@ def search(
         trials: how many.
         seed: of what is drawn.
         front: whether there are two losses.
+        batches: in which the trials are proposed; those of the schedule unless given.
     """
     first = 0
-    for number, batch in enumerate(schedule(parameters, front)):
+    for number, batch in enumerate(batches or schedule(parameters, front)):
         if first >= trials:
             return
         size = min(batch.size, trials - first)
