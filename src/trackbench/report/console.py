@@ -15,7 +15,7 @@ from trackbench.metrics.verdict_words import conditions_off, mean_text
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
-from trackbench.report.run.pairs import Pairs, groups
+from trackbench.report.run.pairs import letters
 from trackbench.report.run.scenes import basis_of_intervals, runs_in_words
 from trackbench.report.run.sentences import common, duration, expectations_met, failure, precision_reached
 from trackbench.report.run.tables import found
@@ -86,14 +86,14 @@ class _Column:
 def _ranked(result: Result, width: int) -> list[Text]:
     """The table, line by line; a name that its column has no room for stands on a line of its own."""
     trackers = result.scored
-    letters = _groups(result)
+    group = _groups(result)
     if result.summary.identities == "hidden":
         columns = [_Column(heading, cells) for heading, cells in traffic.values(result)]
-        return _rows(trackers, columns[:1] + _grouped(letters) + columns[1:], width)
+        return _rows(trackers, columns[:1] + _grouped(group) + columns[1:], width)
     diverged = [tracker.health.diverged_runs or 0 for tracker in trackers]
     columns = [
         _Column("position m", _values(trackers, "position_rmse")),
-        *_grouped(letters),
+        *_grouped(group),
         _Column("vel. m/s", _values(trackers, "velocity_rmse")),
         _Column("/ref", _values(trackers, "position_over_reference")),
         _Column("NEES", _nees([metric_of(tracker, "nees") for tracker in trackers]), right=False),
@@ -103,8 +103,8 @@ def _ranked(result: Result, width: int) -> list[Text]:
     return _rows(trackers, columns, width)
 
 
-def _grouped(letters: Sequence[str]) -> list[_Column]:
-    return [_Column("group", [Text(group) for group in letters], right=False)] if letters else []
+def _grouped(group: Sequence[str]) -> list[_Column]:
+    return [_Column("group", list(map(Text, group)), right=False)] if group else []
 
 
 def _rows(trackers: Sequence[TrackerResult], columns: Sequence[_Column], width: int) -> list[Text]:
@@ -129,8 +129,8 @@ def _groups(result: Result) -> list[str]:
     """The letters of each tracker; nothing where there are so many that they say nothing at a glance."""
     if not result.summary.truth.known:
         return []
-    found = groups([tracker.name for tracker in result.scored], Pairs(result.summary))
-    return list(found.values()) if max(map(len, found.values())) <= _MOST_LETTERS else []
+    found = letters(result)
+    return found if max(map(len, found)) <= _MOST_LETTERS else []
 
 
 def _note_on_groups(result: Result) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from string import ascii_lowercase, ascii_uppercase
 
 from trackbench.report.groups import groups_of
-from trackbench.results import Difference
+from trackbench.results import Difference, Result
 from trackbench.results.summary import Summary
 
 _LETTERS = ascii_lowercase + ascii_uppercase
@@ -60,3 +60,9 @@ def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
     """
     found = groups_of(names, pairs.differ)
     return {name: "".join(_LETTERS[i % len(_LETTERS)] for i, g in enumerate(found) if name in g) for name in names}
+
+
+def letters(result: Result) -> list[str]:
+    """The groups of each scored tracker; a reference or a smoother is no competitor and is in none."""
+    found = groups([tracker.name for tracker in result.contenders], Pairs(result.summary))
+    return [found.get(tracker.name, "") for tracker in result.scored]

@@ -11,7 +11,7 @@ from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval, percent, signed
 from trackbench.report.run.cells import INTERVAL, TONE, TRACKER, VERDICT, count, metric_of, missing, names, values
-from trackbench.report.run.pairs import Pair, Pairs, groups
+from trackbench.report.run.pairs import Pair, Pairs, letters
 from trackbench.results import ConditionVerdict, Result, TrackerResult, sensor_words
 
 #: Metrics with a column of their own in some table, and the groups of which all have one.
@@ -26,13 +26,12 @@ def ranking(result: Result) -> Table:
     """Every scored tracker, best first, with intervals and verdicts."""
     trackers, runs, label = result.scored, result.summary.runs, result.summary.held_against.label
     margin = margin_words(result.summary.score.margin, "m")
-    group = groups([tracker.name for tracker in trackers], Pairs(result.summary))
     columns = [
         (Column("#", "rank by position RMSE"), _ranks(result)),
         (TRACKER, names(trackers)),
         (
             Column("group", f"no difference over {margin} was shown between trackers that share a letter", left=True),
-            [Cell(group[tracker.name]) for tracker in trackers],
+            list(map(Cell, letters(result))),
         ),
         (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
         (Column("velocity RMSE, m/s", details=INTERVAL), values(trackers, "velocity_rmse")),

@@ -25,7 +25,7 @@ from trackbench.report.run.cells import INTERVAL, TRACKER, names, values
 from trackbench.report.run.document import DIFFERENCES
 from trackbench.report.run.figures.cost import cost_against_accuracy
 from trackbench.report.run.frame import framed
-from trackbench.report.run.pairs import Pairs, groups
+from trackbench.report.run.pairs import letters
 from trackbench.report.run.scenes import basis_of_intervals, scenes
 from trackbench.report.run.sentences import headline
 from trackbench.report.traffic import without_truth
@@ -113,9 +113,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
 def ranking(result: Result) -> Table:
     """Every scored tracker, best first, with the letters of those that were not shown to differ."""
     trackers = result.scored
-    group = groups([tracker.name for tracker in trackers], Pairs(result.summary))
-    letters = [Cell(group[tracker.name]) for tracker in trackers]
-    return _table("Ranking", trackers, RANKING, [(Column("group", left=True), letters)])
+    return _table("Ranking", trackers, RANKING, [(Column("group", left=True), list(map(Cell, letters(result))))])
 
 
 def _table(
