@@ -15,7 +15,7 @@ from trackbench.metrics.parts import scores_of, stretches
 from trackbench.metrics.sums import ERROR, merge
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.base import Dropout
-from trackbench.results.summary import MarginSummary
+from trackbench.results.score_summary import MarginSummary
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.work import BlockRuns, Scene

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import differences
 from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.results.summary import MarginSummary
+from trackbench.results.score_summary import MarginSummary
 
 from .claim import Claim, rate
 

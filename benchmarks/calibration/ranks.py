@@ -13,7 +13,7 @@ from trackbench.metrics import BUILT_IN
 from trackbench.metrics.differences import LEVEL, differences
 from trackbench.metrics.intervals import holm, ratio, root
 from trackbench.results import Difference
-from trackbench.results.summary import MarginSummary
+from trackbench.results.score_summary import MarginSummary
 
 from .claim import Claim, rate
 

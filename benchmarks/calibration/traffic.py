@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench.metrics.differences import EQUIVALENT, differences
 from trackbench.metrics.intervals import Interval, paired
-from trackbench.results.summary import MarginSummary, OwnMetricSummary
+from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
 from trackbench.traffic_metrics import METRICS
 from trackbench.types import Array, Indices
 

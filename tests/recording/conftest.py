@@ -22,16 +22,15 @@ from trackbench.results import (
     Tables,
     TrackerResult,
 )
-from trackbench.results.summary import (
+from trackbench.results.scenario_summary import (
     ComponentNoise,
-    MarginSummary,
     MountSummary,
     ReferenceSummary,
     ScenarioSummary,
-    ScoreSummary,
     SensorSummary,
     TruthSummary,
 )
+from trackbench.results.score_summary import MarginSummary, ScoreSummary
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
 STEPS, DT, RUNS = 401, 0.05, 100

@@ -10,7 +10,7 @@ import numpy as np
 from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction
-from trackbench.results.summary import OwnMetricSummary
+from trackbench.results.score_summary import OwnMetricSummary
 from trackbench.traffic_metrics import METRICS, TrafficMetric
 from trackbench.types import Array
 

@@ -9,7 +9,7 @@ from typing import Protocol
 from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
 from trackbench.metrics.protocol import Direction
 from trackbench.results import Difference
-from trackbench.results.summary import MarginSummary
+from trackbench.results.score_summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
 LEVEL = 0.05

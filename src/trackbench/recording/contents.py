@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from trackbench.palette import tracker_colours
 from trackbench.recording import text, track_text
 from trackbench.results import MOST_DRAWN, Result, Tables
-from trackbench.results.summary import SensorSummary
+from trackbench.results.scenario_summary import SensorSummary
 
 
 @dataclass(frozen=True)

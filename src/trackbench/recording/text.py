@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from trackbench.metrics.verdict_words import MEANING, conditions_off
 from trackbench.results import ExpectationResult, MetricValue, Result, Summary, TrackerResult, sensor_words
-from trackbench.results.summary import SensorSummary
+from trackbench.results.scenario_summary import SensorSummary
 from trackbench.words import counted
 
 NOT_AVAILABLE = "n/a"

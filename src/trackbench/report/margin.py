@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackbench.results.summary import MarginSummary
+from trackbench.results.score_summary import MarginSummary
 
 
 def margin_words(margin: MarginSummary, unit: str) -> str:

@@ -14,20 +14,10 @@ from trackbench.results.folder import (
 )
 from trackbench.results.metric_value import ConditionVerdict, MetricValue
 from trackbench.results.result import MOST_DRAWN, Result, summary_of
-from trackbench.results.summary import (
-    SCHEMA_VERSION,
-    Breakdown,
-    ConditionScores,
-    Difference,
-    ExpectationResult,
-    Failure,
-    Health,
-    PrecisionReached,
-    Summary,
-    TrackerResult,
-    TruthSummary,
-)
+from trackbench.results.scenario_summary import TruthSummary
+from trackbench.results.summary import SCHEMA_VERSION, Difference, ExpectationResult, PrecisionReached, Summary
 from trackbench.results.tables import Tables
+from trackbench.results.tracker_result import Breakdown, ConditionScores, Failure, Health, TrackerResult
 from trackbench.results.truth_audit import TruthAudit
 
 __all__ = [

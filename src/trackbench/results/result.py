@@ -16,8 +16,9 @@ from pydantic import ValidationError
 from trackbench.errors import InputError, nearest
 from trackbench.input_files import read_bytes
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
-from trackbench.results.summary import SCHEMA_VERSION, Summary, TrackerResult
+from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tables import Tables
+from trackbench.results.tracker_result import TrackerResult
 
 #: More lines than this in one picture cannot be told apart.
 MOST_DRAWN = 12

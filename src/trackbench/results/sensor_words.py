@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackbench.results.summary import SensorSummary
+from trackbench.results.scenario_summary import SensorSummary
 
 
 def noise(sensor: SensorSummary) -> str:

@@ -11,7 +11,8 @@ from trackbench.metrics import Evaluation, Metric, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
 from trackbench.results import Health, Result, Tables, TrackerResult
-from trackbench.results.summary import MarginSummary, OwnMetricSummary, ReferenceSummary
+from trackbench.results.scenario_summary import ReferenceSummary
+from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
 from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe

@@ -12,20 +12,17 @@ import numpy as np
 
 from trackbench.models.sensors import Sensor
 from trackbench.results import Summary, TrackerResult
-from trackbench.results.summary import (
+from trackbench.results.scenario_summary import (
     ComponentNoise,
-    Difference,
-    ExpectationResult,
-    MarginSummary,
     MountSummary,
-    OwnMetricSummary,
     ReferenceSummary,
     ScenarioSummary,
     SceneSummary,
-    ScoreSummary,
     SensorSummary,
     TruthSummary,
 )
+from trackbench.results.score_summary import MarginSummary, OwnMetricSummary, ScoreSummary
+from trackbench.results.summary import Difference, ExpectationResult
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, scan_rate

@@ -11,7 +11,7 @@ from trackbench.metrics.differences import differences
 from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
 from trackbench.metrics.stored import from_sums
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
-from trackbench.results.summary import MarginSummary, OwnMetricSummary
+from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
 from trackbench.runner import traffic_tables
 from trackbench.runner.describe import describe
 from trackbench.runner.expectations import judge

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired
 from trackbench.metrics.protocol import Direction
-from trackbench.results.summary import MarginSummary
+from trackbench.results.score_summary import MarginSummary
 from trackbench.traffic_metrics import METRICS
 from trackbench.tuning.evaluation import Evaluator
 from trackbench.tuning.measures import TRAFFIC_UNITS, UNITS, Sums

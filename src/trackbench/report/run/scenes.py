@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.results import Result
-from trackbench.results.summary import SceneSummary
+from trackbench.results.scenario_summary import SceneSummary
 from trackbench.words import counted
 
 

@@ -8,7 +8,7 @@ from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, interval, percent
 from trackbench.report.run.pairs import Pair, Pairs
 from trackbench.results import Result, TrackerResult
-from trackbench.results.summary import ORACLE
+from trackbench.results.tracker_result import ORACLE
 from trackbench.trackers.associate import COUNTING
 from trackbench.words import counted
 

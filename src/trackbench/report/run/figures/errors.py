@@ -16,7 +16,7 @@ from trackbench.report.calibration import Quantity
 from trackbench.report.conditions import UNIT
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.lines import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
-from trackbench.results.summary import ReferenceSummary
+from trackbench.results.scenario_summary import ReferenceSummary
 from trackbench.words import counted
 
 _HEIGHT = 250.0

@@ -1,0 +1,138 @@
+"""What was run, in ``result.json``: the scenario, its truth and its sensors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from trackbench.results.metric_value import Part
+from trackbench.results.truth_audit import TruthAudit
+from trackbench.words import counted
+
+#: None where a truth was not audited; such a ``Truth`` has an empty mapping.
+Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]
+
+
+class ScenarioSummary(Part):
+    """The scenario as it was run."""
+
+    name: str
+    description: str
+    file: str
+    text: str
+    overrides: list[str]
+
+
+class SceneSummary(Part):
+    """One of several scenes."""
+
+    name: str
+    """What tells it from the others, such as ``seed 13``."""
+    objects: list[str]
+    duration_s: float
+    audit: Audit
+    error: dict[str, float]
+    """Of each ranked tracker with an estimate in it: the metric that trackers are ranked by, m."""
+
+    @property
+    def order(self) -> list[str]:
+        """The trackers by their error in this scene, the best first."""
+        return sorted(self.error, key=self.error.__getitem__)
+
+
+class TruthSummary(Part):
+    """Where the truth of the recorded run came from and what the audit found; the source's own options stand beside."""
+
+    model_config = ConfigDict(extra="allow")
+
+    source: str
+    objects: list[str]
+    known: bool = True
+    """False where a recording has measurements alone: nothing is ranked then."""
+    steps: int
+    dt: float | None
+    duration_s: float
+    audit: Audit
+    cached: bool
+    scenes: list[SceneSummary] = Field(default_factory=list)
+    """All of them, where there are several."""
+
+    @property
+    def vehicles(self) -> str:
+        """How many there are, or that nobody knows."""
+        return counted(len(self.objects), "vehicle") if self.known else "no truth"
+
+
+class ComponentNoise(Part):
+    """Of one component of a measurement."""
+
+    sigma: float
+    unit: str
+    """"m", "deg" or "m/s"."""
+
+
+class MountSummary(Part):
+    """The pose of a sensor on the observer."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+
+class SensorSummary(Part):
+    """One sensor."""
+
+    kind: str
+    dof: int
+    """Components of a measurement."""
+    noise: dict[str, ComponentNoise]
+    """By component, as the sensor states it."""
+    fov_deg: float
+    max_range_m: float | None
+    """None without a limit."""
+    mount: MountSummary
+    rate_hz: float | None
+    """Of recorded measurements one over the median interval between the sensor's scans; None of a single scan."""
+    preset: str | None
+    detection_rate: float | None
+    """Share of the scans with an object in view that gave a measurement of it."""
+
+
+class ReferenceSummary(Part):
+    """What errors are held against: the Cramer-Rao bound of targets that move with white acceleration.
+
+    It also takes for granted that the sensors' noise is as stated and without bias, and that each measurement is known
+    to be of its target.
+    """
+
+    kind: Literal["bound", "reference"]
+    """bound: the targets do move so, and no tracker can be expected to have smaller errors. reference: they move in
+    another way, and a tracker can have smaller errors."""
+    motion: str
+    acceleration_sigma_mps2: float
+    """Standard deviation per axis."""
+    acceleration_from: Literal["scenario", "truth"]
+    """scenario: as it states. truth: that by which the targets were driven, or else the RMS of their acceleration."""
+    acceleration_changes: Literal["each truth step", "each measurement"]
+    """When it is drawn anew; measurement: of the sensors that the tracker reads."""
+    velocity_sigma_mps: float
+    """Standard deviation per axis before the first measurement, for trackers that do not start from the truth."""
+
+    @property
+    def label(self) -> str:
+        """As a legend names it."""
+        return "Cramér-Rao bound" if self.kind == "bound" else "reference"
+
+    @property
+    def meaning(self) -> str:
+        """What it is, in one sentence."""
+        white = f"with white acceleration of {self.acceleration_sigma_mps2:.3g} m/s² per axis"
+        if self.kind == "bound":
+            moving = white if self.acceleration_sigma_mps2 > 0 else "straight and steadily"
+            return f"The vehicles move {moving}, and no tracker can be expected to have smaller errors than this bound."
+        source = ", the RMS of the true one" if self.acceleration_from == "truth" else ""
+        return (
+            f"It is the Cramér-Rao bound that would hold if the vehicles moved {white}{source}. They do not: it serves "
+            "to compare, and a tracker can be below it."
+        )

@@ -1,0 +1,60 @@
+"""What is scored, in ``result.json``."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from trackbench.results.metric_value import Part
+
+
+class OwnMetricSummary(Part):
+    """A metric that is not built in."""
+
+    name: str
+    unit: str
+    meaning: str
+    better: Literal["smaller", "larger"] | None
+    compared: bool
+    """Whether trackers are compared by it, run by run."""
+    per_sensor: bool
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+class MarginSummary(Part):
+    """Differences that do not matter: up to the larger of a share of the better value and an absolute part."""
+
+    percent: float
+    position_m: float
+    velocity_mps: float
+    course_deg: float
+
+    def absolute(self, unit: str) -> float:
+        """The absolute part of metrics of a unit; 0 where there is none."""
+        return {"m": self.position_m, "m/s": self.velocity_mps, "deg": self.course_deg}.get(unit, 0.0)
+
+    def at(self, value: float, unit: str) -> float:
+        """The margin where the better of the two values is this one."""
+        return max(self.percent / 100 * abs(value), self.absolute(unit))
+
+
+class ScoreSummary(Part):
+    """Which errors count, and what is computed of them beside the built-in metrics."""
+
+    settle_s: float
+    divergence_m: float
+    lost_after_s: float
+    """An object that has been out of view of every sensor for longer is not scored."""
+    min_coverage: float
+    """A tracker with a smaller share of the estimates that it should give is not ranked."""
+    common_share: float | None
+    """Share of the estimates that are due which all ranked trackers gave; these alone are scored."""
+    from_s: float
+    """The first instant at which a sensor looks; trackers are asked and scored from here on."""
+    to_s: float
+    """The last one."""
+    margin: MarginSummary
+    cutoff_m: float | None = None
+    """Where identities are hidden, the distance from which a track is not on an object."""
+    metrics: list[OwnMetricSummary] = Field(default_factory=list)

@@ -1,0 +1,120 @@
+"""What came of a tracker, in ``result.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import AfterValidator, BeforeValidator, PlainSerializer
+
+from trackbench.results.metric_value import MetricsByPath, MetricValue, Part, flat_metrics, nested_metrics
+
+#: How a tracker associates that knows the true origin of each detection.
+ORACLE = "oracle"
+
+Metrics = Annotated[
+    dict[str, MetricValue],
+    AfterValidator(MetricsByPath),
+    BeforeValidator(lambda value: dict(flat_metrics(value)) if isinstance(value, Mapping) else value),
+    PlainSerializer(lambda flat: nested_metrics({path: metric.model_dump() for path, metric in flat.items()})),
+]
+
+
+class Failure(Part):
+    """Why and where a tracker could not go on."""
+
+    cause: str
+    place: str | None = None
+    """File, line and function in the tracker's code, where they are known."""
+    step: int
+    """Number of the instant, from 0."""
+    time_s: float
+    sensor: str | None
+    run: int | None
+    object: str | None
+
+    def __str__(self) -> str:
+        place = [] if self.place is None else [self.place]
+        place += [f"step {self.step}", f"{self.time_s:.2f} s"]
+        named = {"sensor": self.sensor, "run": self.run, "object": self.object}
+        place += [f"{what} {found}" for what, found in named.items() if found is not None]
+        return f"{self.cause} ({', '.join(place)})"
+
+
+class Health(Part):
+    """What went wrong without ending the run; None where the tracker failed before it could be counted."""
+
+    diverged_runs: int | None = None
+    repaired_covariances: int | None = None
+    repaired_runs: int | None = None
+    non_finite_estimates: int = 0
+    reused_ids: int | None = None
+    """Identities that were used again after their track had ended; None where identities are known."""
+
+
+class ConditionScores(Part):
+    """Scores of the estimates under one condition."""
+
+    count: int
+    runs: int
+    position_rmse: MetricValue | None = None
+    velocity_rmse: MetricValue | None = None
+    nees: MetricValue | None = None
+    nees_position: MetricValue | None = None
+    nees_velocity: MetricValue | None = None
+    from_m: float | None = None
+    """Of a range band."""
+    to_m: float | None = None
+
+
+class Breakdown(Part):
+    """Scores by condition; what did not occur is left out."""
+
+    all: ConditionScores
+    manoeuvre: dict[str, ConditionScores]
+    range: dict[str, ConditionScores]
+    age: dict[str, ConditionScores]
+    """By time since a sensor could first see the object."""
+    jump: dict[str, ConditionScores]
+    """By whether the velocity of the truth jumped within the second before."""
+
+
+class TrackerResult(Part):
+    """What one tracker reached. Its metrics are attributes: ``tracker.position_rmse.value``."""
+
+    name: str
+    describe: str
+    association: str | None = None
+    """How a built-in tracker of several objects associates; None of any other."""
+    smoother: str | None = None
+    """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
+    failed: Failure | None
+    metrics: Metrics
+    """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""
+    health: Health
+    breakdown: Breakdown | None = None
+    scene_share: float | None = None
+    """Share of the variance of one run's squared position error that is between scenes; the rest is noise."""
+
+    @property
+    def aside(self) -> str:
+        """In a word, why it is no competitor: it knows what no tracker knows. Empty of one that is a competitor."""
+        if self.smoother is not None:
+            return "offline"
+        return "reference" if self.association == ORACLE else ""
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether it is no competitor."""
+        return bool(self.aside)
+
+    def __getattr__(self, name: str) -> MetricValue:
+        metrics = self.__dict__.get("metrics", {})
+        if name in metrics:
+            return metrics[name]  # type: ignore[no-any-return]
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute or metric {name!r}")
+
+    def of_sensors(self, metric: str) -> dict[str, MetricValue]:
+        """A metric that each sensor has, such as ``nis``, by the sensor's name."""
+        prefix = f"{metric}."
+        return {path.removeprefix(prefix): entry for path, entry in self.metrics.items() if path.startswith(prefix)}
