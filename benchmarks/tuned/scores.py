@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,16 @@ import trackbench as tb
 from .page import page
 from .protocol import Protocol
 
-#: Which values a tracker has: those of the scenario itself, of its family, and of all scenarios.
-SETS = ("own", "family", "all")
+#: Which values a tracker has beside those of its family: those of the scenario itself, and of all scenarios.
+OTHERS = ("own", "all")
 #: The tracker whose smoother stands beside, as what was to be had offline.
 SMOOTHED = "imm_cv_ca"
 
+Values = Mapping[str, Mapping[str, Mapping[str, Any]]]
+"""By tracker and set of scenarios."""
 
-def scored(protocol: Protocol, values: dict[str, dict[str, dict[str, Any]]], pool: Executor, out: Path) -> None:
+
+def scored(protocol: Protocol, values: Values, pool: Executor, out: Path) -> None:
     """Score all trackers with all values, and write the page and its numbers."""
     pending = {name: pool.submit(_of_scenario, protocol, values, name) for name in protocol.scenarios}
     found = {}
@@ -29,23 +33,42 @@ def scored(protocol: Protocol, values: dict[str, dict[str, dict[str, Any]]], poo
     (out / "tuned.md").write_text(page(protocol, values, found), encoding="utf-8")
 
 
-def _of_scenario(
-    protocol: Protocol, values: dict[str, dict[str, dict[str, Any]]], scenario: str
-) -> dict[str, dict[str, Any]]:
-    """By tracker and values (``ekf_cv.family``), its scores."""
-    of_set = {"own": scenario, "family": protocol.family_of(scenario), "all": "all"}
-    trackers, changes = {}, {}
-    for tracker, stated in protocol.trackers.items():
-        for which in SETS:
-            name = f"{tracker}_{which}"
-            trackers[name] = stated["entry"]
-            changes |= {f"trackers.{name}.{key}": value for key, value in values[tracker][of_set[which]].items()}
-    smoothed = {"smoothed": {**trackers[f"{SMOOTHED}_family"], "smoother": "rts"}}
-    changes |= {f"trackers.smoothed.{key}": value for key, value in values[SMOOTHED][of_set["family"]].items()}
+def _of_scenario(protocol: Protocol, values: Values, scenario: str) -> dict[str, Any]:
+    """The trackers with the values of the family, held against each other; by tracker and set the other values."""
+    of_family = {tracker: values[tracker][protocol.family_of(scenario)] for tracker in protocol.trackers}
+    smoothed = {**protocol.trackers[SMOOTHED]["entry"], "smoother": "rts"}
+    trackers = {tracker: stated["entry"] for tracker, stated in protocol.trackers.items()}
+    result = _run(protocol, scenario, {**trackers, "smoothed": smoothed}, of_family | {"smoothed": of_family[SMOOTHED]})
+    best = result.contenders[0].name
+    shown_worse = [pair.a if pair.better == pair.b else pair.b for pair in _pairs(result) if pair.better == best]
+    others = {f"{tracker}_{which}": (tracker, which) for tracker in protocol.trackers for which in OTHERS}
+    sets = {"own": scenario, "all": "all"}
+    beside = _run(
+        protocol,
+        scenario,
+        {name: trackers[tracker] for name, (tracker, _) in others.items()},
+        {name: values[tracker][sets[which]] for name, (tracker, which) in others.items()},
+    )
+    return {
+        "best": best,
+        "not shown to be worse": [name for name in trackers if name != best and name not in shown_worse],
+        "family": {name: _scores(result[name]) for name in result},
+        **{
+            which: {tracker: _scores(beside[f"{tracker}_{which}"]) for tracker in protocol.trackers} for which in OTHERS
+        },
+    }
+
+
+def _run(protocol: Protocol, scenario: str, entries: Mapping[str, Any], values: Mapping[str, Any]) -> Any:
+    """The scenario with these trackers, whose options have these values."""
+    changes = {f"trackers.{name}.{key}": value for name, of in values.items() for key, value in of.items()}
     budget = protocol.scored_on
-    loaded = protocol.loaded(scenario, trackers | smoothed, set=changes, scenes=budget.scenes, runs=budget.runs)
-    result = tb.run(loaded)
-    return {name: _scores(result[name]) for name in (*trackers, *smoothed)}
+    return tb.run(protocol.loaded(scenario, dict(entries), set=changes, scenes=budget.scenes, runs=budget.runs))
+
+
+def _pairs(result: Any) -> list[Any]:
+    """The differences of position RMSE."""
+    return [pair for pair in result.summary.differences if pair.metric == "position_rmse"]
 
 
 def _scores(found: Any) -> dict[str, Any]:
@@ -58,8 +81,5 @@ def _scores(found: Any) -> dict[str, Any]:
         "nees": nees.value,
         "nees_ci95": nees.ci95,
         "verdict": nees.verdict,
-        "off": {
-            item.name: item.mean for item in nees.conditions or () if item.verdict not in ("consistent", "undecided")
-        },
-        "undecided": {item.name: item.mean for item in nees.conditions or () if item.verdict == "undecided"},
+        "conditions": {item.name: [item.mean, item.verdict] for item in nees.conditions or ()},
     }
