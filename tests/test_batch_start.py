@@ -9,6 +9,7 @@ import pytest
 from tests.scenes import scan, tracker
 
 import trackbench as tb
+from trackbench.models.sensors import SENSOR_MODELS
 
 MODELS: dict[str, dict[str, Any]] = {
     "cv": {"motion": "cv", "acceleration_sigma_mps2": 2},
@@ -48,9 +49,6 @@ def own_model(model: str, sensors: str, filters: dict[str, Any], runs: int = 100
         "far": {"start": {"x": 80, "y": 40, "speed_mps": 20, "course_deg": 200}, "pieces": pieces},
     }
     start = {"from": "batch", **RATES[model]}
-    if sensors == "radar" and model in ("cv", "ca"):
-        # What two measurements of a radar say across the line of sight is little, and not linear.
-        start["least_time_s"] = 0.2
     return tb.run(
         tb.load(
             {
@@ -124,7 +122,7 @@ def test_each_object_has_its_own_batch_and_a_batch_of_runs_is_as_one_run() -> No
     assert started == 6
 
 
-def test_a_track_that_lost_its_course_starts_again() -> None:
+def test_a_track_that_lost_its_course_goes_on_with_position_and_velocity() -> None:
     """Out of view for four seconds, with a yaw acceleration that leaves nothing of the course."""
     keys = {"filter": "ckf", "motion": "ctrv", "acceleration_sigma_mps2": 3, "yaw_acceleration_sigma_radps2": 3}
     made, state = tracker(**keys), None
@@ -132,6 +130,45 @@ def test_a_track_that_lost_its_course_starts_again() -> None:
         away = 20 <= k < 60
         position = np.array([[10.0 + 1.2 * k], [20.0]])
         state, estimate = made.step(state, scan("lidar", 0.1 * k, position, valid=not away))
-        if k == 60:
-            np.testing.assert_allclose(estimate.mean[:2], position)
+        if k == 59:
+            assert estimate.covariance[3, 3, 0] > 5.0**2
+        if k >= 60:
+            np.testing.assert_allclose(estimate.mean[:2], position, atol=0.05)
+            assert np.isfinite(estimate.innovation).all()
     np.testing.assert_allclose(estimate.mean[:, 0], [104.8, 20, 12, 0], atol=0.1)
+
+
+def test_an_object_that_stands_has_no_course_and_a_sound_velocity() -> None:
+    random = np.random.default_rng(3)
+    made, state, nees = tracker(filter="ukf", **MODELS["ctrv"]), None, []
+    for k in range(40):
+        seen = np.array([[40.0], [10.0]]) + 0.3 * random.normal(size=(2, 400))
+        state, estimate = made.step(state, scan("lidar", 0.1 * k, seen, noise=np.eye(2) * 0.09))
+        if np.isfinite(estimate.mean).all():
+            error = estimate.mean - np.array([40.0, 10.0, 0.0, 0.0])[:, None]
+            nees.append(np.einsum("in,nij,jn->n", error, np.linalg.inv(estimate.covariance.T), error).mean())
+    # It does not accelerate as the model has it.
+    assert len(nees) > 30
+    assert max(nees) < 4.0
+
+
+def test_range_rates_leave_two_velocities_and_the_track_waits_until_one_is_left() -> None:
+    """Before a radar the velocity across the line of sight is known up to its sign, until the azimuths tell it."""
+    random = np.random.default_rng(4)
+    noise = np.diag([0.3, np.deg2rad(1.0), 0.1]) ** 2
+    made, state = tracker(filter="ukf", motion="cv", acceleration_sigma_mps2=0.5), None
+    right = []
+    for k in range(20):
+        truth = np.array([80.0, 2.0 * k, 0.0, 20.0])[:, None]
+        seen = SENSOR_MODELS["radar"].measure(truth, np.zeros(3), np.zeros(2))
+        seen = seen + np.sqrt(np.diag(noise))[:, None] * random.normal(size=(3, 300))
+        state, estimate = made.step(state, scan("radar", 0.1 * k, seen, noise=noise))
+        there = np.isfinite(estimate.mean[0])
+        error = (estimate.mean - truth)[:, there]
+        information = np.linalg.inv(np.moveaxis(estimate.covariance[..., there], -1, 0))
+        right.append((there.mean(), np.einsum("in,nij,jn->n", error, information, error).mean() if there.any() else 0))
+    assert right[1][0] == 0.0
+    assert 0.5 < right[2][0] < 0.9
+    assert right[9][0] > 0.98
+    # The mean of 300 chi-square variables of 4 degrees of freedom, and a quarter more for what is not Gaussian.
+    assert all(nees < 5.0 + 2 * np.sqrt(8 / 300) for share, nees in right if share > 0.5), right

@@ -8,7 +8,14 @@ from scipy.integrate import solve_ivp
 from scipy.special import spherical_jn
 from tests.scenes import NOISE
 
-from trackbench.models.motion import MOTION_MODELS, InitialSigmas, Kinematics, process_noise, turning
+from trackbench.models.motion import (
+    MOTION_MODELS,
+    ConstantTurnRateVelocity,
+    InitialSigmas,
+    Kinematics,
+    process_noise,
+    turning,
+)
 from trackbench.models.motion.base import UNKNOWN_ANGLE
 from trackbench.types import Gaussian
 
@@ -217,3 +224,23 @@ def test_the_speed_of_a_body_nearly_at_rest_is_as_uncertain_as_its_velocity(mode
     found = model.from_cartesian(belief, InitialSigmas(1.0, 0.2))
     np.testing.assert_allclose(found.covariance[2, 2], 4.0, rtol=1e-12)
     np.testing.assert_allclose(found.covariance[3, 3], UNKNOWN_ANGLE**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.5, 1.5])
+def test_moments_of_position_and_velocity_hold_for_any_sigma_of_the_yaw(sigma: float) -> None:
+    """Against quadrature over all four components."""
+    motion = ConstantTurnRateVelocity(acceleration_sigma_mps2=1.0, yaw_acceleration_sigma_radps2=1.0)
+    mean = np.array([3.0, -2.0, 9.0, 0.7, 0.2])
+    spread = np.diag([1.0, 0.5, 2.0, sigma, 0.1])
+    mix = np.eye(5) + 0.4 * np.tri(5, k=-1)
+    factor = spread @ mix / np.sqrt((mix**2).sum(axis=1))[:, None]
+    nodes, weights = np.polynomial.hermite_e.hermegauss(20)
+    grid = np.stack(np.meshgrid(*[nodes] * 4, indexing="ij")).reshape(4, -1)
+    weight = np.prod(np.meshgrid(*[weights / weights.sum()] * 4, indexing="ij"), axis=0).ravel()
+    # The lower factor: the first four components need the first four numbers.
+    points = motion.to_cartesian(mean[:, None] + factor[:, :4] @ grid)
+    expected = points @ weight
+    away = points - expected[:, None]
+    found = motion.cartesian_moments(Gaussian(mean[:, None], (factor @ factor.T)[..., None]))
+    np.testing.assert_allclose(found.mean[:, 0], expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.covariance[..., 0], (away * weight) @ away.T, rtol=1e-8, atol=1e-8)

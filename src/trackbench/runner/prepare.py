@@ -34,7 +34,7 @@ def stepper_of(
     """
     prepare = partial(primed, work, piece, copies=copies)
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
-        return Offline(SmoothedTracker(replace(prepare(build(entry)), lag_s=0.0)), list(scans))
+        return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
     return start(entry, work.folder, batch, prepare, work.isolation)
 

@@ -2,56 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
+from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, VELOCITY, YAW, first_sigma
-from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.types import Array, Gaussian, Indices, Mask, Scan
+from trackbench.trackers.first_measurements import FirstMeasurements
+from trackbench.types import Array, Gaussian, Mask
 from trackbench.units import difference
 
-#: Those before the latest so many are not used.
-MOST_MEASUREMENTS = 30
 #: Steps after which a fit that still moves counts as not converged.
 MOST_STEPS = 12
-#: Steps of the fit of a straight line, which only has to be near.
-STRAIGHT_STEPS = 5
 #: Length of a step below which a fit has converged, in standard deviations.
 CONVERGED = 0.05
 #: Factor by which the damping grows after a step that raised the cost, and falls after one that did not.
 DAMPING = 10.0
-#: Decimals to which intervals are told apart: times are sums of periods, which are not exact.
-CLOCK = 9
-
-
-class FirstMeasurements(NamedTuple):
-    """The K measurements of each of L objects at most, the latest last; those that an object lacks come first."""
-
-    interval: Array
-    """``(K - 1, L)`` s from each to the next; 0 from one that there is not."""
-    kinds: tuple[type[Sensor], ...]
-    kind: Indices
-    """``(K, L)`` number of its sensor's kind; -1 where there is no measurement."""
-    value: Array
-    """``(K, m, L)``, padded with zeros to the longest measurement, as the next one."""
-    whitener: Array
-    """``(K, m, m, L)`` inverse of the lower Cholesky factor of its noise covariance."""
-    pose: Array
-    """``(K, 3, L)`` of the sensor."""
-    velocity: Array
-    """``(K, 2, L)`` of the sensor."""
-    position: Array
-    """``(2, L)`` that the first one states."""
-
-    def part(self, where: Mask | slice) -> FirstMeasurements:
-        """Those of some objects."""
-        return FirstMeasurements(
-            *(item if name == "kinds" else item[..., where] for name, item in self._asdict().items())
-        )
 
 
 class BatchPrior(NamedTuple):
@@ -69,85 +36,39 @@ class Fit(NamedTuple):
     """``(n, L)`` the state at the first measurement."""
     latest: Gaussian
     """``(n, L)`` the state at the latest."""
+    cost: Array
+    """``(L,)`` sum of the squares of the normalised residuals."""
     converged: Mask
     """``(L,)``"""
 
 
-def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
-    """The measurements of some objects.
-
-    Args:
-        scans: in order of time, measurements ``(m, L)``.
-        taken: ``(scans, L)`` which of them count; the last for every object.
-    """
-    count = min(int(taken.sum(axis=0).max()), MOST_MEASUREMENTS)
-    # Stable: of each object those that count come last, in their order.
-    number = np.argsort(taken, axis=0, kind="stable")[-count:]
-    there = np.take_along_axis(taken, number, axis=0)
-    kinds = tuple(dict.fromkeys(SENSOR_MODELS[scan.kind] for scan in scans))
-    size = max(len(scan.measurement) for scan in scans)
-    value = np.zeros((len(scans), size, taken.shape[1]))
-    lanes = np.arange(taken.shape[1])
-    whitener = np.zeros((len(scans), len(lanes), size, size))
-    for i, scan in enumerate(scans):
-        own = len(scan.measurement)
-        value[i, :own] = np.where(scan.valid, scan.measurement, 0.0)
-        noise = np.moveaxis(scan.noise_covariance, (0, 1), (-2, -1))
-        whitener[i, :, :own, :own] = np.linalg.inv(np.linalg.cholesky(noise))
-    time = np.array([scan.time for scan in scans])[number]
-    kind = np.array([kinds.index(SENSOR_MODELS[scan.kind]) for scan in scans])[number]
-    position = np.stack([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans])
-    return FirstMeasurements(
-        np.where(there[:-1], np.round(np.diff(time, axis=0), CLOCK), 0.0),
-        kinds,
-        np.where(there, kind, -1),
-        np.take_along_axis(value, number[:, None], axis=0),
-        np.moveaxis(whitener[number, lanes], 1, -1) * there[:, None, None],
-        np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
-        np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
-        position[number[np.argmax(there, axis=0), lanes], :, lanes].T,
-    )
-
-
-def fit(motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
-    """The most probable state at the latest measurement, of the motion model and its own process noise.
+def fit_from(
+    first: Array,
+    motion: MotionModel,
+    measurements: FirstMeasurements,
+    prior: BatchPrior,
+    *,
+    driven: bool = True,
+    steps: int = MOST_STEPS,
+) -> Fit:
+    """The most probable states at the first and the latest measurement, of the motion model and its own process noise.
 
     What is sought is the first state and each driving noise from one measurement to the next, by damped Gauss-Newton on
     the sum of the squares of all normalised residuals; the covariance is the inverse of the information matrix, carried
     to the latest measurement. For a linear model and measurement it is the Kalman filter's state, exactly.
-    It starts from the fit of constant velocity. Where that one moves on and this one does not come to rest, the
-    former's latest state stands in its place.
+
+    Args:
+        first: ``(n, L)`` state at the first measurement where the search begins.
+        motion: the model.
+        measurements: of L objects.
+        prior: what is assumed beside them.
+        driven: whether there is process noise.
+        steps: after which a fit that still moves counts as not converged.
 
     Source: Bar-Shalom, Li and Kirubarajan (2001), "Estimation with Applications to Tracking and Navigation", section
     3.4 (nonlinear least squares), with the process noise among the unknowns as in Bell (1994), "The iterated Kalman
     smoother as a Gauss-Newton method".
     """
-    straight = fit_straight(measurements, prior)
-    own = _fit(motion, measurements, prior, motion.from_cartesian(straight.first, prior.others).mean)
-    if own.converged.all():
-        return own
-    driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
-    other = _fit(driven, measurements, prior, straight.first.mean).latest
-    return own._replace(latest=_choose(own.converged, own.latest, motion.from_cartesian(other, prior.others)))
-
-
-def fit_straight(measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
-    """The fit of a velocity that is constant, without any noise: px, py, vx, vy."""
-    standing = np.concatenate([measurements.position, np.zeros_like(measurements.position)])
-    return _fit(
-        ConstantVelocity(acceleration_sigma_mps2=1.0), measurements, prior, standing, driven=False, steps=STRAIGHT_STEPS
-    )
-
-
-def _fit(
-    motion: MotionModel,
-    measurements: FirstMeasurements,
-    prior: BatchPrior,
-    first: Array,
-    *,
-    driven: bool = True,
-    steps: int = MOST_STEPS,
-) -> Fit:
     size, lanes = first.shape
     noises = len(motion.noise_sigma) * len(measurements.interval) * driven
     found = np.concatenate([first, np.zeros((noises, lanes))])
@@ -173,7 +94,7 @@ def _fit(
     covariance = linalg.symmetrise(linalg.quadratic(at.slope, inverse))
     earliest = Gaussian(found[:size], inverse[:size, :size])
     latest = Gaussian(difference(at.latest, np.zeros(()), motion.angular), covariance)
-    return Fit(earliest, latest, converged & np.isfinite(covariance).all(axis=(0, 1)))
+    return Fit(earliest, latest, at.cost, converged & np.isfinite(covariance).all(axis=(0, 1)))
 
 
 class _Linearised(NamedTuple):
@@ -291,7 +212,3 @@ def _solved(information: Array, right: Array, damping: Array) -> Array:
     b = np.moveaxis(right, -1, 0)
     found = np.linalg.solve(damped, b if b.ndim == 3 else b[..., None])
     return np.moveaxis(found if b.ndim == 3 else found[..., 0], 0, -1)
-
-
-def _choose(where: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
-    return Gaussian(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))

@@ -1,20 +1,46 @@
-"""Tracks whose state has a yaw, where the yaw is no longer known."""
+"""Tracks of a state with a yaw while the yaw is not known: they go on with position and velocity."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.filters import AnyBelief, Belief, MultiModelBelief
-from trackbench.models.motion import MotionModel
-from trackbench.models.motion.base import POSITION, YAW
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Mask, Scan
+from trackbench.filters import (
+    AnyBelief,
+    Belief,
+    Filter,
+    InteractingMultipleModel,
+    MultiModelBelief,
+    SingleModelFilter,
+    choose,
+)
+from trackbench.filters.mixing import moment_matched
+from trackbench.models.motion import ConstantVelocity, MotionModel
+from trackbench.models.motion.base import YAW
+from trackbench.types import Array, Gaussian, Mask
 
 #: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
 COURSE_LOST = 0.5
+#: Standard deviation of the course below which it is, rad.
+COURSE_KNOWN = 0.1
+
+
+class WithoutCourse(NamedTuple):
+    """The tracks whose course is not known."""
+
+    where: Mask
+    """``(...)``"""
+    belief: Belief
+    """``(4, ...)`` px, py, vx, vy; elsewhere a placeholder."""
+
+    def joined(self, where: Mask, belief: Gaussian) -> WithoutCourse:
+        """With further tracks."""
+        added = choose(where, Belief(*belief), self.belief)
+        assert isinstance(added, Belief)
+        return WithoutCourse(self.where | where, added)
 
 
 def has_yaw(motions: Sequence[MotionModel]) -> bool:
@@ -22,32 +48,45 @@ def has_yaw(motions: Sequence[MotionModel]) -> bool:
     return any(set(YAW) & set(motion.components) for motion in motions)
 
 
-def course_known(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask:
-    """``(...)`` whether a state with a yaw can still be believed to be Gaussian."""
-    known: Mask = np.ones(belief[0].shape[1:], dtype=bool)
-    for motion, mode in zip(motions, _modes(belief), strict=True):
+def course_lost(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask:
+    """``(...)`` whether a state with a yaw can no longer be believed to be Gaussian; of modes, most of them."""
+    lost: Array = np.zeros(belief[0].shape[1:])
+    for motion, mode, weight in zip(motions, *_modes(belief), strict=True):
         for name in set(YAW) & set(motion.components):
             i = motion.components.index(name)
-            known = known & (mode.covariance[i, i] < COURSE_LOST**2)
-    return known
+            lost = lost + weight * (mode.covariance[i, i] >= COURSE_LOST**2)
+    return np.asarray(lost > 0.5)
 
 
-def placed(motions: Sequence[MotionModel], belief: AnyBelief, scan: Scan, where: Mask) -> AnyBelief:
-    """The belief with the position that the measurements state in some places, and all else as it was."""
-    position = SENSOR_MODELS[scan.kind].position(scan)
-    spread = linalg.expand(position.covariance, position.mean[None])
-    moved = []
-    for motion, mode in zip(motions, _modes(belief), strict=True):
-        own = [motion.components.index(name) for name in POSITION]
-        mean, covariance = mode.mean.copy(), mode.covariance.copy()
-        mean[own] = np.where(where, position.mean, mean[own])
-        covariance[own] = np.where(where, 0.0, covariance[own])
-        covariance[:, own] = np.where(where, 0.0, covariance[:, own])
-        block = np.ix_(own, own)
-        covariance[block] = np.where(where, spread, covariance[block])
-        moved.append(Belief(mean, covariance, repaired=mode.repaired))
-    return belief._replace(modes=tuple(moved)) if isinstance(belief, MultiModelBelief) else moved[0]
+def course_known(belief: Gaussian) -> Mask:
+    """``(...)`` whether the velocity of px, py, vx, vy tells the course."""
+    vx, vy = belief.mean[2:]
+    p = belief.covariance[2:, 2:]
+    square = vx * vx + vy * vy
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = (vy * vy * p[0, 0] - 2.0 * vx * vy * p[0, 1] + vx * vx * p[1, 1]) / square
+        return np.asarray(across < COURSE_KNOWN**2 * square)
 
 
-def _modes(belief: AnyBelief) -> tuple[Belief, ...]:
-    return belief.modes if isinstance(belief, MultiModelBelief) else (belief,)
+def cartesian_moments(motions: Sequence[MotionModel], belief: AnyBelief) -> Gaussian:
+    """Mean and covariance of px, py, vx, vy, however little is known of the yaw."""
+    modes, weights = _modes(belief)
+    parts = [
+        motion.cartesian_moments(Gaussian(mode.mean, mode.covariance))
+        for motion, mode in zip(motions, modes, strict=True)
+    ]
+    return moment_matched(weights, parts, ())
+
+
+def by_velocity(filter: Filter[Any], acceleration_sigma: float) -> SingleModelFilter:
+    """A filter of the same kind for px, py, vx, vy under white acceleration, m/s^2."""
+    single = filter.filters[0] if isinstance(filter, InteractingMultipleModel) else filter
+    assert isinstance(single, SingleModelFilter)
+    return replace(single, motion=ConstantVelocity(acceleration_sigma_mps2=acceleration_sigma))
+
+
+def _modes(belief: AnyBelief) -> tuple[tuple[Belief, ...], Array]:
+    """The modes with the probability of each."""
+    if isinstance(belief, MultiModelBelief):
+        return belief.modes, belief.probability
+    return (belief,), np.ones((1, *belief.mean.shape[1:]))

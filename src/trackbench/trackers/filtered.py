@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from trackbench.trackers import course, initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior
 from trackbench.trackers.config import AdvanceAt
+from trackbench.trackers.course import WithoutCourse
 from trackbench.trackers.initial import TentativeTrack
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod, Retrodiction, Taken, kept, replayed, retrodicted, since
@@ -30,10 +32,8 @@ class TrackState(NamedTuple):
     started: Mask
     """``(...)`` where there is a track; elsewhere the belief is a placeholder."""
     waiting: TentativeTrack | None = None
-    seen: Array | float = -np.inf
-    """``(...)`` time of the latest measurement that was taken in, s."""
-    lost: Mask | None = None
-    """``(...)`` where the track is to start again."""
+    lost: WithoutCourse | None = None
+    """The tracks whose course is not known; their belief is then made of position and velocity."""
     history: tuple[Taken[TrackState], ...] = ()
     """The latest scans that were taken in, where late ones may come."""
 
@@ -58,6 +58,8 @@ class FilterTracker:
     """What becomes of a scan that is older than the state."""
     lag_s: float = 1.0
     """How far back a late scan may reach, s."""
+    without_course: bool = True
+    """Whether a track whose yaw is no longer known goes on with position and velocity, if a batch starts it."""
 
     batched: ClassVar = True
 
@@ -83,7 +85,7 @@ class FilterTracker:
         return after, estimate
 
     def _asked(self, state: TrackState, time: float) -> Estimate:
-        return self.estimate(self.predicted(state, time), state.started, state.waiting)
+        return self.estimate(self.predicted(state, time))
 
     def _nothing_yet(self, scan: Scan) -> TrackState:
         return TrackState(-np.inf, self._placeholder(scan.valid), np.zeros_like(scan.valid))
@@ -113,39 +115,83 @@ class FilterTracker:
         assert isinstance(state.belief, Belief)
         beliefs = Retrodiction(before.belief, before.time, state.belief, state.time)
         said = retrodicted(self.filter, beliefs, scan, known & scan.valid)
-        estimate = _with_innovation(self.estimate(said.belief, state.started, state.waiting), said, known)
-        return state._replace(belief=said.belief._replace(repaired=None)), estimate
+        after = state._replace(belief=said.belief)
+        estimate = _with_innovation(self.estimate(after), said, known)
+        return after._replace(belief=said.belief._replace(repaired=None)), estimate
 
     def _in_sequence(
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
-        belief, started = self._predict(state, scan.time - state.time), state.started
+        elapsed = scan.time - state.time
+        belief, started, waiting = self._predict(state, elapsed), state.started, state.waiting
+        lost = self._without_course(state, belief, elapsed)
         if self.prior is not None:
             belief, started = self._given(self.prior, scan.time, belief, started)
-        said: Update[Any] | None = None
-        starts = self.prior is None and _named(scan, self.initial.sensors or self.sensors)
-        lost, waiting = state.lost, state.waiting
-        if starts and self.initial.source == "batch" and course.has_yaw(self.filter.motions):
-            lost, waiting = self._lost(state, belief, scan)
-        own = scan
-        if lost is not None:
-            belief = course.placed(self.filter.motions, belief, scan, scan.valid & lost)
-            own = scan._replace(valid=scan.valid & ~lost)
-        if np.any(own.valid) and _named(scan, self.sensors):
-            said = self.filter.update(belief, own)
+        known, said = started, None
+        if np.any(scan.valid) and _named(scan, self.sensors):
+            said, lost = self._updated(belief, lost, scan)
             belief = said.belief
-        known = started if lost is None else started & ~lost
-        if starts and not np.all(known):
-            begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~known)
-            if np.any(begin.ready):
-                belief = choose(begin.ready & ~known, self.filter.begin(begin.state_of), belief)
-            lost = None if lost is None or np.all(begin.ready >= lost) else lost & ~begin.ready
+        if self.prior is None and _named(scan, self.initial.sensors or self.sensors) and not np.all(started):
+            begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~started)
+            fresh = begin.ready & ~started
+            if np.any(fresh):
+                belief = choose(fresh, self.filter.begin(begin.state_of), belief)
+            if begin.without_course is not None and np.any(begin.without_course):
+                lost = _joined(lost, begin.without_course, begin.state_of(self._by_velocity.motion))
             started, waiting = started | begin.ready, begin.waiting
-        estimate = self.estimate(belief, started, waiting)
+        if lost is not None:
+            belief = choose(lost.where, self._from_velocity(lost.belief), belief)
+            still = lost.where & ~course.course_known(Gaussian(lost.belief.mean, lost.belief.covariance))
+            lost = lost._replace(where=still) if np.any(still) else None
+        after = TrackState(scan.time, belief, started, waiting, lost)
+        estimate = self.estimate(after)
         if said is not None:
             estimate = _with_innovation(estimate, said, known)
-        seen = np.where(scan.valid, scan.time, state.seen)
-        return TrackState(scan.time, belief._replace(repaired=None), started, waiting, seen, lost), estimate
+        return after._replace(belief=belief._replace(repaired=None)), estimate
+
+    def _without_course(self, state: TrackState, belief: AnyBelief, elapsed: float) -> WithoutCourse | None:
+        """The tracks whose course is not known, predicted; ``belief`` is what was predicted of all."""
+        lost = state.lost
+        if lost is not None and elapsed > 0.0:
+            lost = lost._replace(belief=self._by_velocity.predict(lost.belief, elapsed))
+        if not self._may_lose_course or not np.any(state.started):
+            return lost
+        fresh = state.started & course.course_lost(self.filter.motions, belief)
+        if lost is not None:
+            fresh = fresh & ~lost.where
+        if not np.any(fresh):
+            return lost
+        return _joined(lost, fresh, course.cartesian_moments(self.filter.motions, belief))
+
+    def _updated(
+        self, belief: AnyBelief, lost: WithoutCourse | None, scan: Scan
+    ) -> tuple[Update[Any], WithoutCourse | None]:
+        if lost is None:
+            return self.filter.update(belief, scan), None
+        said = self.filter.update(belief, scan._replace(valid=scan.valid & ~lost.where))
+        aside = self._by_velocity.update(lost.belief, scan._replace(valid=scan.valid & lost.where))
+        both = said._replace(
+            innovation=np.where(lost.where, aside.innovation, said.innovation),
+            innovation_covariance=np.where(lost.where, aside.innovation_covariance, said.innovation_covariance),
+            whitened_innovation=np.where(lost.where, aside.whitened_innovation, said.whitened_innovation),
+            mixture=None if said.mixture is None else np.where(lost.where, aside.log_likelihood, said.mixture),
+        )
+        return both, lost._replace(belief=aside.belief)
+
+    @cached_property
+    def _by_velocity(self) -> SingleModelFilter:
+        """What tracks go on with whose course is not known."""
+        return course.by_velocity(self.filter, self.initial.acceleration_sigma_mps2)
+
+    @cached_property
+    def _may_lose_course(self) -> bool:
+        sound = self.prior is None and self.initial.source == "batch"
+        return sound and self.without_course and course.has_yaw(self.filter.motions)
+
+    def _from_velocity(self, belief: Belief) -> AnyBelief:
+        cartesian = Gaussian(belief.mean, belief.covariance)
+        made: AnyBelief = self.filter.begin(lambda motion: initial.of_cartesian(motion, self.initial, cartesian))
+        return made
 
     def advances(self, sensor: str) -> bool:
         """Whether the state moves on at that sensor's scans: it reads them, starts tracks from them, or is told to."""
@@ -174,11 +220,14 @@ class FilterTracker:
         begun = self.filter.begin(lambda model: initial.from_truth(model, self.initial, motion, normal))
         return replace(self, prior=Prior(time, begun))
 
-    def predicted(self, state: TrackState, time: float) -> AnyBelief:
+    def predicted(self, state: TrackState, time: float) -> TrackState:
         """What is believed at a time at which the state does not advance."""
         elapsed = time - state.time
-        # A prediction over no time would draw sigma points anew, and change the last digits.
-        return self._predict(state, elapsed) if elapsed > 0.0 else state.belief
+        if elapsed <= 0.0:
+            # A prediction over no time would draw sigma points anew, and change the last digits.
+            return state
+        belief = self._predict(state, elapsed)
+        return state._replace(time=time, belief=belief, lost=self._without_course(state, belief, elapsed))
 
     def _placeholder(self, valid: Mask) -> AnyBelief:
         def anything(motion: MotionModel) -> Gaussian:
@@ -197,17 +246,6 @@ class FilterTracker:
         # A placeholder stays what it is, so that its covariance does not grow without bound.
         return choose(state.started, belief, state.belief)
 
-    def _lost(self, state: TrackState, belief: AnyBelief, scan: Scan) -> tuple[Mask | None, TentativeTrack | None]:
-        """Where tracks are to start again: seen after a time in which they lost their course; and what is waiting."""
-        gap: Mask = scan.valid & state.started & (scan.time - state.seen >= self.initial.least_time(True))
-        if not np.any(gap):
-            return state.lost, state.waiting
-        fresh: Mask = gap & ~course.course_known(self.filter.motions, belief)
-        if not np.any(fresh):
-            return state.lost, state.waiting
-        waiting = None if state.waiting is None else initial.forgotten(state.waiting, fresh)
-        return fresh if state.lost is None else fresh | state.lost, waiting
-
     def _given(self, prior: Prior, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
         """The belief with the tracks whose time has come started from the truth, ready for their first update."""
         fresh = (time >= prior.time) & ~started
@@ -216,9 +254,13 @@ class FilterTracker:
         # A prediction over no time gives the sigma points that an update may reuse.
         return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
 
-    def estimate(self, belief: AnyBelief, started: Mask, waiting: TentativeTrack | None = None) -> Estimate:
-        """What is said of a belief, and of the objects whose tracks have not started."""
+    def estimate(self, state: TrackState) -> Estimate:
+        """What is said of the objects, also of those whose tracks have not started."""
+        belief, started, waiting, lost = state.belief, state.started, state.waiting, state.lost
         mean, covariance = self.filter.cartesian(belief)
+        if lost is not None:
+            mean = np.where(lost.where, lost.belief.mean, mean)
+            covariance = np.where(lost.where, lost.belief.covariance, covariance)
         if not np.all(started):
             before: Gaussian | tuple[float, float] = (np.nan, np.nan)
             if waiting is not None and self.initial.waiting == "at_rest":
@@ -230,6 +272,11 @@ class FilterTracker:
             probability = _where(started, belief.probability)
             return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
         return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
+
+
+def _joined(lost: WithoutCourse | None, where: Mask, belief: Gaussian) -> WithoutCourse:
+    """With further tracks."""
+    return WithoutCourse(where, Belief(*belief)) if lost is None else lost.joined(where, belief)
 
 
 def _with_innovation(estimate: Estimate, said: Update[Any], known: Mask) -> Estimate:

@@ -12,17 +12,16 @@ from trackbench import linalg
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.trackers import batch_fit
-from trackbench.trackers.batch_fit import BatchPrior, FirstMeasurements
-from trackbench.trackers.course import has_yaw
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.batch_fit import BatchPrior
+from trackbench.trackers.batch_start import start_state, straight_line
+from trackbench.trackers.course import course_known, has_yaw
+from trackbench.trackers.first_measurements import FirstMeasurements, collect
+from trackbench.trackers.initial_config import ALONG_SIGHT, InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1
-#: Standard deviation of the course below which a batch starts a track with a yaw in its state, rad.
-COURSE_KNOWN = 0.1
-#: Time after which a batch starts a track though its course is not known, s: the object may be standing.
+#: Time after which a batch starts a track though the measurements leave two motions, s.
 LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
@@ -52,6 +51,8 @@ class Start(NamedTuple):
     state_of: Callable[[MotionModel], Gaussian]
     """Where they start, in the state of a motion model."""
     waiting: TentativeTrack
+    without_course: Mask | None = None
+    """Those of them whose course is not known, where the state has a yaw."""
 
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
@@ -88,16 +89,7 @@ def start(
         return _from_batch(config, scan, after, counts if wanted is None else counts & wanted, ready, motions)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
-    return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
-
-
-def forgotten(waiting: TentativeTrack, where: Mask) -> TentativeTrack:
-    """What is known of objects, without the measurements of some of them."""
-    return waiting._replace(
-        measurements=np.where(where, 0.0, waiting.measurements),
-        time=np.where(where, np.nan, waiting.time),
-        counted=tuple(mask & ~where for mask in waiting.counted),
-    )
+    return Start(ready, partial(of_cartesian, config=config, belief=belief), after)
 
 
 def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
@@ -108,7 +100,7 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
     known = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
     if config.velocity == "range_rate" and "vx" in motion.components:
         known = _with_range_rate(known, scan)
-    return _of_cartesian(motion, config, known)
+    return of_cartesian(motion, config, known)
 
 
 def _from_batch(
@@ -122,45 +114,44 @@ def _from_batch(
     scans, counted = (*after.scans, scan), (*after.counted, counts)
     prior = BatchPrior(config.velocity_sigma_mps, sigmas(config))
     ready = ready & counts & (after.measurements - config.skip >= config.measurements)
-    if has_yaw(motions) and np.any(ready):
-        late = scan.time - after.time > LONGEST - SAME_TIME
-        straight = batch_fit.fit_straight(_collected(scans, counted, ready), prior).latest
-        known = np.zeros_like(ready)
-        known[ready] = _course_sigma(straight) < COURSE_KNOWN
-        ready = ready & (known | late)
+    without_course: Mask | None = None
+    if np.any(ready):
+        measurements = _collected(scans, counted, ready)
+        line = straight_line(measurements, prior)
+        elapsed = scan.time - after.time[ready]
+        waits = line.ambiguous & (elapsed < LONGEST - SAME_TIME)
+        if config.least_time_s is None:
+            waits |= measurements.by_range_rate & (elapsed < ALONG_SIGHT - SAME_TIME)
+        begin = ~waits
+        measurements, line = measurements.part(begin), line.part(begin)
+        ready = np.array(ready)
+        ready[ready] = begin
+        if has_yaw(motions):
+            without_course = np.zeros_like(ready)
+            without_course[ready] = ~course_known(line.latest) | line.ambiguous
 
     def state_of(motion: MotionModel) -> Gaussian:
         size = len(motion.components)
         mean = np.ones((size, *ready.shape))
         covariance = np.zeros((size, *mean.shape)) + linalg.expand(np.eye(size), mean[None])
-        found = batch_fit.fit(motion.part(ready), _collected(scans, counted, ready), prior)
-        mean[:, ready], covariance[..., ready] = found.latest
+        mean[:, ready], covariance[..., ready] = start_state(motion.part(ready), measurements, prior, line)
         return _stated(Gaussian(mean, covariance), config)
 
-    waits = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
-    kept = [(one, mask) for one, mask in waits if mask.any()]
+    left_over = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
+    kept = [(one, mask) for one, mask in left_over if mask.any()]
     left = after._replace(scans=tuple(one for one, _ in kept), counted=tuple(mask for _, mask in kept))
-    return Start(ready, state_of, left)
+    return Start(ready, state_of, left, without_course)
 
 
 def _collected(scans: Sequence[Scan], counted: Sequence[Mask], where: Mask) -> FirstMeasurements:
     """The measurements that count, of some of the objects."""
     own = [(_part(scan, where), mask[where]) for scan, mask in zip(scans, counted, strict=True) if mask[where].any()]
-    return batch_fit.collect([scan for scan, _ in own], np.stack([mask for _, mask in own]))
+    return collect([scan for scan, _ in own], np.stack([mask for _, mask in own]))
 
 
 def _part(scan: Scan, where: Mask) -> Scan:
     noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance[..., where]
     return scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where], noise_covariance=noise)
-
-
-def _course_sigma(belief: Gaussian) -> Array:
-    """Standard deviation of the course that px, py, vx, vy say, rad."""
-    vx, vy = belief.mean[2:]
-    p = belief.covariance[2:, 2:]
-    square = vx * vx + vy * vy
-    across = (vy * vy * p[0, 0] - 2.0 * vx * vy * p[0, 1] + vx * vx * p[1, 1]) / square
-    return np.asarray(np.sqrt(across / square))
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
@@ -238,7 +229,8 @@ def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
     return Gaussian(np.concatenate([second.mean, velocity]), covariance)
 
 
-def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
+def of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
+    """The state ``(n, ...)`` of px, py, vx, vy, with what is assumed of its other components."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return _stated(motion.from_cartesian(belief, sigmas(config)), config)
 

@@ -14,6 +14,9 @@ InitialSource = Literal["first_reading", "two_readings", "batch", "truth"]
 #: Least time from the first of the measurements that start a track to the last, s; the last for a state with a yaw,
 #: which is Gaussian only once the course is known.
 BETWEEN_TWO, OF_BATCH, BEFORE_YAW = 0.2, 0.1, 0.5
+#: The same of a batch of measurements that all have a range rate, s: what they say across the line of sight is not
+#: Gaussian before.
+ALONG_SIGHT = 0.2
 #: Where each key of the initial state is used; elsewhere the measurements give it.
 INITIAL_SOURCES: dict[str, tuple[str, ...]] = {
     "sensors": ("first_reading", "two_readings", "batch"),
@@ -63,7 +66,8 @@ class InitialConfig(Config):
         ge=0,
         le=60,
         description="Least time from the first of the measurements that start a track to the last, s. Unless given: "
-        "0.2 from two_readings; from batch 0.1, and 0.5 for a motion model with a yaw.",
+        "0.2 from two_readings; from batch 0.1, 0.2 where all of them have a range rate, and 0.5 for a motion model "
+        "with a yaw.",
     )
     velocity: Literal["zero", "radial", "range_rate"] = Field(
         "zero",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import NamedTuple
 
@@ -39,7 +39,7 @@ class SmoothedTracker:
                 # Where there is no track yet, what is smoothed means nothing.
                 belief = self.tracker.filter.smooth(belief, later.belief, later.time - state.time)
                 belief = choose(state.started, belief, state.belief)
-            estimate = self.tracker.estimate(belief, state.started, state.waiting)
+            estimate = self.tracker.estimate(state._replace(belief=belief))
             # The filter's own state, of which nothing is scored, would take as much memory again.
             found[state.time] = estimate._replace(state=None, state_covariance=None)
             if own:
@@ -47,14 +47,16 @@ class SmoothedTracker:
         return [found[scan.time] for scan in scans]
 
     def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
+        # Over a change of the state there is no way back.
+        tracker = replace(self.tracker, without_course=False, lag_s=0.0)
         state: TrackState | None = None
         instants = []
         for time, group in groupby(scans, key=lambda scan: scan.time):
             own = False
             for scan in group:
-                state, _ = self.tracker.step(state, scan)
-                own = own or self.tracker.advances(scan.sensor)
+                state, _ = tracker.step(state, scan)
+                own = own or tracker.advances(scan.sensor)
             assert state is not None
-            belief = state.belief if own else self.tracker.predicted(state, time)
-            instants.append(_Instant(state._replace(time=time, belief=bare(belief)), own))
+            seen = state if own else tracker.predicted(state, time)
+            instants.append(_Instant(seen._replace(time=time, belief=bare(seen.belief)), own))
         return instants

@@ -102,6 +102,10 @@ class MotionModel(Config, ABC):
         """The distribution of px, py, vx, vy under a belief of the state."""
         return Gaussian(belief.mean[:4], belief.covariance[:4, :4])
 
+    def cartesian_moments(self, belief: Gaussian) -> Gaussian:
+        """Mean and covariance of px, py, vx, vy under a belief of the state, exactly."""
+        return self.cartesian_belief(belief)
+
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         """The state whose position and velocity have the given distribution; its other components are zero."""
         size = len(self.components)

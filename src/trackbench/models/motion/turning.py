@@ -111,6 +111,30 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     return Gaussian(linalg.vector([x[0], x[1], v * c, v * s]), result)
 
 
+def cartesian_moments(belief: Gaussian) -> Gaussian:
+    """Mean and covariance of px, py, vx, vy under a belief, however little is known of the yaw.
+
+    With ``u = v exp(i yaw)``: under a Gaussian ``z``, ``E[g(z) exp(i k yaw)]`` is ``exp(i k m_yaw - k^2 P_yaw / 2)``
+    times ``E[g(z + i k P_{:,yaw})]``, the characteristic function with its mean moved.
+    """
+    x, p = belief
+    v, common = x[2], p[2, 3]
+    first = np.exp(1j * x[3] - 0.5 * p[3, 3])
+    moved = v + 1j * common
+    mean = first * moved
+    square = first**2 * np.exp(-p[3, 3]) * ((v + 2j * common) ** 2 + p[2, 2])
+    length = v * v + p[2, 2]
+    with_position = first * (p[:2, 2] + 1j * p[:2, 3] * moved)
+    result = np.empty((4, 4, *v.shape))
+    result[:2, :2] = p[:2, :2]
+    result[:2, 2], result[:2, 3] = with_position.real, with_position.imag
+    result[2:, :2] = np.swapaxes(result[:2, 2:], 0, 1)
+    result[2, 2] = 0.5 * (length + square.real) - mean.real**2
+    result[3, 3] = 0.5 * (length - square.real) - mean.imag**2
+    result[2, 3] = result[3, 2] = 0.5 * square.imag - mean.real * mean.imag
+    return Gaussian(linalg.vector([x[0], x[1], mean.real, mean.imag]), result)
+
+
 class SpeedAndYaw(MotionModel):
     """A model whose state begins with px, py, v, yaw, yaw rate: the way to Cartesian and back."""
 
@@ -122,6 +146,9 @@ class SpeedAndYaw(MotionModel):
 
     def cartesian_belief(self, belief: Gaussian) -> Gaussian:
         return cartesian_belief(belief)
+
+    def cartesian_moments(self, belief: Gaussian) -> Gaussian:
+        return cartesian_moments(belief)
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         """Position, speed and yaw from a Cartesian belief, to first order; the other components start at zero.

@@ -1,0 +1,127 @@
+"""Where tracks start that a batch of measurements starts."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.filters.mixing import moment_matched
+from trackbench.models.motion import ConstantVelocity, MotionModel
+from trackbench.trackers.batch_fit import BatchPrior, Fit, fit_from
+from trackbench.trackers.first_measurements import FirstMeasurements
+from trackbench.types import Array, Gaussian, Mask
+
+#: Steps of the fit of a straight line, which only has to be near.
+STRAIGHT_STEPS = 12
+#: Of two motions whose costs differ by more, the other one has odds of less than 1 to 99.
+SURE = 2.0 * float(np.log(99.0))
+#: Squared distance of two velocities, in variances, from which they are two.
+APART = 9.0
+
+
+class StraightLine(NamedTuple):
+    """The motion at constant velocity that some measurements say, px, py, vx, vy, of each object."""
+
+    first: Gaussian
+    """``(4, L)`` at the first measurement."""
+    latest: Gaussian
+    """``(4, L)`` at the latest."""
+    other: Gaussian
+    """``(4, L)`` at the first measurement, the second best."""
+    ambiguous: Mask
+    """``(L,)`` whether that one explains the measurements nearly as well."""
+
+    def part(self, where: Mask) -> StraightLine:
+        """Of some objects."""
+        first, latest, other = (_part(one, where) for one in self[:3])
+        return StraightLine(first, latest, other, self.ambiguous[where])
+
+
+def straight_line(measurements: FirstMeasurements, prior: BatchPrior) -> StraightLine:
+    """The best straight line, and whether the measurements leave two.
+
+    Range rates tell the square of the velocity across the line of sight, by its centrifugal term; which way it points
+    only the azimuths tell, and at first not well. So the search begins on both sides.
+    """
+    if not any("range_rate" in sensor.components for sensor in measurements.kinds):
+        one = _undriven(np.zeros_like(measurements.position), measurements, prior)
+        return StraightLine(one.first, one.latest, one.first, np.zeros(one.cost.shape, dtype=bool))
+    across = _across(measurements)
+    one, two = (_undriven(sign * prior.velocity * across, measurements, prior) for sign in (1.0, -1.0))
+    ambiguous, apart = _nearly_alike(one, two), _apart(one, two)
+    if np.any(apart):
+        driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
+        here = measurements.part(apart)
+        for fit in (one, two):
+            _put(fit, apart, fit_from(fit.first.mean[:, apart], driven, here, prior))
+        ambiguous |= _nearly_alike(one, two)
+    better = one.cost <= two.cost
+    first, latest = (_choose(better, a, b) for a, b in zip(one[:2], two[:2], strict=True))
+    return StraightLine(first, latest, _choose(better, two.first, one.first), ambiguous)
+
+
+def _nearly_alike(one: Fit, two: Fit) -> Mask:
+    """``(L,)`` whether two fits with different velocities explain the measurements nearly alike."""
+    return _apart(one, two) & (np.abs(one.cost - two.cost) < SURE)
+
+
+def _apart(one: Fit, two: Fit) -> Mask:
+    """``(L,)`` whether two fits have different velocities at the latest measurement."""
+    away = (one.latest.mean - two.latest.mean)[2:]
+    return np.asarray((away**2).sum(axis=0) > APART * np.einsum("ii...->...", one.latest.covariance[2:, 2:]))
+
+
+def start_state(
+    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, line: StraightLine
+) -> Gaussian:
+    """``(n, L)`` the most probable state at the latest measurement, with its covariance.
+
+    It is looked for from the straight line. Where that does not come to rest, the straight line under white
+    acceleration stands in its place. Of two motions that explain the measurements nearly alike it is the mixture's mean
+    and covariance.
+    """
+    own = fit_from(motion.from_cartesian(line.first, prior.others).mean, motion, measurements, prior)
+    found = own.latest
+    if not own.converged.all():
+        driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
+        other = fit_from(line.first.mean, driven, measurements, prior).latest
+        found = _choose(own.converged, found, motion.from_cartesian(other, prior.others))
+    where = line.ambiguous
+    if np.any(where):
+        begin = motion.from_cartesian(_part(line.other, where), prior.others).mean
+        second = fit_from(begin, motion.part(where), measurements.part(where), prior)
+        weight = 1.0 / (1.0 + np.exp(np.clip(0.5 * (second.cost - own.cost[where]), -700.0, 700.0)))
+        both = [_part(found, where), second.latest]
+        _put(found, where, moment_matched([1.0 - weight, weight], both, motion.angular))
+    return found
+
+
+def _undriven(velocity: Array, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
+    first = np.concatenate([measurements.position, velocity])
+    line = ConstantVelocity(acceleration_sigma_mps2=1.0)
+    return fit_from(first, line, measurements, prior, driven=False, steps=STRAIGHT_STEPS)
+
+
+def _across(measurements: FirstMeasurements) -> Array:
+    """``(2, L)`` the direction across the first line of sight."""
+    earliest = np.argmax(measurements.kind >= 0, axis=0), slice(None), np.arange(measurements.kind.shape[1])
+    x, y = measurements.position - measurements.pose[earliest].T[:2]
+    return np.asarray(np.stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9))
+
+
+def _part(belief: Gaussian, where: Mask) -> Gaussian:
+    return Gaussian(belief.mean[:, where], belief.covariance[..., where])
+
+
+def _put(whole: Any, where: Mask, part: Any) -> None:
+    """Put the arrays of some objects into those of all, in place."""
+    for old, new in zip(whole, part, strict=True):
+        if isinstance(old, np.ndarray):
+            old[..., where] = new
+        else:
+            _put(old, where, new)
+
+
+def _choose(where: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
+    return Gaussian(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))
