@@ -12,6 +12,7 @@ from trackbench.metrics.stored import from_sums
 from trackbench.results import MetricValue
 from trackbench.traffic_metrics import METRICS
 from trackbench.types import Array, Indices
+from trackbench.words import counted
 
 #: Of labelled objects: the unit of each measure.
 UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
@@ -59,16 +60,38 @@ class Sums:
         )
         return np.nan if found is None else found.value
 
-    def lacking(self, start: Sums) -> str | None:
-        """What there is fewer of than with the start's values, which would make the two not comparable."""
-        for name, word in (("position_rmse", "estimates"), ("log_likelihood", "innovations")):
-            if name in self.values and name in start.values:
-                own, other = self.values[name][1], start.values[name][1]
-                if (own < other).any():
-                    return f"it gives {own.sum():.0f} {word}, and the start {other.sum():.0f}"
-                if not np.isfinite(self.values[name][0]).all():
-                    return f"its {word} are not finite"
+    def lacking(self, start: Sums, measures: Sequence[str] = ("position_rmse", "log_likelihood")) -> str | None:
+        """What there is less of than with the start's values, or is not finite, so that the two cannot be compared.
+
+        Args:
+            start: of the tracker as it is; of labelled objects nothing else was summed than what it gives.
+            measures: by which the two are to be compared.
+        """
+        for name in measures:
+            if name not in self.values or name not in start.values:
+                continue
+            own, other = self.values[name][1], start.values[name][1]
+            word = "innovations" if name == "log_likelihood" else "estimates"
+            if (own < other).any():
+                text = (
+                    f"it gives {np.minimum(own, other).sum():.0f} of the {other.sum():.0f} {word} that the start gives"
+                )
+                return text + (self._restarting(start) if word == "innovations" else "")
+            if not np.isfinite(self.values[name][0]).all():
+                return f"its {word} are not finite"
         return None
+
+    @property
+    def restarts(self) -> int:
+        """How often tracks start again, of a built-in filter."""
+        return int(self.values["restarts"][0].sum()) if "restarts" in self.values else 0
+
+    def _restarting(self, start: Sums) -> str:
+        if not self.restarts:
+            return ""
+        return (
+            f": its tracks start again {counted(self.restarts, 'time')}, the start's {counted(start.restarts, 'time')}"
+        )
 
 
 def as_value(interval: Interval | None, unit: str) -> MetricValue:

@@ -48,10 +48,12 @@ class Tuning:
     """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
+    restarts: tuple[int, ...]
+    """Of each scenario how often tracks start again with the start's values, where it is tuned."""
 
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
-        """The parameters whose best value is at an end of its range."""
+        """The parameters whose best value is at an end of its range that could be wider."""
         return at_edges(self.parameters, self.best.values)
 
     @property
@@ -139,6 +141,7 @@ def tune(
         apart=tuple(apart),
         train_scenes=tuple(len(bench.truths) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
+        restarts=tuple(sums.restarts for sums in start),
     )
 
 
@@ -172,7 +175,7 @@ def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
         InputError: it fails, or does not give what the objective needs.
     """
     found = []
-    for bench, outcome in zip(evaluator.benches, evaluator([{}])[0], strict=True):
+    for bench, outcome in zip(evaluator.benches, evaluator.start, strict=True):
         where = f"{evaluator.tracker} in {bench.name}"
         if outcome.sums is None:
             raise InputError(f"{where} fails as it is: {outcome.failed}", file=bench.scenario.path)
