@@ -88,6 +88,8 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
             assert own.sums is not None
             assert other.sums is not None
+            if measure not in other.sums.values:
+                continue
             lacking = own.sums.lacking(other.sums, [measure if measure == "log_likelihood" else "position_rmse"])
             if lacking is None:
                 pairs.append((number, own.sums, other.sums))
