@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,7 @@ from trackbench.tuning.labelled import score_labelled, score_start
 from trackbench.tuning.measures import Sums
 from trackbench.tuning.objectives import OBJECTIVES
 from trackbench.tuning.parameters import Parameter
-from trackbench.tuning.restarts import Restarts
 from trackbench.tuning.trials import trial_of
-from trackbench.types import Estimate, Scan
 
 CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
 SCENARIO = {
@@ -99,7 +96,7 @@ def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Sce
     some = Coverage(*(random.random(mask.shape) < 0.5 for mask in given))
     others = Coverage(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))
     halves = [score_labelled(work, piece, entry, 1, counted)[0] for counted in (some, others)]
-    for name in set(whole.values) - {"restarts"}:
+    for name in whole.values:
         total = halves[0].values[name] + halves[1].values[name]
         assert (halves[0].values[name][1] < whole.values[name][1]).any() or not whole.values[name][1].any(), name
         np.testing.assert_allclose(total, whole.values[name], rtol=1e-12, atol=1e-12, err_msg=name)
@@ -136,78 +133,3 @@ def test_masks_are_packed_and_unpacked() -> None:
         np.testing.assert_array_equal(found, expected)
     for found, expected in zip(joined.of_runs(range(1, 4)).unpacked(), coverage, strict=True):
         np.testing.assert_array_equal(found, expected[..., 1:4])
-
-
-def said(scans: Sequence[tuple[str, float, str]], mean: float = 0.0) -> int:
-    """How often a track starts again, from sensor, time and what becomes of its measurement."""
-    restarts = Restarts((1, 1, 1))
-    for sensor, time, what in scans:
-        valid = np.array([what != "missed"])
-        scan = Scan(time, sensor, "lidar", np.zeros((2, 1)), valid, np.eye(2), np.zeros(3), np.zeros(2), time)
-        density = np.array([0.0 if what == "taken" else np.nan])
-        restarts.add(scan, Estimate(np.full((4, 1), mean), np.zeros((4, 4, 1))), density if what != "nothing" else None)
-    return int(restarts.count.sum())
-
-
-@pytest.mark.parametrize(
-    ("scans", "expected"),
-    [
-        # Before the track there is one, and where it misses a measurement, nothing starts again.
-        ([("a", 0, "silent"), ("a", 1, "taken"), ("a", 2, "missed"), ("a", 3, "taken")], 0),
-        # However many measurements it takes, with or without an innovation of other objects.
-        ([("a", 0, "taken"), ("a", 1, "silent"), ("a", 2, "nothing"), ("a", 3, "taken")], 1),
-        ([("a", 0, "taken"), ("a", 1, "silent"), ("a", 2, "taken"), ("a", 3, "silent")], 2),
-        # A sensor that never has an innovation says nothing.
-        ([("a", 0, "taken"), ("b", 1, "silent"), ("a", 2, "taken"), ("b", 3, "silent")], 0),
-        # A measurement that is older than another before it may be dropped.
-        ([("a", 0, "taken"), ("a", 2, "taken"), ("a", 1, "silent"), ("a", 3, "taken")], 0),
-    ],
-)
-def test_restarts_are_counted(scans: list[tuple[str, float, str]], expected: int) -> None:
-    assert said(scans) == expected
-    assert said(scans, mean=np.nan) == 0
-
-
-LOST = {
-    "name": "lost",
-    "truth": {
-        "source": "scripted",
-        "duration_s": 8,
-        "rate_hz": 10,
-        "objects": {"ahead": {"start": {"x": 40, "y": 0, "speed_mps": 12, "course_deg": 90}}},
-    },
-    "sensors": {
-        "lidar": {
-            "type": "lidar",
-            "rate_hz": 10,
-            "position_sigma_m": 0.15,
-            "dropouts": [{"from_s": 2, "to_s": 4}],
-        }
-    },
-    "trackers": {
-        name: {
-            "filter": "ukf",
-            "motion": "ctrv",
-            "acceleration_sigma_mps2": 1,
-            "yaw_acceleration_sigma_radps2": sigma,
-            "initial": "batch",
-        }
-        for name, sigma in (("sure", 0.02), ("lost", 20))
-    },
-    "monte_carlo": {"runs": 3, "seed": 7},
-}
-
-
-def test_where_tracks_start_again_is_said_and_does_not_count() -> None:
-    scenario = load(LOST)
-    lost, sure = evaluator(scenario, "lost"), evaluator(scenario, "sure")
-    few, every = lost.start[0].sums, sure.start[0].sums
-    assert few is not None
-    assert every is not None
-    assert [few.restarts, every.restarts] == [3, 0]
-    refused = sums_of(sure, {"yaw_acceleration_sigma_radps2": 20.0}).lacking(every)
-    assert "innovations that the start gives: its tracks start again 3 times, the start's 0 times" in str(refused)
-    trial = sums_of(lost, {"yaw_acceleration_sigma_radps2": 0.02})
-    assert trial.lacking(few) is None
-    np.testing.assert_array_equal(trial.values["log_likelihood"][1], few.values["log_likelihood"][1])
-    assert (few.values["log_likelihood"][1] < every.values["log_likelihood"][1]).all()

@@ -16,8 +16,7 @@ Bytes = npt.NDArray[np.uint8]
 class Coverage(NamedTuple):
     """Of which objects and runs of one scene there is an estimate at an instant, and an innovation of a scan.
 
-    Whether there is an innovation is settled before the measurement comes, so that a likelihood of these innovations
-    alone is a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the
+    Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the
     true values.
     """
 

@@ -17,12 +17,10 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.stepping.steppers import Offline, masked
-from trackbench.trackers.config import FilterConfig
 from trackbench.tuning.conditions import CONDITIONS, members
 from trackbench.tuning.coverage import Coverage
 from trackbench.tuning.entry import Entry
 from trackbench.tuning.measures import Sums
-from trackbench.tuning.restarts import Restarts
 from trackbench.types import Array, Estimate, Mask, Scan
 
 
@@ -69,10 +67,7 @@ def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Cover
         return named is None or sensor in named
 
     scans = measurements.scans
-    shape = (trials, objects, runs)
-    # Why a tracker that is not built in gives no innovation is its own affair.
-    restarts = Restarts(shape) if isinstance(entry, FilterConfig) else None
-    sums = _Sums(targets, targets.conditions(entry), shape, len(scans), counted, restarts)
+    sums = _Sums(targets, targets.conditions(entry), (trials, objects, runs), len(scans), counted)
     given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
     stepper = stepper_of(work, piece, entry, given, trials)
     if isinstance(stepper, Offline):
@@ -110,10 +105,9 @@ class _Sums:
         shape: tuple[int, int, int],
         scans: int,
         counted: Coverage | None,
-        restarts: Restarts | None,
     ) -> None:
         self._state, self._due = targets.state, targets.due
-        self._shape, self._counted, self._restarts = shape, counted, restarts
+        self._shape, self._counted = shape, counted
         self.given = Coverage.none(len(self._due), scans, *shape[1:])
         """Of the first trial; filled in where nothing says what counts."""
         names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
@@ -143,8 +137,6 @@ class _Sums:
     def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
         """Take in how likely the tracker found a scan, by its number."""
         log_density = log_likelihood(estimate)
-        if self._restarts is not None:
-            self._restarts.add(scan, estimate, log_density)
         if log_density is None:
             return
         log_density = log_density.reshape(self._shape)
@@ -157,9 +149,6 @@ class _Sums:
         count = {name: values.sum(axis=1) for name, values in self._count.items()}
         total |= dict(zip(CONDITIONS, self._nees[0], strict=True))
         count |= dict(zip(CONDITIONS, self._nees[1], strict=True))
-        if self._restarts is not None:
-            total["restarts"] = self._restarts.count.sum(axis=1)
-            count["restarts"] = np.full_like(total["restarts"], self._shape[1])
         return [
             Sums({name: np.stack([total[name][trial], count[name][trial]]) for name in total})
             for trial in range(self._shape[0])

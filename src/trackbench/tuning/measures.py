@@ -12,7 +12,6 @@ from trackbench.metrics.stored import from_sums
 from trackbench.results import MetricValue
 from trackbench.traffic_metrics import METRICS
 from trackbench.types import Array, Indices
-from trackbench.words import counted
 
 #: Of labelled objects: the unit of each measure.
 UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
@@ -73,25 +72,11 @@ class Sums:
             own, other = self.values[name][1], start.values[name][1]
             word = "innovations" if name == "log_likelihood" else "estimates"
             if (own < other).any():
-                text = (
-                    f"it gives {np.minimum(own, other).sum():.0f} of the {other.sum():.0f} {word} that the start gives"
-                )
-                return text + (self._restarting(start) if word == "innovations" else "")
+                given = np.minimum(own, other).sum()
+                return f"it gives {given:.0f} of the {other.sum():.0f} {word} that the start gives"
             if not np.isfinite(self.values[name][0]).all():
                 return f"its {word} are not finite"
         return None
-
-    @property
-    def restarts(self) -> int:
-        """How often tracks start again, of a built-in filter."""
-        return int(self.values["restarts"][0].sum()) if "restarts" in self.values else 0
-
-    def _restarting(self, start: Sums) -> str:
-        if not self.restarts:
-            return ""
-        return (
-            f": its tracks start again {counted(self.restarts, 'time')}, the start's {counted(start.restarts, 'time')}"
-        )
 
 
 def as_value(interval: Interval | None, unit: str) -> MetricValue:

@@ -110,13 +110,6 @@ def remarks(tuning: Tuning) -> Iterator[str]:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
     off = [name for i, name in enumerate(tuning.scenarios) if abs(tuning.best.parts.get(f"{NEES}{i}", 0.0)) > OFF]
-    if tuning.objective.name == "likelihood":
-        for scenario, restarts in zip(tuning.scenarios, tuning.restarts, strict=True):
-            if restarts:
-                yield (
-                    f"{scenario}: with the start's values tracks start again {counted(restarts, 'time')}; measurements "
-                    "from which they do so have no likelihood, and count in no trial"
-                )
     if off:
         yield (
             f"No values that were tried give a consistent mean NEES in {' and '.join(off)}; these are the nearest, at "

@@ -48,8 +48,6 @@ class Tuning:
     """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
-    restarts: tuple[int, ...]
-    """Of each scenario how often tracks start again with the start's values, where it is tuned."""
 
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
@@ -141,7 +139,6 @@ def tune(
         apart=tuple(apart),
         train_scenes=tuple(len(bench.truths) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
-        restarts=tuple(sums.restarts for sums in start),
     )
 
 
