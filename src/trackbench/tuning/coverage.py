@@ -16,8 +16,9 @@ Bytes = npt.NDArray[np.uint8]
 class Coverage(NamedTuple):
     """Of which objects and runs of one scene there is an estimate at an instant, and an innovation of a scan.
 
-    Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the
-    true values.
+    Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
+    a partial likelihood (Cox 1975, "Partial likelihood", Biometrika 62(2)): its expectation is largest at the true
+    values.
     """
 
     estimates: Mask
