@@ -201,6 +201,29 @@ def test_the_usual_ranges_are_of_the_process_noise(scenario: Scenario) -> None:
         usual_ranges(scenario, "raw")
 
 
+@pytest.mark.parametrize(
+    ("text", "edges"),
+    [
+        ("initial.skip=0:3", (None, 3)),
+        ("initial.skip=1:1000", (1, None)),
+        ("kappa=0:3", (0, 3)),
+        ("alpha=0.5:1", (0.5, None)),
+        ("beta=0:2", (None, 2)),
+        ("acceleration_sigma_mps2=0.1:30", (0.1, 30)),
+    ],
+)
+def test_a_range_that_ends_where_the_option_does_cannot_be_wider(
+    scenario: Scenario, text: str, edges: tuple[float | None, ...]
+) -> None:
+    parameter = parse_range(text, scenario, "ukf")
+    assert (parameter.edge(parameter.low), parameter.edge(parameter.high)) == edges
+
+
+def test_the_start_has_the_value_of_an_option_of_another_name(scenario: Scenario) -> None:
+    parameter = parse_range("initial.from=batch,two_readings", scenario, "ukf")
+    assert start_values(scenario, "ukf", [parameter]) == {"initial.from": "batch"}
+
+
 @pytest.mark.parametrize("scale", ["log", "linear", "odds"])
 def test_a_share_of_a_range_and_its_value(scale: Any) -> None:
     parameter = Parameter("key", scale, 0.2, 0.8)

@@ -10,6 +10,7 @@ from typing import Any
 from trackbench.execution import InProcess
 from trackbench.scenario.truth import PendingTruths
 from trackbench.tuning.evaluation import Bench, Evaluator, Outcome
+from trackbench.tuning.measures import Sums
 from trackbench.tuning.objectives import OBJECTIVES
 from trackbench.tuning.parameters import Values
 from trackbench.tuning.ranges import parse_range, start_values
@@ -45,6 +46,11 @@ class Tried:
         bench = Bench(train, PendingTruths(train, InProcess()).collect(no_progress))
         self._evaluator = Evaluator([bench], tracker, self.parameters, InProcess())
 
+    @property
+    def as_it_is(self) -> Sums | None:
+        """What the tracker gives with the values that it starts from; None where it fails."""
+        return self._evaluator.start[0].sums
+
     def __call__(self, points: Sequence[Values]) -> list[Outcome]:
         """What comes of each."""
         keys = [json.dumps(point) for point in points]
@@ -63,8 +69,8 @@ def tuned(
     """
     tried = [Tried(protocol, tracker, *of) for of in zip(scenarios, outcomes, strict=True)]
     objective = OBJECTIVES[protocol.objective]
-    start = [item([{}])[0].sums for item in tried]
-    assert all(start), f"{tracker} fails as it is"
+    start = [found for item in tried if (found := item.as_it_is) is not None]
+    assert len(start) == len(tried), f"{tracker} fails as it is"
 
     def make(points: Sequence[Values]) -> list[TuningTrial]:
         found = zip(*(item(points) for item in tried), strict=True)

@@ -81,8 +81,14 @@ def current(loaded: Scenario, tracker: str, key: str) -> Any:
         elif isinstance(node, list | tuple):
             node = node[int(part)] if part.isdecimal() and int(part) < len(node) else None
         else:
-            node = getattr(node, part, None)
+            node = getattr(node, _attribute(node, part), None)
     return node
+
+
+def _attribute(config: Any, option: str) -> str:
+    """Under which name a configuration has an option: ``from`` is a word of the language."""
+    fields = getattr(type(config), "model_fields", {})
+    return next((name for name, field in fields.items() if field.alias == option), option)
 
 
 def varies_in_batch(entry: Entry, key: str) -> bool:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
@@ -18,9 +19,10 @@ from trackbench.stepping.faults import fault_of
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
+from trackbench.tuning.coverage import PackedCoverage
 from trackbench.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
 from trackbench.tuning.hidden import score_hidden
-from trackbench.tuning.labelled import score_labelled
+from trackbench.tuning.labelled import score_labelled, score_start
 from trackbench.tuning.measures import Sums
 from trackbench.tuning.parameters import Parameter, Values
 from trackbench.types import Indices, Progress, no_progress
@@ -70,8 +72,23 @@ class _Batch(NamedTuple):
         return _Batch(self.trials[here], self.entries[here], self.points[here], self.keys)
 
 
+class _Start(NamedTuple):
+    """What the tracker gives as it is in one scenario."""
+
+    outcome: Outcome
+    counted: tuple[PackedCoverage | None, ...]
+    """Of each scene; None where it failed, and where nobody labelled the detections."""
+
+
+class _Scene(NamedTuple):
+    """What all trials of a scene share."""
+
+    work: Work
+    counted: PackedCoverage | None
+
+
 class Evaluator:
-    """Makes trials of one tracker.
+    """Makes trials of one tracker, each scored on the estimates and innovations that the tracker gives as it is.
 
     Args:
         benches: the scenarios.
@@ -97,6 +114,25 @@ class Evaluator:
         """``(runs,)`` number of the scene of each run of a scenario."""
         return self._work[bench].scene_of_run
 
+    @property
+    def start(self) -> list[Outcome]:
+        """What the tracker gives as it is, in each scenario."""
+        return [found.outcome for found in self._start]
+
+    @cached_property
+    def _start(self) -> list[_Start]:
+        submitted = []
+        for bench, work in zip(self.benches, self._work, strict=True):
+            tasks = _tasks(_start_hidden if bench.hidden else _start_labelled, bench, work)
+            entry = bench.scenario.config.trackers[self.tracker]
+            submitted.append(
+                [
+                    [self._executor.submit(tasks[scene], piece, entry) for piece in _pieces(work, scene, 1)]
+                    for scene in range(len(work.scenes))
+                ]
+            )
+        return [_whole([[one.result() for one in scene] for scene in scenes]) for scenes in submitted]
+
     def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
         """Of each point its outcome in each scenario.
 
@@ -107,11 +143,11 @@ class Evaluator:
         found: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
         pending = []
         for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
-            make = _hidden if bench.hidden else _labelled
-            tasks = [Task(make, work.of_scene(scene), own_folder(bench.scenario)) for scene in range(len(work.scenes))]
+            tasks = _tasks(_hidden if bench.hidden else _labelled, bench, work, self._start[number].counted)
             for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in found]):
-                for piece in _pieces(work, len(batch.trials)):
-                    pending.append((number, batch, self._executor.submit(tasks[piece.scene], piece, batch)))
+                for scene, task in enumerate(tasks):
+                    for piece in _pieces(work, scene, len(batch.trials)):
+                        pending.append((number, batch, self._executor.submit(task, piece, batch)))
         for done, (number, batch, future) in enumerate(pending):
             progress(done, len(pending))
             for trial, outcome in zip(batch.trials, future.result(), strict=True):
@@ -139,21 +175,56 @@ class Evaluator:
                 yield group.part(slice(first, first + MOST_TRIALS))
 
 
-def _pieces(work: Work, trials: int) -> Iterator[BlockRuns]:
-    """The runs of all scenes, so many at a time that a batch fits the processor's cache; it does not change them."""
-    for number, scene in enumerate(work.scenes):
-        size = max(1, LARGEST_BATCH // (trials * max(1, len(scene.truth.ids))))
-        for first in range(0, work.runs, size):
-            yield BlockRuns(number, range(first, min(first + size, work.runs)))
+def _tasks(
+    make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedCoverage | None] = ()
+) -> list[Task]:
+    """A function for each scene, and what its calls share."""
+    scenes = range(len(work.scenes))
+    constants = [_Scene(work.of_scene(scene), counted[scene] if counted else None) for scene in scenes]
+    return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
 
 
-def _labelled(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
+    """The runs of a scene, so many at a time that a batch fits the processor's cache; it does not change them."""
+    size = max(1, LARGEST_BATCH // (trials * max(1, len(work.scenes[scene].truth.ids))))
+    for first in range(0, work.runs, size):
+        yield BlockRuns(scene, range(first, min(first + size, work.runs)))
+
+
+def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, PackedCoverage | None]:
+    """The tracker as it is, and the estimates and innovations that it gives."""
+    try:
+        sums, given = score_start(scene.work, piece, entry)
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        return fault_of(error).cause, None
+    return sums, PackedCoverage.of(given)
+
+
+def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, None]:
+    return score_hidden(scene.work, piece, entry), None
+
+
+def _whole(scenes: Sequence[Sequence[tuple[Sums | str, PackedCoverage | None]]]) -> _Start:
+    """The tracker as it is, all of its runs together."""
+    counted = []
+    for pieces in scenes:
+        given = [one for _, one in pieces if one is not None]
+        counted.append(PackedCoverage.joined(given) if len(given) == len(pieces) else None)
+    return _Start(_joined([sums for pieces in scenes for sums, _ in pieces]), tuple(counted))
+
+
+def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch; where the arithmetic of one fails, each by itself."""
-    number, entry = len(batch.trials), batch.entries[0]
+    number, entry, work = len(batch.trials), batch.entries[0], scene.work
+    if scene.counted is None:
+        return ["the tracker fails as it is"] * number
+    counted = scene.counted.of_runs(piece.runs).unpacked()
     size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
     if number == 1:
         try:
-            return [*score_labelled(work, piece, entry, 1)]
+            return [*score_labelled(work, piece, entry, 1, counted)]
         except (KeyboardInterrupt, GeneratorExit):
             raise
         except BaseException as error:
@@ -161,14 +232,14 @@ def _labelled(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     if isinstance(entry, FilterConfig) and batch.keys:
         entry = combined(entry, columns_of(batch.points, batch.keys, size))
     try:
-        return [*score_labelled(work, piece, entry, number)]
+        return [*score_labelled(work, piece, entry, number, counted)]
     except np.linalg.LinAlgError:
-        return [_labelled(work, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
+        return [_labelled(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
 
 
-def _hidden(work: Work, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [score_hidden(work, piece, entry) for entry in batch.entries]
+    return [score_hidden(scene.work, piece, entry) for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

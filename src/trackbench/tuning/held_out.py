@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired
@@ -40,6 +41,15 @@ class MeasureComparison:
     """Of the tuned values: better, worse, larger, smaller, equivalent or undecided."""
 
 
+class NotCompared(NamedTuple):
+    """A measure by which start and tuned values are not compared in a scenario."""
+
+    scenario: str
+    measure: str
+    why: str
+    """What the tuned values lack."""
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """What start and tuned values reach where the search has not looked."""
@@ -50,6 +60,7 @@ class HeldOut:
     runs: dict[str, int]
     failed: str = ""
     """Why there is no comparison."""
+    not_compared: tuple[NotCompared, ...] = ()
 
     def of(self, measure: str) -> list[MeasureComparison]:
         """The comparisons by one measure."""
@@ -63,7 +74,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         evaluator: on these.
         tuned: the values that were found.
     """
-    start_outcomes, tuned_outcomes = evaluator([{}, tuned])
+    start_outcomes, (tuned_outcomes,) = evaluator.start, evaluator([tuned])
     scenes = {bench.name: len(bench.truths) for bench in evaluator.benches}
     runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
     found: list[MeasureComparison] = []
@@ -71,21 +82,28 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         for outcome in outcomes:
             if outcome.sums is None:
                 return HeldOut((), scenes, runs, f"the {word} values fail: {outcome.failed}")
+    without: list[NotCompared] = []
     for measure, unit in {**UNITS, **TRAFFIC_UNITS}.items():
-        pairs = [
-            (number, own.sums, other.sums)
-            for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True))
-            if own.sums is not None and other.sums is not None
-        ]
+        pairs = []
+        for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
+            assert own.sums is not None
+            assert other.sums is not None
+            if measure not in other.sums.values:
+                continue
+            lacking = own.sums.lacking(other.sums, [measure if measure == "log_likelihood" else "position_rmse"])
+            if lacking is None:
+                pairs.append((number, own.sums, other.sums))
+            else:
+                without.append(NotCompared(evaluator.benches[number].name, measure, lacking))
         found += _by(measure, unit, evaluator, pairs)
-    return HeldOut(tuple(found), scenes, runs)
+    return HeldOut(tuple(found), scenes, runs, not_compared=tuple(without))
 
 
 def _by(
     measure: str, unit: str, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
 ) -> list[MeasureComparison]:
     """By one measure, the p-values corrected for the number of scenarios."""
-    better = BETTER[measure] if measure in BETTER else _direction(measure)
+    better = direction(measure)
     rows = []
     for number, own_sums, other_sums in pairs:
         scene = evaluator.scenes(number)
@@ -105,6 +123,9 @@ def _by(
     ]
 
 
-def _direction(path: str) -> Direction | None:
-    found = METRICS[path].better
+def direction(measure: str) -> Direction | None:
+    """Which of its values are better."""
+    if measure in BETTER:
+        return BETTER[measure]
+    found = METRICS[measure].better
     return None if found == "none" else found

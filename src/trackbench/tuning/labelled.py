@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,12 +18,28 @@ from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.stepping.steppers import Offline, masked
 from trackbench.tuning.conditions import CONDITIONS, members
+from trackbench.tuning.coverage import Coverage
 from trackbench.tuning.entry import Entry
 from trackbench.tuning.measures import Sums
 from trackbench.types import Array, Estimate, Mask, Scan
 
 
-def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> list[Sums]:
+def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Coverage]:
+    """The sums of a tracker as it is over some runs of one scene, and the estimates and innovations that it gives.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs.
+        entry: of the tracker.
+
+    Raises:
+        Exception: what the tracker raises.
+    """
+    sums = _run(work, piece, entry, 1, None)
+    return sums.of_trials()[0], sums.given
+
+
+def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Coverage) -> list[Sums]:
     """The sums of several trials over some runs of one scene.
 
     Args:
@@ -31,22 +47,27 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
         piece: the runs.
         entry: of the tracker; its noise levels may be arrays ``(trials * objects * runs,)``.
         trials: how many there are.
+        counted: the estimates and innovations that are summed, where a trial gives them.
 
     Raises:
         Exception: what the tracker raises.
     """
+    return _run(work, piece, entry, trials, counted).of_trials()
+
+
+def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Coverage | None) -> _Sums:
     keep_freed_memory()
     scene = work.scenes[piece.scene]
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
     targets = Targets(work, piece, measurements)
     objects, runs = len(scene.truth.ids), len(piece.runs)
-    sums = _Sums(targets, targets.conditions(entry), trials, objects, runs)
     named = entry.sensors_used
 
     def reads(sensor: str) -> bool:
         return named is None or sensor in named
 
     scans = measurements.scans
+    sums = _Sums(targets, targets.conditions(entry), (trials, objects, runs), len(scans), counted)
     given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
     stepper = stepper_of(work, piece, entry, given, trials)
     if isinstance(stepper, Offline):
@@ -59,12 +80,12 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int) -> l
                     taken = _tiled(scan, trials)
                     latest = stepper.step(taken)
                     if latest is not None and number is not None:
-                        sums.add_innovation(instant, taken, latest)
+                        sums.add_innovation(instant, number, taken, latest)
                 if latest is not None:
                     sums.add_error(instant, latest)
     finally:
         stepper.close()
-    return sums.of_trials()
+    return sums
 
 
 def _tiled(scan: Scan, trials: int) -> Scan:
@@ -77,20 +98,30 @@ def _tiled(scan: Scan, trials: int) -> Scan:
 class _Sums:
     """The sums under way, each ``(trials, objects, runs)``."""
 
-    def __init__(self, targets: Targets, classes: Classes, trials: int, objects: int, runs: int) -> None:
+    def __init__(
+        self,
+        targets: Targets,
+        classes: Classes,
+        shape: tuple[int, int, int],
+        scans: int,
+        counted: Coverage | None,
+    ) -> None:
         self._state, self._due = targets.state, targets.due
-        self._shape = (trials, objects, runs)
+        self._shape, self._counted = shape, counted
+        self.given = Coverage.none(len(self._due), scans, *shape[1:])
+        """Of the first trial; filled in where nothing says what counts."""
         names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
         self._total = {name: np.zeros(self._shape) for name in names}
         self._count = {name: np.zeros(self._shape) for name in names}
         self._member = members(classes)
-        self._nees = np.zeros((2, len(CONDITIONS), trials, runs))
+        self._nees = np.zeros((2, len(CONDITIONS), shape[0], shape[2]))
 
     def add_error(self, instant: int, estimate: Estimate) -> None:
         """Take in the estimate after the last scan of an instant."""
         mean = estimate.mean.reshape(4, *self._shape)
         error = mean - self._state[:, instant, None]
-        given = self._due[instant] & np.isfinite(error).all(axis=0)
+        there: Mask = np.asarray(np.isfinite(error).all(axis=0))
+        given = self._that_count(there, instant, "estimates", instant)
         square = error * error
         covariance = estimate.covariance.reshape(4, 4, *self._shape)
         nees, whitened, positive = normalised_square(error, covariance)
@@ -103,14 +134,14 @@ class _Sums:
         counted = np.stack([np.where(given, nees, 0.0), np.broadcast_to(given, self._shape)])
         self._nees += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
 
-    def add_innovation(self, instant: int, scan: Scan, estimate: Estimate) -> None:
-        """Take in how likely the tracker found a scan."""
+    def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
+        """Take in how likely the tracker found a scan, by its number."""
         log_density = log_likelihood(estimate)
         if log_density is None:
             return
         log_density = log_density.reshape(self._shape)
-        used = scan.valid.reshape(self._shape) & self._due[instant] & ~np.isnan(log_density)
-        self._add("log_likelihood", log_density, used)
+        said: Mask = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
+        self._add("log_likelihood", log_density, self._that_count(said, instant, "innovations", number))
 
     def of_trials(self) -> list[Sums]:
         """Of each trial, summed over the objects."""
@@ -122,6 +153,15 @@ class _Sums:
             Sums({name: np.stack([total[name][trial], count[name][trial]]) for name in total})
             for trial in range(self._shape[0])
         ]
+
+    def _that_count(self, there: Mask, instant: int, what: Literal["estimates", "innovations"], number: int) -> Mask:
+        """Those of what there is that are summed."""
+        if self._counted is not None:
+            counted: Mask = getattr(self._counted, what)[number]
+            return there & counted
+        due: Mask = there & self._due[instant]
+        getattr(self.given, what)[number] = due[0]
+        return due
 
     def _add(self, name: str, values: Array, where: Mask) -> None:
         self._total[name] += np.where(where, values, 0.0)

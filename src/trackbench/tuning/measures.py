@@ -59,15 +59,23 @@ class Sums:
         )
         return np.nan if found is None else found.value
 
-    def lacking(self, start: Sums) -> str | None:
-        """What there is fewer of than with the start's values, which would make the two not comparable."""
-        for name, word in (("position_rmse", "estimates"), ("log_likelihood", "innovations")):
-            if name in self.values and name in start.values:
-                own, other = self.values[name][1], start.values[name][1]
-                if (own < other).any():
-                    return f"it gives {own.sum():.0f} {word}, and the start {other.sum():.0f}"
-                if not np.isfinite(self.values[name][0]).all():
-                    return f"its {word} are not finite"
+    def lacking(self, start: Sums, measures: Sequence[str] = ("position_rmse", "log_likelihood")) -> str | None:
+        """What there is less of than with the start's values, or is not finite, so that the two cannot be compared.
+
+        Args:
+            start: of the tracker as it is; of labelled objects nothing else was summed than what it gives.
+            measures: by which the two are to be compared.
+        """
+        for name in measures:
+            if name not in self.values or name not in start.values:
+                continue
+            own, other = self.values[name][1], start.values[name][1]
+            word = "innovations" if name == "log_likelihood" else "estimates"
+            if (own < other).any():
+                given = np.minimum(own, other).sum()
+                return f"it gives {given:.0f} of the {other.sum():.0f} {word} that the start gives"
+            if not np.isfinite(self.values[name][0]).all():
+                return f"its {word} are not finite"
         return None
 
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 from trackbench.metrics.verdicts import TOLERANCE, verdict
-from trackbench.tuning.held_out import MeasureComparison
+from trackbench.tuning.held_out import MeasureComparison, direction
 from trackbench.tuning.measures import NEES_DOF
 from trackbench.tuning.objectives import NEES
 from trackbench.tuning.parameters import shown
+from trackbench.tuning.split import SAME_MOTION
 from trackbench.tuning.tune import Tuning
 from trackbench.words import counted
 
@@ -30,12 +31,7 @@ WORDS = {
 #: Of the logarithm of a mean NEES over its degrees of freedom, what the verdict tolerates.
 OFF = math.log(1.0 + TOLERANCE)
 _TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
-_SINGLE = {
-    "better": "better than the start",
-    "worse": "worse than the start: the values fit what they were tuned on, and not other measurements",
-    "equivalent": "no better than the start: the difference is within the margin",
-    "undecided": "the gain may be noise: no difference from the start is shown",
-}
+_VERDICTS = ("better", "worse", "equivalent", "undecided")
 
 
 def headline(tuning: Tuning) -> tuple[str, Tone]:
@@ -43,19 +39,43 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
     compared = tuning.held_out.of(tuning.objective.measure)
     if tuning.held_out.failed:
         return tuning.held_out.failed, "bad"
+    without = [one.why for one in tuning.held_out.not_compared if one.measure == tuning.objective.measure]
+    if not compared and without:
+        return f"not compared with the start: with the tuned values {without[0]}", "bad"
     if not compared:
         return "nothing to compare", "bad"
     if tuning.best.values == tuning.start:
         return f"{_values(compared)}: the start's values are the best that were found", "good"
     if not any(tuning.apart):
         return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
+    same = [name for name, apart in zip(tuning.scenarios, tuning.apart, strict=True) if apart == SAME_MOTION]
+    if len(tuning.scenarios) == 1:
+        (one,) = compared
+        return f"{_values(compared)}: {_verdict(one, same)}", _TONES.get(one.verdict, "warn")
     verdicts = [item.verdict for item in compared]
-    if len(compared) == 1:
-        word = verdicts[0]
-        return f"{_values(compared)}: {_SINGLE[word]}", _TONES.get(word, "warn")
-    counts = [f"{word} in {verdicts.count(word)}" for word in _SINGLE if word in verdicts]
-    tone: Tone = "bad" if "worse" in verdicts else "good" if "better" in verdicts else "warn"
-    return f"{_values(compared)}: of {len(compared)} scenarios {', '.join(counts)}", tone
+    counts = [f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts]
+    if without:
+        counts.append(f"not compared in {len(without)}")
+    tone: Tone = "bad" if "worse" in verdicts else "warn" if without or "better" not in verdicts else "good"
+    said = f"of {len(tuning.scenarios)} scenarios {', '.join(counts)}"
+    if same:
+        which = "" if len(same) == len(tuning.scenarios) else f" in {' and '.join(same)}"
+        said += f";{which} on {SAME_MOTION}"
+    return f"{_values(compared)}: {said}", tone
+
+
+def _verdict(one: MeasureComparison, same: Sequence[str]) -> str:
+    """The verdict on the tuned values in the only scenario."""
+    where = f" on {SAME_MOTION}" if same else ""
+    if one.verdict == "better":
+        return f"better than the start{where}"
+    if one.verdict == "worse":
+        return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
+    if one.verdict == "equivalent":
+        return f"no better than the start{where}: the difference is within the margin"
+    none = f"no difference from the start is shown{where}"
+    gain = one.difference.value * (1.0 if direction(one.measure) == "larger" else -1.0)
+    return f"the gain may be noise: {none}" if gain > 0.0 else none
 
 
 def _values(compared: list[MeasureComparison]) -> str:
@@ -96,9 +116,14 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             "the least error"
         )
     if tuning.objective.name in ("consistent_rmse", "pareto"):
-        for one in tuning.held_out.of("nees"):
-            word = verdict(one.tuned.ci95, NEES_DOF)
-            yield f"{one.scenario}: mean NEES {one.tuned.value:.2f} where {NEES_DOF} is right, {word}"
+        for nees in tuning.held_out.of("nees"):
+            word = verdict(nees.tuned.ci95, NEES_DOF)
+            yield f"{nees.scenario}: mean NEES {nees.tuned.value:.2f} where {NEES_DOF} is right, {word}"
+    lacking: dict[tuple[str, str], list[str]] = {}
+    for one in tuning.held_out.not_compared:
+        lacking.setdefault((one.scenario, one.why), []).append(WORDS[one.measure])
+    for (scenario, why), measures in lacking.items():
+        yield f"{scenario}: not compared by {', '.join(measures)}: with the tuned values {why}"
     for scenario, apart in zip(tuning.scenarios, tuning.apart, strict=True):
         if not apart:
             yield (

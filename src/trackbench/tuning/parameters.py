@@ -27,6 +27,8 @@ class Parameter:
     low: float = 0.0
     high: float = 1.0
     choices: tuple[Any, ...] = ()
+    bounds: tuple[bool, bool] = (False, False)
+    """Whether the option takes no smaller values than the low end, and no larger ones than the high end."""
 
     @property
     def continuous(self) -> bool:
@@ -45,13 +47,14 @@ class Parameter:
         return (self._stretch(value) - low) / (high - low)
 
     def edge(self, value: Any) -> float | None:
-        """The end of the range that a value is at, if it is."""
+        """The end of the range that a value is at, if it is and the range could be wider there."""
         if self.scale == "choice":
             return None
-        if self.scale == "integer":
-            return value if value in (self.low, self.high) else None
+        near = 0.0 if self.scale == "integer" else EDGE
         share = self.to_unit(value)
-        return self.low if share < EDGE else self.high if share > 1.0 - EDGE else None
+        if share <= near and not self.bounds[0]:
+            return self.low
+        return self.high if share >= 1.0 - near and not self.bounds[1] else None
 
     def holds(self, value: Any) -> bool:
         """Whether a value is one of those that are tried."""
@@ -97,6 +100,6 @@ def settings(values: Values) -> str:
 
 
 def at_edges(parameters: Sequence[Parameter], values: Values) -> list[tuple[Parameter, float]]:
-    """The parameters whose value is at an end of its range."""
+    """The parameters whose value is at an end of its range that could be wider."""
     found = [(item, item.edge(values[item.key])) for item in parameters]
     return [(item, edge) for item, edge in found if edge is not None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from trackbench.errors import InputError
@@ -26,6 +27,8 @@ NOISES = {
 }
 #: Of other noises: this factor to either side of the start.
 FACTOR = 30.0
+#: What is beyond an end of a range, as a share of the range.
+BEYOND = 1e-6
 #: Usual values of when tracks of several objects begin.
 GATE = (0.9, 0.99999)
 CONFIRM = ([2, 2], [2, 3], [3, 3], [3, 4], [3, 5], [4, 6])
@@ -47,7 +50,9 @@ def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
         low, high = (_read(end, at) for end in ends)
         parameter = _between(key, low, high, loaded, tracker, at)
         _require(loaded, tracker, parameter, (low, high), at)
-        return parameter
+        beyond = 1 if parameter.scale == "integer" else BEYOND * (high - low)
+        taken = [problem_with(loaded, tracker, {key: value}) is None for value in (low - beyond, high + beyond)]
+        return replace(parameter, bounds=(not taken[0], not taken[1]))
     choices = tuple(_read(f"[{rest}]", at))
     if len(choices) < 2:
         raise InputError(FORM, key=at)

@@ -16,6 +16,9 @@ TRAIN_RUNS = 25
 #: The seeds of traffic for tuning begin here: above those that scenarios use.
 FIRST_SEED = 1001
 
+#: What tells noise tried on from noise tuned on where every run has the same truth.
+SAME_MOTION = "other noise of the same motion"
+
 
 @dataclass(frozen=True)
 class Split:
@@ -61,7 +64,7 @@ def halved(loaded: Scenario, split: Split) -> Halves:
     runs = config.monte_carlo.runs
     train_runs, test_runs = split.train_runs or (min(runs, TRAIN_RUNS) if several else runs), split.test_runs or runs
     if not several:
-        apart = "other noise and other random motion" if config.truth.random else "other noise of the same motion"
+        apart = "other noise and other random motion" if config.truth.random else SAME_MOTION
         return Halves(_drawn(loaded, train_runs, train_seed), _drawn(loaded, test_runs, test_seed), apart)
     own = [scene.seed for scene in config.truth.scenes()]  # type: ignore[attr-defined]
     wanted = split.test_scenes or (len(own) if len(own) > 1 else TEST_SCENES)

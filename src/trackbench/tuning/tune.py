@@ -51,7 +51,7 @@ class Tuning:
 
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
-        """The parameters whose best value is at an end of its range."""
+        """The parameters whose best value is at an end of its range that could be wider."""
         return at_edges(self.parameters, self.best.values)
 
     @property
@@ -172,7 +172,7 @@ def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
         InputError: it fails, or does not give what the objective needs.
     """
     found = []
-    for bench, outcome in zip(evaluator.benches, evaluator([{}])[0], strict=True):
+    for bench, outcome in zip(evaluator.benches, evaluator.start, strict=True):
         where = f"{evaluator.tracker} in {bench.name}"
         if outcome.sums is None:
             raise InputError(f"{where} fails as it is: {outcome.failed}", file=bench.scenario.path)
