@@ -110,7 +110,7 @@ class FilterTracker:
 
     def _retrodicted(self, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
         """The present state with a late scan, where a track has gone on since before it."""
-        history = up_to_date(self._counted, state.history, number)
+        history = up_to_date(self._in_sequence, state.history, number)
         before = history[number].before
         known = before.started & state.started
         taken = scan._replace(valid=known & scan.valid)
