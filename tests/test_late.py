@@ -2,63 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from tests.late_scans import WhiteAcceleration, lidar_scans, linear, swapped, taken
 from tests.scenes import NOISE, TRACKERS, scan, tracker
 from tests.traffic_scans import traffic, vehicles
 
 import trackbench as tb
-from trackbench.filters import KalmanFilter
-from trackbench.models.motion import MotionModel
 from trackbench.multi import build_multi
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import FilterTracker
-from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.innovations import log_likelihood
 from trackbench.types import Array, Estimate, Scan
-
-FIRST = {"from": "first_reading", "velocity_sigma_mps": 10}
-
-
-class WhiteAcceleration(MotionModel):
-    """Constant velocity, driven by continuous white noise: two steps are the same as one of their length."""
-
-    components: ClassVar[tuple[str, ...]] = ("px", "py", "vx", "vy")
-    linear: ClassVar[bool] = True
-    driving_noise: ClassVar[tuple[str, ...]] = ("a", "b", "c", "d")
-    a: float = 1.0
-    b: float = 1.0
-    c: float = 1.0
-    d: float = 1.0
-
-    def transition(self, x: Array, dt: float) -> Array:
-        return np.concatenate([x[:2] + dt * x[2:], x[2:]])
-
-    def jacobian(self, x: Array, dt: float) -> Array:
-        return np.kron([[1, dt], [0, 1.0]], np.eye(2))
-
-    def noise_gain(self, x: Array, dt: float) -> Array:
-        if dt == 0.0:
-            return np.zeros((4, 4))
-        return np.kron(np.linalg.cholesky([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), np.eye(2))
-
-
-def linear(late: str, lag: float = 1.0) -> FilterTracker:
-    initial = InitialConfig.model_validate(FIRST)
-    return FilterTracker(KalmanFilter(WhiteAcceleration()), initial, late=late, lag_s=lag)
-
-
-def lidar_scans(count: int = 12, seed: int = 0, batch: int = 3, period: float = 0.1) -> list[Scan]:
-    random = np.random.default_rng(seed)
-    valid = random.random((count, batch)) < 0.9
-    valid[0] = True
-    made = []
-    for k in range(count):
-        position = np.array([[40.0], [30.0]]) + period * k * np.array([[12.0], [-5.0]])
-        made.append(scan("lidar", period * k, position + 0.3 * random.normal(size=(2, batch)), valid=valid[k]))
-    return made
 
 
 def mixed_scans() -> list[Scan]:
@@ -75,22 +32,6 @@ def mixed_scans() -> list[Scan]:
         else:
             made.append(scan("lidar", 0.05 * k, at[:, None] + 0.15 * random.normal(size=(2, 2))))
     return made
-
-
-def taken(of: Any, scans: list[Scan]) -> list[Estimate]:
-    state, said = None, []
-    for one in scans:
-        state, estimate = of.step(state, one)
-        said.append(estimate)
-    return said
-
-
-def swapped(scans: list[Scan], *numbers: int) -> list[Scan]:
-    """The scans of these numbers each after the one that follows it."""
-    order = list(range(len(scans)))
-    for number in numbers:
-        order[number], order[number + 1] = order[number + 1], order[number]
-    return [scans[k] for k in order]
 
 
 IMM = {
@@ -111,34 +52,30 @@ def test_replayed_scans_are_as_good_as_in_order(keys: dict[str, Any], initial: s
     assert np.isfinite(one.mean).all()
 
 
+def test_replay_takes_scans_of_one_time_in_the_order_of_the_sensors() -> None:
+    """As when nothing is late, on which what a nonlinear filter says depends."""
+    scans = [one._replace(time=0.1 * (k // 2), place=k % 2) for k, one in enumerate(mixed_scans())]
+    made = tracker(filter="ekf", motion="cv", **NOISE["cv"])
+    expected = taken(made, scans)[-1].mean
+    for late in (swapped(scans, 4, 10), [*scans[:4], *scans[5:9], scans[4], *scans[9:]]):
+        np.testing.assert_allclose(taken(made, late)[-1].mean, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_replayed_traffic_takes_scans_of_one_time_in_the_order_of_the_sensors() -> None:
+    made = traffic(vehicles(4), 12)
+    scans = [one._replace(time=0.05 * (k // 2), place=k % 2) for k, one in enumerate(made.scans)]
+    config = {"filter": "ekf", "motion": "cv", **NOISE["cv"], "associate": {"method": "gnn"}}
+    of = build_multi(FilterConfig.model_validate(config))
+    one, other = taken(of, scans)[-1], taken(of, swapped(scans, 4, 16))[-1]
+    np.testing.assert_array_equal(other.ids, one.ids)
+    np.testing.assert_allclose(other.mean, one.mean, rtol=1e-12)
+
+
 def test_a_late_scan_shows_the_innovation_of_its_own_time() -> None:
     scans = lidar_scans()
     prompt, late = taken(linear("replay"), scans), taken(linear("replay"), swapped(scans, 4))
     np.testing.assert_allclose(late[5].innovation, prompt[4].innovation, rtol=1e-12)
     np.testing.assert_allclose(late[5].mean, prompt[5].mean, rtol=1e-12)
-
-
-def test_retrodiction_over_one_step_is_exact_for_a_linear_problem() -> None:
-    """Algorithm A1, with process noise, scans late again and again."""
-    scans = lidar_scans(14, batch=1)
-    scans = [one._replace(valid=np.array([True]), measurement=np.nan_to_num(one.measurement, nan=42)) for one in scans]
-    for late in ([5], [3, 6, 9], [2, 11]):
-        one, other = taken(linear("replay"), scans), taken(linear("retrodiction"), swapped(scans, *late))
-        for number in late:
-            np.testing.assert_allclose(other[number + 1].mean, one[number + 1].mean, rtol=1e-10)
-            np.testing.assert_allclose(other[number + 1].covariance, one[number + 1].covariance, rtol=1e-10, atol=1e-12)
-        np.testing.assert_allclose(other[-1].mean, one[-1].mean, rtol=1e-10)
-
-
-def test_retrodiction_over_several_steps_is_nearly_exact() -> None:
-    """Algorithm Al1: the measurements since count as one, with noise that is taken to be independent."""
-    scans = lidar_scans(14, batch=1)
-    scans = [one._replace(valid=np.array([True]), measurement=np.nan_to_num(one.measurement, nan=42)) for one in scans]
-    late = [*scans[:4], *scans[5:9], scans[4]]
-    exact, found, dropped = (taken(linear(method), late)[-1] for method in ("replay", "retrodiction", "drop"))
-    np.testing.assert_allclose(found.covariance[..., 0], exact.covariance[..., 0], rtol=0.02, atol=1e-12)
-    far, near = (np.abs(one.mean - exact.mean).max() for one in (dropped, found))
-    assert near < 0.5 * far
 
 
 def test_both_are_the_least_squares_of_all_measurements() -> None:
@@ -170,6 +107,52 @@ def test_both_are_the_least_squares_of_all_measurements() -> None:
         found = taken(linear(late), swapped(scans, 2, 4))[-1]
         np.testing.assert_allclose(found.mean[:, 0], expected, rtol=1e-9)
         np.testing.assert_allclose(found.covariance[..., 0], covariance, rtol=1e-7)
+
+
+def total_log_likelihood(said: list[Estimate], scans: list[Scan]) -> Array:
+    found = [log_likelihood(estimate) for estimate in said]
+    return np.sum([np.where(of.valid & ~np.isnan(one), one, 0.0) for one, of in zip(found, scans, strict=True)], axis=0)
+
+
+def joint_log_density(scans: list[Scan]) -> Array:
+    """Of all measurements given the first, from their joint covariance; each object seen in all scans."""
+    model, count = WhiteAcceleration(), len(scans)
+    z = np.stack([one.measurement for one in scans])
+    mean, covariance = np.zeros((count, 2, z.shape[2])), np.zeros((count, 2, count, 2))
+    p = np.diag([*np.diag(scans[0].noise_covariance), 100.0, 100.0])
+    for k in range(count):
+        if k:
+            gain, f = model.noise_gain(np.zeros(4), 0.1), model.jacobian(np.zeros(4), 0.1)
+            p = f @ p @ f.T + gain @ gain.T
+        mean[k] = z[0]
+        for j in range(k, count):
+            covariance[j, :, k] = (model.jacobian(np.zeros(4), 0.1 * (j - k)) @ p)[:2, :2]
+            covariance[k, :, j] = covariance[j, :, k].T
+        covariance[k, :, k] += scans[k].noise_covariance
+    s = covariance[1:, :, 1:].reshape(2 * count - 2, 2 * count - 2)
+    y = (z - mean)[1:].reshape(2 * count - 2, -1)
+    return -0.5 * (np.einsum("ik,ik->k", y, np.linalg.solve(s, y)) + np.linalg.slogdet(2 * np.pi * s)[1])
+
+
+def test_log_likelihoods_in_the_order_of_arrival_add_up_to_the_joint_density() -> None:
+    """Each of a scan given all that arrived before it, also where the scan that arrives late starts the track."""
+    scans = lidar_scans(12, valid=1.0)
+    joint = joint_log_density(scans)
+    for late in ("replay", "retrodiction"):
+        arrived = swapped(scans, 3, 6, 9)
+        np.testing.assert_allclose(total_log_likelihood(taken(linear(late), arrived), arrived), joint, atol=1e-9)
+    for order in ([0, 4, 2, 3, 1, 9, 5, 8, 7, 6, 10, 11], [1, 2, 0, *range(3, 12)], [*range(1, 12), 0]):
+        arrived = [scans[k] for k in order]
+        np.testing.assert_allclose(total_log_likelihood(taken(linear("replay", 2), arrived), arrived), joint, atol=1e-9)
+
+
+def test_a_late_scan_that_finds_no_track_has_no_log_likelihood() -> None:
+    first, second = lidar_scans(2, batch=2)
+    first = first._replace(valid=np.array([True, False]))
+    second = second._replace(valid=np.array([False, True]))
+    said = taken(linear("replay"), [second, first])[-1].log_likelihood
+    # The first object is seen in the late scan alone, the second in the other alone.
+    assert np.isnan(said).all()
 
 
 def test_what_is_dropped_changes_nothing() -> None:

@@ -11,10 +11,12 @@ from tests.conftest import Outcome, Run
 from tests.scenes import scan
 
 import trackbench as tb
+from trackbench.errors import InputError
 from trackbench.runner.delivery import deliveries
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.sensing.scans import arrivals, ideal_sensors
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense
 from trackbench.stepping.steppers import masked
 from trackbench.types import Scan
 
@@ -98,6 +100,28 @@ def test_a_drawn_latency_is_the_same_in_every_run_and_between_its_ends(tiny: Pat
     assert few.summary.fingerprints == many.summary.fingerprints[:2]
     one, other = (result.to_pandas("runs").query("tracker == 'ekf' and run < 2") for result in (few, many))
     np.testing.assert_allclose(one["position_rmse_m"], other["position_rmse_m"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("sensed", [sense, sense_hidden])
+def test_scans_say_their_place_among_those_of_one_time(
+    sensed: Callable[..., Measurements | HiddenMeasurements], tiny: Path
+) -> None:
+    loaded = load_scenario(tiny)
+    (truth,) = truths_of(loaded)
+    scans = sensed(ideal_sensors(truth.truth, loaded.config.sensors), 7, "tiny", range(2)).scans
+    assert [(one.time, one.place) for one in scans] == sorted((one.time, one.place) for one in scans)
+    names = list(loaded.config.sensors)
+    assert all(one.sensor == names[one.place] for one in scans)
+    assert len({one.time for one in scans}) < len(scans)
+
+
+def test_a_lag_that_does_not_reach_late_scans_is_said(tiny: Path) -> None:
+    late = ["sensors.lidar.latency_s=[0.3, 1.5]", "sensors.radar.latency_s=0.25"]
+    message = "trackers.ekf.lag_s: replay goes back 1 s, but scans of lidar may be 1.25 s older than the state"
+    with pytest.raises(InputError, match=message):
+        load_scenario(tiny, late)
+    for fits in ("lag_s=1.25", "late=drop", "sensors=[radar]"):
+        load_scenario(tiny, [*late, f"trackers.ekf.{fits}"])
 
 
 def test_latency_costs(run_tiny: Run) -> None:

@@ -21,9 +21,9 @@ from trackbench.filters import InteractingMultipleModel
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers.builtin import ekf
+from trackbench.trackers.innovations import log_likelihood
 from trackbench.tuning import conditions
 from trackbench.tuning.evaluation import Bench, Evaluator
-from trackbench.tuning.labelled import log_likelihood
 from trackbench.tuning.objectives import OBJECTIVES, source_of
 from trackbench.tuning.parameters import Parameter, Values
 from trackbench.tuning.ranges import parse_range, start_values, usual_ranges

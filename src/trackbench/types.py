@@ -94,6 +94,8 @@ class Scan(NamedTuple):
     asked: bool = False
     """True where no measurement has arrived and the estimate at ``time`` is asked for. What is predicted for it is not
     to be kept: measurements that are still on their way were taken earlier."""
+    place: int = 0
+    """Of the sensor in the scenario, from 0. Scans of one time are in this order where none is late."""
 
     def prompt(self) -> Scan:
         """The same scan, arrived when it was taken."""
@@ -147,8 +149,8 @@ class Estimate(NamedTuple):
     mode_probabilities: Array | None = None
     """``(M, ...)`` of each motion model of a tracker with several."""
     log_likelihood: Array | None = None
-    """``(...)`` logarithm of the density of the measurement under the prediction, where that is not the Gaussian of the
-    innovation; NaN where there was no prediction."""
+    """``(...)`` logarithm of the density of the measurement given all that arrived before it, where that is not the
+    Gaussian of the innovation; NaN where there was no prediction."""
 
 
 class RecordedMeasurements(NamedTuple):

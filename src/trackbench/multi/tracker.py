@@ -26,7 +26,7 @@ from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial import from_first
 from trackbench.trackers.initial_config import InitialConfig
-from trackbench.trackers.late import LateMethod, Taken, kept, replayed, since
+from trackbench.trackers.late import LateMethod, Taken, kept, position, replayed
 from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks
 
 #: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
@@ -108,12 +108,17 @@ class MultiObjectTracker:
         if not reads:
             ahead, answer = self._asked(state, max(scan.time, state.time))
             return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
+        number = position(state.history, scan)
+        if number is not None:
+            again = replayed(self._in_sequence, state.history, number, scan, origins)
+            return again.state._replace(history=again.history), _with_used(again.latest, again.late)
         if scan.time < state.time:
-            return self._out_of_sequence(state, scan, origins)
+            return state, self._asked(state, state.time)[1]
         before = state._replace(history=())
         after, answer = self._in_sequence(before, scan, origins)
-        if self.late == "replay":
-            after = after._replace(history=kept(state.history, Taken(before, scan, origins), self.lag_s))
+        if self.late == "replay" and self.lag_s > 0.0:
+            taken = Taken(before, scan, origins)
+            after = after._replace(history=kept(self._in_sequence, state.history, taken, self.lag_s))
         return after, answer
 
     def _in_sequence(
@@ -126,15 +131,6 @@ class MultiObjectTracker:
         ahead, _ = self._predicted(state, time)
         table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return ahead, self._tracks(table, len(ahead.next_id))
-
-    def _out_of_sequence(
-        self, state: MultiObjectState, scan: Scan, origins: Indices | None
-    ) -> tuple[MultiObjectState, Tracks]:
-        later = since(state.history, scan.time)
-        if not later:
-            return state, self._asked(state, state.time)[1]
-        again = replayed(self._in_sequence, state.history, later, scan, origins)
-        return again.state._replace(history=again.history), _with_used(again.latest, again.late)
 
     def predicted(self, state: MultiObjectState | None, time: float, run: int) -> Tracks:
         """The reported tracks of one run at a later time, ``(K,)``; the state stays as it is."""

@@ -20,6 +20,9 @@ from trackbench.truth.sources import RecordingTruth
 if TYPE_CHECKING:
     from trackbench.scenario.config import Expectation, ScenarioConfig
 
+#: Two times that differ by less are the same, s: a difference of times is not exact.
+ROUNDING = 1e-9
+
 
 def problems(scenario: ScenarioConfig) -> Iterator[Problem]:
     """Everything that is wrong between the sections of ``scenario``, each of which is valid by itself."""
@@ -107,6 +110,7 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
                 yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
         if isinstance(tracker, FilterConfig):
             yield from _assumed_noise(scenario, name, tracker)
+            yield from _lag(scenario, name, tracker)
         for key in ("detection_probability", "clutter_density"):
             for sensor in getattr(getattr(tracker, "associate", None), key, {}):
                 if sensor not in scenario.sensors:
@@ -124,6 +128,22 @@ def _assumed_noise(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -
         for key in sigmas:
             if key not in known:
                 yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest(key, known)}")
+
+
+def _lag(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+    if tracker.smoother is not None or tracker.late not in ("replay", "retrodiction"):
+        return
+    read = scenario.sensors if tracker.sensors_used is None else tracker.sensors_used
+    latency = {sensor: scenario.sensors[sensor].latency for sensor in read if sensor in scenario.sensors}
+    least = min((low for low, _ in latency.values()), default=0.0)
+    for sensor, (_, most) in latency.items():
+        # Of its own scans and of the other sensors', those that were taken later arrive before it by up to this.
+        behind = most - least
+        if behind > tracker.lag_s + ROUNDING:
+            reach = f"{tracker.late} goes back {tracker.lag_s:g} s"
+            dropped = f"scans of {sensor} may be {behind:g} s older than the state and would be dropped"
+            yield Problem(("trackers", name, "lag_s"), f"{reach}, but {dropped}; use {behind:g} or more")
+            return
 
 
 def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:

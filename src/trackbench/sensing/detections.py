@@ -63,13 +63,13 @@ def sense_hidden(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs:
     """
     hashes = [hashlib.sha256() for _ in runs]
     found: list[tuple[Scan, Indices, Indices]] = []
-    for sensor in sensors:
+    for place, sensor in enumerate(sensors):
         take = _detections if sensor.detections is None else _as_recorded
         drawn = [take(sensor, seed, scenario, run) for run in runs]
         for i, of_run in enumerate(drawn):
             hashes[i].update(of_run.instant.tobytes())
             hashes[i].update(of_run.measurement.tobytes())
-        found += _scans(sensor, drawn, arrivals(sensor, seed, scenario))
+        found += _scans(sensor, place, drawn, arrivals(sensor, seed, scenario))
     # Stable: sensors that fire together stay in the scenario's order.
     found.sort(key=lambda entry: entry[0].time)
     return HiddenMeasurements(
@@ -131,7 +131,9 @@ def _as_recorded(sensor: IdealSensor, seed: int, scenario: str, run: int) -> _De
     )
 
 
-def _scans(sensor: IdealSensor, drawn: Sequence[_Detections], arrival: Array) -> list[tuple[Scan, Indices, Indices]]:
+def _scans(
+    sensor: IdealSensor, place: int, drawn: Sequence[_Detections], arrival: Array
+) -> list[tuple[Scan, Indices, Indices]]:
     """Each scan with its origins and the second objects of merged detections."""
     config, size = sensor.config, len(sensor.noise_covariance)
     counts = np.stack([np.bincount(one.instant, minlength=len(sensor.time)) for one in drawn], axis=-1)
@@ -164,6 +166,7 @@ def _scans(sensor: IdealSensor, drawn: Sequence[_Detections], arrival: Array) ->
             detection_probability=0.0 if quiet[k] else probability,
             clutter_density=0.0 if quiet[k] else density,
             field_of_view=view,
+            place=place,
         )
         found.append((scan, origins[k, here], merged[k, here]))
     return found

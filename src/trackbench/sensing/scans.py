@@ -89,7 +89,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
     scans: list[Scan] = []
     hashes = [hashlib.sha256() for _ in runs]
     detections: dict[str, Array] = {}
-    for sensor in sensors:
+    for place, sensor in enumerate(sensors):
         measurement, valid = _stacked(sensor, seed, scenario, runs, hashes)
         detections[sensor.name] = valid.sum(axis=-1).astype(float)
         size, batch = len(sensor.noise_covariance), valid.shape[1] * valid.shape[2]
@@ -109,6 +109,7 @@ def sense(sensors: Sequence[IdealSensor], seed: int, scenario: str, runs: range)
                     sensor_pose=sensor.pose[:, k],
                     sensor_velocity=sensor.velocity[:, k],
                     arrival_time=float(arrival[k]),
+                    place=place,
                 )
             )
     # Stable: sensors that fire together stay in the scenario's order.

@@ -19,7 +19,9 @@ from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.course import WithoutCourse
 from trackbench.trackers.initial import TentativeTrack
 from trackbench.trackers.initial_config import InitialConfig
-from trackbench.trackers.late import LateMethod, Retrodiction, Taken, kept, replayed, retrodicted, since
+from trackbench.trackers.innovations import log_likelihood, where_known, with_innovation
+from trackbench.trackers.late import LateMethod, Taken, inserted, kept, position, replayed, up_to_date
+from trackbench.trackers.retrodiction import Retrodiction, retrodicted
 from trackbench.types import Array, Estimate, Gaussian, Indices, Mask, Scan
 
 
@@ -36,6 +38,8 @@ class TrackState(NamedTuple):
     """The tracks whose course is not known; their belief is then made of position and velocity."""
     history: tuple[Taken[TrackState], ...] = ()
     """The latest scans that were taken in, where late ones may come."""
+    log_likelihood: Array | float = 0.0
+    """``(...)`` of all measurements that were taken in while late ones might come, in the order of their times."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +80,14 @@ class FilterTracker:
             return state, self._asked(state, scan.time)
         if self.late == "as_new":
             scan = scan._replace(time=scan.arrival_time)
-        if scan.time < state.time:
-            return self._out_of_sequence(state, scan)
+        number = position(state.history, scan)
+        if scan.time < state.time or (number is not None and self.late == "replay"):
+            return self._out_of_sequence(state, scan, number)
         before = state._replace(history=())
-        after, estimate = self._in_sequence(before, scan)
-        if self.late in ("replay", "retrodiction"):
-            after = after._replace(history=kept(state.history, Taken(before, scan), self.lag_s))
-        return after, estimate
+        if self.late not in ("replay", "retrodiction") or self.lag_s == 0.0:
+            return self._in_sequence(before, scan)
+        after, estimate = self._counted(before, scan)
+        return after._replace(history=kept(self._counted, state.history, Taken(before, scan), self.lag_s)), estimate
 
     def _asked(self, state: TrackState, time: float) -> Estimate:
         return self.estimate(self.predicted(state, time))
@@ -90,34 +95,45 @@ class FilterTracker:
     def _nothing_yet(self, scan: Scan) -> TrackState:
         return TrackState(-np.inf, self._placeholder(scan.valid), np.zeros_like(scan.valid))
 
-    def _out_of_sequence(self, state: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
-        later = since(state.history, scan.time)
-        if not later:
+    def _out_of_sequence(self, state: TrackState, scan: Scan, number: int | None) -> tuple[TrackState, Estimate]:
+        if number is None:
             return state, self._asked(state, state.time)
         if self.late == "retrodiction":
-            return self._retrodicted(state, later[0].before, scan)
-        again = replayed(self._in_sequence, state.history, later, scan)
-        said = again.late
+            return self._retrodicted(state, scan, number)
+        again = replayed(self._counted, state.history, number, scan)
+        said, gained = again.late, again.state.log_likelihood - state.log_likelihood
         return again.state._replace(history=again.history), again.latest._replace(
             innovation=said.innovation,
             innovation_covariance=said.innovation_covariance,
             whitened_innovation=said.whitened_innovation,
-            log_likelihood=said.log_likelihood,
+            # Of the late scan given all that were taken in before. Zero: no track was there for any of them.
+            log_likelihood=np.where(gained == 0.0, np.nan, gained),
         )
 
-    def _retrodicted(self, state: TrackState, before: TrackState, scan: Scan) -> tuple[TrackState, Estimate]:
+    def _retrodicted(self, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
         """The present state with a late scan, where a track has gone on since before it."""
+        history = up_to_date(self._in_sequence, state.history, number)
+        before = history[number].before
         known = before.started & state.started
-        if before.lost is not None or state.lost is not None or not np.any(known & scan.valid):
-            return state, self._asked(state, state.time)
+        taken = scan._replace(valid=known & scan.valid)
+        if before.lost is not None or state.lost is not None or not np.any(taken.valid):
+            return state._replace(history=history), self._asked(state, state.time)
         assert isinstance(self.filter, SingleModelFilter)
         assert isinstance(before.belief, Belief)
         assert isinstance(state.belief, Belief)
-        beliefs = Retrodiction(before.belief, before.time, state.belief, state.time)
-        said = retrodicted(self.filter, beliefs, scan, known & scan.valid)
+        times = tuple(one.scan.time for one in history[number:])
+        said = retrodicted(self.filter, Retrodiction(before.belief, before.time, state.belief, times), taken)
         after = state._replace(belief=said.belief)
-        estimate = _with_innovation(self.estimate(after), said, known)
-        return after._replace(belief=said.belief._replace(repaired=None)), estimate
+        estimate = with_innovation(self.estimate(after), said, known)
+        history = inserted(history, number, taken)
+        return after._replace(belief=said.belief._replace(repaired=None), history=history), estimate
+
+    def _counted(self, state: TrackState, scan: Scan, origins: Indices | None = None) -> tuple[TrackState, Estimate]:
+        """Take a scan in at its time, and count its log-likelihood."""
+        after, estimate = self._in_sequence(state, scan, origins)
+        said = log_likelihood(estimate)
+        added = 0.0 if said is None else np.where(scan.valid & ~np.isnan(said), said, 0.0)
+        return after._replace(log_likelihood=state.log_likelihood + added), estimate
 
     def _in_sequence(
         self, state: TrackState, scan: Scan, origins: Indices | None = None
@@ -146,7 +162,7 @@ class FilterTracker:
         after = TrackState(scan.time, belief, started, waiting, lost)
         estimate = self.estimate(after)
         if said is not None:
-            estimate = _with_innovation(estimate, said, known)
+            estimate = with_innovation(estimate, said, known)
         return after._replace(belief=belief._replace(repaired=None)), estimate
 
     def _without_course(self, state: TrackState, belief: AnyBelief, elapsed: float) -> WithoutCourse | None:
@@ -269,7 +285,7 @@ class FilterTracker:
             covariance = np.where(started, covariance, before[1])
         repaired = None if belief.repaired is None else belief.repaired & started
         if isinstance(belief, MultiModelBelief):
-            probability = _where(started, belief.probability)
+            probability = where_known(started, belief.probability)
             return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
         return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
 
@@ -277,21 +293,6 @@ class FilterTracker:
 def _joined(lost: WithoutCourse | None, where: Mask, belief: Gaussian) -> WithoutCourse:
     """With further tracks."""
     return WithoutCourse(where, Belief(*belief)) if lost is None else lost.joined(where, belief)
-
-
-def _with_innovation(estimate: Estimate, said: Update[Any], known: Mask) -> Estimate:
-    """The estimate with what the measurement said, of the tracks that were there before it."""
-    return estimate._replace(
-        innovation=_where(known, said.innovation),
-        innovation_covariance=said.innovation_covariance,
-        whitened_innovation=_where(known, said.whitened_innovation),
-        log_likelihood=None if said.mixture is None else _where(known, said.mixture),
-    )
-
-
-def _where(known: Mask, values: Array) -> Array:
-    """The values, NaN where nothing is known yet."""
-    return values if np.all(known) else np.where(known, values, np.nan)
 
 
 def _named(scan: Scan, sensors: Collection[str] | None) -> bool:

@@ -5,14 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
-import numpy as np
-
-from trackbench import linalg
-from trackbench.filters import Belief, SingleModelFilter, Update
-from trackbench.filters.base import correct, guarded
-from trackbench.models.motion import process_noise
-from trackbench.types import Array, Indices, Mask, Scan
-from trackbench.units import difference
+from trackbench.types import Indices, Scan
 
 LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
 
@@ -28,6 +21,8 @@ class Timed(Protocol):
 
 S = TypeVar("S", bound=Timed)
 A = TypeVar("A")
+#: Takes a scan in at its time, given the origins of its detections.
+Step = Callable[[S, Scan, Indices | None], tuple[S, A]]
 
 
 class Taken(NamedTuple, Generic[S]):
@@ -38,6 +33,8 @@ class Taken(NamedTuple, Generic[S]):
     scan: Scan
     origins: Indices | None = None
     """Of its detections, for the tracker that knows them."""
+    outdated: bool = False
+    """Whether a late scan has been taken in since, of a time before it, that ``before`` does not hold."""
 
 
 class Replayed(NamedTuple, Generic[S, A]):
@@ -51,91 +48,52 @@ class Replayed(NamedTuple, Generic[S, A]):
     history: tuple[Taken[S], ...]
 
 
-def kept(history: tuple[Taken[S], ...], taken: Taken[S], lag: float) -> tuple[Taken[S], ...]:
+def kept(step: Step[S, A], history: tuple[Taken[S], ...], taken: Taken[S], lag: float) -> tuple[Taken[S], ...]:
     """The history with one more scan, and without those that are older than it by more than ``lag`` seconds."""
-    if lag == 0.0:
-        return ()
-    return (*(one for one in history if one.scan.time >= taken.scan.time - lag), taken)
+    first = sum(one.scan.time < taken.scan.time - lag for one in history)
+    if first == len(history):
+        return (taken,)
+    return (*up_to_date(step, history, first)[first:], taken)
 
 
-def since(history: tuple[Taken[S], ...], time: float) -> tuple[Taken[S], ...]:
-    """What was taken in of scans after that time; nothing where the history does not reach back so far."""
-    later = tuple(one for one in history if one.scan.time > time)
-    return later if later and later[0].before.time <= time else ()
+def position(history: tuple[Taken[S], ...], scan: Scan) -> int | None:
+    """Where in the history a scan belongs that was taken earlier than its last one.
+
+    None where it was not, or where the history does not reach back so far. Scans of one time are in the order in which
+    they are delivered when nothing is late.
+    """
+    number = sum((one.scan.time, one.scan.place) <= (scan.time, scan.place) for one in history)
+    if number == len(history) or (number == 0 and history[0].before.time > scan.time):
+        return None
+    return number
+
+
+def up_to_date(step: Step[S, A], history: tuple[Taken[S], ...], number: int) -> tuple[Taken[S], ...]:
+    """The history in which no state up to that before the scan of this number is outdated."""
+    redone: list[Taken[S]] = []
+    for one in history[: number + 1]:
+        if one.outdated:
+            last = redone[-1]
+            one = one._replace(before=step(last.before, last.scan, last.origins)[0], outdated=False)
+        redone.append(one)
+    return (*redone, *history[number + 1 :])
+
+
+def inserted(history: tuple[Taken[S], ...], number: int, scan: Scan) -> tuple[Taken[S], ...]:
+    """The history with a late scan at its position, where no state up to that is outdated; those after it then are."""
+    taken = Taken(history[number].before, scan)
+    return (*history[:number], taken, *(one._replace(outdated=True) for one in history[number:]))
 
 
 def replayed(
-    step: Callable[[S, Scan, Indices | None], tuple[S, A]],
-    history: tuple[Taken[S], ...],
-    later: tuple[Taken[S], ...],
-    scan: Scan,
-    origins: Indices | None = None,
+    step: Step[S, A], history: tuple[Taken[S], ...], number: int, scan: Scan, origins: Indices | None = None
 ) -> Replayed[S, A]:
-    """Take a late scan in at its time, and the later ones of the history again.
-
-    Scans of one time stay in the order in which they arrived.
-    """
-    state = later[0].before
+    """Take a late scan in at its position in the history, and the later ones again."""
+    state = history[number].before
     redone = [Taken(state, scan, origins)]
     state, late = step(state, scan, origins)
     latest = late
-    for one in later:
+    for one in history[number:]:
         redone.append(Taken(state, one.scan, one.origins))
         state, latest = step(state, one.scan, one.origins)
-    return Replayed(state, late, latest, (*history[: len(history) - len(later)], *redone))
-
-
-class Retrodiction(NamedTuple):
-    """What a filter believed before a late measurement was taken, and believes now."""
-
-    before: Belief
-    """After the latest scan that was taken before it."""
-    time: float
-    """Of that scan, s."""
-    now: Belief
-    now_time: float
-    """s"""
-
-
-def retrodicted(filter: SingleModelFilter, known: Retrodiction, scan: Scan, valid: Mask) -> Update[Belief]:
-    """The present belief with a late measurement, without taking later ones in again.
-
-    All measurements since ``known.before`` count as one equivalent measurement at the present, which the two beliefs
-    tell; with it the state and the process noise go back to the late measurement's time. With one measurement in
-    between and a linear model this is the optimal algorithm A1, with more Al1, which is nearly so. A nonlinear model is
-    linearised at the present mean, and its transition taken over a negative time.
-
-    Source: Bar-Shalom (2002), "Update with out-of-sequence measurements in tracking: exact solution", equations 18 to
-    35; Bar-Shalom, Chen and Mallick (2004), "One-step solution for the multistep out-of-sequence-measurement problem in
-    tracking", section III.
-    """
-    motion, now = filter.motion, known.now
-    back = known.now_time - scan.time
-    ahead = filter.predict(known.before, known.now_time - known.time)
-    gained = difference(now.mean, ahead.mean, motion.angular)
-    inverse = _inverse(ahead.covariance)
-    # What the equivalent measurement says: its information, and with it its innovation.
-    information = linalg.matmul(linalg.matmul(inverse, ahead.covariance - now.covariance), inverse)
-    noise = process_noise(motion, motion.transition(now.mean, -back), back)
-    noise = np.broadcast_to(linalg.expand(noise, now.covariance), now.covariance.shape)
-    pushed = linalg.apply(linalg.matmul(noise, inverse), gained)
-    noise_covariance = noise - linalg.quadratic(noise, information)
-    shared = noise - linalg.matmul(linalg.matmul(ahead.covariance, information), noise)
-    f = np.broadcast_to(linalg.expand(motion.jacobian(now.mean, -back), now.covariance), now.covariance.shape)
-    with_past = linalg.matmul_transposed(now.covariance - shared, f)
-    spread = now.covariance + noise_covariance - shared - np.swapaxes(shared, 0, 1)
-    past = guarded(Belief(motion.transition(now.mean - pushed, -back), linalg.symmetrise(linalg.quadratic(f, spread))))
-    expected, measured = filter.predict_measurement(past, scan), filter.measured(scan)
-    # Of the present state: the measurement's cross covariance with the past one, carried there.
-    slope = linalg.matmul(expected.cross, _inverse(past.covariance))
-    cross = linalg.matmul_transposed(slope, with_past)
-    innovation = difference(measured.value, expected.mean, measured.angular)
-    s = expected.covariance + linalg.expand(measured.noise, expected.covariance)
-    update = correct(now._replace(points=None, factor=None), innovation, s, cross, valid, motion.angular)
-    return update._replace(belief=guarded(update.belief))
-
-
-def _inverse(p: Array) -> Array:
-    """The inverse of a covariance ``(n, n, ...)``."""
-    identity = np.broadcast_to(linalg.expand(np.eye(len(p)), p), p.shape)
-    return linalg.gram(linalg.ensure_definite(p).factor.whiten(identity))
+    return Replayed(state, late, latest, (*history[:number], *redone))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from trackbench import linalg
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES
@@ -17,6 +16,7 @@ from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import sense
 from trackbench.stepping.steppers import Offline, masked
+from trackbench.trackers.innovations import log_likelihood
 from trackbench.tuning.conditions import CONDITIONS, members
 from trackbench.tuning.coverage import Coverage
 from trackbench.tuning.entry import Entry
@@ -166,18 +166,3 @@ class _Sums:
     def _add(self, name: str, values: Array, where: Mask) -> None:
         self._total[name] += np.where(where, values, 0.0)
         self._count[name] += where
-
-
-def log_likelihood(estimate: Estimate) -> Array | None:
-    """``(batch,)`` logarithm of the density of the measurement under the prediction; None where nothing tells it.
-
-    ``N(y; 0, S)`` of the innovation and its covariance. NaN where there was no prediction.
-    """
-    said: Any = estimate.log_likelihood
-    if said is not None:
-        return np.asarray(said)
-    y, s = estimate.innovation, estimate.innovation_covariance
-    if y is None or s is None:
-        return None
-    factor = linalg.cholesky(s)
-    return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
