@@ -7,6 +7,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.metrics.intervals import ratio
+from trackbench.metrics.verdict_words import conditions_off
 from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, whiteness_verdict
 from trackbench.results import Breakdown, ConditionScores, ConditionVerdict, MetricValue
 
@@ -164,3 +165,13 @@ def test_a_mean_that_is_right_on_simulated_traffic_is_right_by_cancellation(scen
         assert nees.value == pytest.approx(4.0, rel=0.1)
         assert nees.verdict == "mixed"
         assert {item.name: item.verdict for item in nees.conditions}["turning"] == "optimistic"
+
+
+def test_a_mixed_verdict_that_is_off_nowhere_names_what_is_furthest_apart() -> None:
+    conditions = [
+        ConditionVerdict(name=name, mean=mean, ci95=(mean - 0.1, mean + 0.1), verdict="consistent")
+        for name, mean in (("turning", 5.0), ("straight", 3.1), ("braking", 3.4))
+    ]
+    found = MetricValue(value=3.2, unit="1", dof=4, verdict="mixed", conditions=tuple(conditions))
+    assert conditions_off(found) == "straight 3.1, turning 5.0"
+    assert conditions_off(found.model_copy(update={"verdict": "consistent"})) == ""

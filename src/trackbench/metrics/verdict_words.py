@@ -16,9 +16,15 @@ MEANING = {
 
 
 def conditions_off(found: MetricValue, most: int = 4) -> str:
-    """Where a mean is off, farthest first, and by how much: "turning 39.7, straight 2.9"."""
+    """Where a mean is off, farthest first, and by how much: "turning 39.7, straight 2.9".
+
+    Of a mixed one that is off nowhere, the conditions that are furthest apart.
+    """
     off = [condition for condition in found.conditions or () if condition.verdict in ("optimistic", "pessimistic")]
     dof = found.dof or 1
+    if found.verdict == "mixed" and not off:
+        means = sorted(found.conditions or (), key=lambda condition: condition.mean)
+        off = [means[0], means[-1]]
     off.sort(key=lambda condition: -abs(math.log(max(condition.mean, 1e-9) / dof)))
     named = [f"{condition.name} {mean_text(condition.mean)}" for condition in off[:most]]
     more = [f"{len(off) - most} more"] if len(off) > most else []
