@@ -136,8 +136,8 @@ def _turning(protocol: Protocol, scores: Scores) -> Iterator[str]:
             [
                 name,
                 *(
-                    _bold(f"{mean:.1f}", verdict == "consistent")
-                    for mean, verdict in (of["family"][item]["conditions"][TURNING] for item in protocol.trackers)
+                    _bold(f"{turning['mean']:.1f}", turning["verdict"] == "consistent")
+                    for turning in (of["family"][item]["conditions"][TURNING] for item in protocol.trackers)
                 ),
             ]
             for name, of in scores.items()
@@ -194,9 +194,10 @@ def _furthest(scores: Scores) -> tuple[float, str]:
     """By how much a mean NEES is beyond what is allowed, as a logarithm; and which."""
     log = math.log(scores["nees"] / DOF)
     found = [(abs(log) - math.log(1.0 + TOLERANCE), "")]
-    for name, (mean, _) in scores["conditions"].items():
-        log = math.log(mean / DOF)
-        found.append((max(log - math.log(1.0 + ABOVE), math.log(1.0 - BELOW) - log), f"{name} {mean:.1f}"))
+    for name, of in scores["conditions"].items():
+        log = math.log(of["mean"] / DOF)
+        share = f", {100 * of['share']:.0f} % of its estimates" if of["share"] < 1.0 else ""
+        found.append((max(log - math.log(1.0 + ABOVE), math.log(1.0 - BELOW) - log), f"{name} {of['mean']:.1f}{share}"))
     off, text = max(found)
     return off, text or f"{scores['nees']:.1f}"
 

@@ -72,7 +72,10 @@ def _pairs(result: Any) -> list[Any]:
 
 
 def _scores(found: Any) -> dict[str, Any]:
-    nees = found.nees
+    nees, breakdown = found.nees, found.breakdown
+    counts = {
+        name: of.count for part in (breakdown.manoeuvre, breakdown.range, breakdown.age) for name, of in part.items()
+    }
     return {
         "position_rmse": found.position_rmse.value,
         "ci95": found.position_rmse.ci95,
@@ -81,5 +84,12 @@ def _scores(found: Any) -> dict[str, Any]:
         "nees": nees.value,
         "nees_ci95": nees.ci95,
         "verdict": nees.verdict,
-        "conditions": {item.name: [item.mean, item.verdict] for item in nees.conditions or ()},
+        "conditions": {
+            item.name: {
+                "mean": item.mean,
+                "verdict": item.verdict,
+                "share": counts.get(item.name, breakdown.all.count) / breakdown.all.count,
+            }
+            for item in nees.conditions or ()
+        },
     }

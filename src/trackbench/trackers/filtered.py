@@ -205,8 +205,8 @@ class FilterTracker:
         return sound and self.without_course and course.has_yaw(self.filter.motions)
 
     def _from_velocity(self, belief: Belief) -> AnyBelief:
-        cartesian = Gaussian(belief.mean, belief.covariance)
-        made: AnyBelief = self.filter.begin(lambda motion: initial.of_cartesian(motion, self.initial, cartesian))
+        cartesian, sigmas = Gaussian(belief.mean, belief.covariance), initial.sigmas(self.initial)
+        made: AnyBelief = self.filter.begin(lambda motion: motion.from_cartesian(cartesian, sigmas))
         return made
 
     def advances(self, sensor: str) -> bool:

@@ -89,7 +89,7 @@ def start(
         return _from_batch(config, scan, after, counts if wanted is None else counts & wanted, ready, motions)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
-    return Start(ready, partial(of_cartesian, config=config, belief=belief), after)
+    return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
 
 
 def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position: Gaussian | None = None) -> Gaussian:
@@ -100,7 +100,7 @@ def from_first(motion: MotionModel, config: InitialConfig, scan: Scan, position:
     known = _from_one(position or _position(scan), velocity, config.velocity_sigma_mps)
     if config.velocity == "range_rate" and "vx" in motion.components:
         known = _with_range_rate(known, scan)
-    return of_cartesian(motion, config, known)
+    return _of_cartesian(motion, config, known)
 
 
 def _from_batch(
@@ -229,8 +229,7 @@ def _from_two(first: Gaussian, second: Gaussian, dt: Array) -> Gaussian:
     return Gaussian(np.concatenate([second.mean, velocity]), covariance)
 
 
-def of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
-    """The state ``(n, ...)`` of px, py, vx, vy, with what is assumed of its other components."""
+def _of_cartesian(motion: MotionModel, config: InitialConfig, belief: Gaussian) -> Gaussian:
     with np.errstate(divide="ignore", invalid="ignore"):
         return _stated(motion.from_cartesian(belief, sigmas(config)), config)
 
