@@ -18,8 +18,9 @@ from trackbench.models.sensors.base import Dropout
 from trackbench.results.score_summary import MarginSummary
 from trackbench.runner.block import run_block
 from trackbench.runner.evaluated import evaluated
+from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Scene
-from trackbench.sensing.scans import ideal_sensors
+from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.trackers.config import PluginConfig
 
 BOTH = frozenset({"whole", "late"})
@@ -194,6 +195,25 @@ def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():
         whole = replace(work(of, near, {"ekf": TWO["ekf"]}, 2), lost_after=lost_after)
         count = errors(block_of(whole, range(2)).scores["ekf"]).per_step[ERROR["count"]]
         assert time[np.flatnonzero(count)[-1]] == pytest.approx(last)
+
+
+def test_an_object_that_comes_back_is_scored_from_its_next_detection():
+    # Out of range from 2 s to 4 s. The first detection after it is that at 4.0 s, or a later one where that is missed.
+    time = np.arange(80) * 0.1
+    away = 3 - time
+    of = truth(time, *(v[:, None, None] for v in (70 - 20 * np.abs(away), 0 * time, 20 * np.sign(away), 0 * time)))
+    for probability, settle in ((1.0, 0.0), (1.0, 0.5), (0.3, 0.0), (0.3, 0.5)):
+        lidar = SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": probability})
+        whole = replace(work(of, {"lidar": lidar}, {"ekf": TWO["ekf"]}, 40), settle=settle, lost_after=1.0)
+        measured = sense(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(40))
+        due = Targets(whole, BlockRuns(0, range(40)), measured).due[:, 0]
+        instants = whole.scenes[0].truth.time[whole.scenes[0].instants()]
+        valid = np.stack([scan.valid for scan in measured.scans]).reshape(len(instants), 40)
+        again = instants > 3.05
+        for run in range(40):
+            first = instants[valid[:, run] & again][0]
+            assert first >= 3.95
+            np.testing.assert_array_equal(due[again, run], instants[again] >= first + settle - 1e-9)
 
 
 def test_silence_of_a_sensor_is_no_excuse():

@@ -10,7 +10,10 @@ from trackbench.metrics.reference import BoundStart, conditional_bound
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.types import Array, Mask, of_runs
+from trackbench.types import Array, Indices, Mask, of_runs
+
+#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+SAME_TIME = 1e-9
 
 
 class Targets:
@@ -54,21 +57,28 @@ class Targets:
         return conditions(scene.truth, scene.instants(), read, self._piece.runs)
 
     def _where_due(self) -> Mask:
-        """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse."""
+        """``(instants, objects, runs)``: the same for all trackers, so that what one does not read is no excuse.
+
+        An object that was out of view for long counts as a new one: from when it is detected again.
+        """
         runs, scene = self._piece.runs, self._scene
         seen = [(sensor, of_runs(sensor.in_view, runs)) for sensor in scene.sensors]
-        unseen = out_of_view(scene.truth.time, scene.instants(), seen)
-        settled = self._time[:, None, None] >= self._first_detection() + self._work.settle
-        return np.asarray(self._alive[:, :, None] & settled & (unseen <= self._work.lost_after))
+        lost = out_of_view(scene.truth.time, scene.instants(), seen) > self._work.lost_after
+        last_lost = np.maximum.accumulate(np.where(lost, self._time[:, None, None], -np.inf), axis=0)
+        settled = self._detections(self._time[:, None, None] - self._work.settle) > self._detections(last_lost)
+        return np.asarray(self._alive[:, :, None] & ~lost & settled)
 
-    def _first_detection(self) -> Array:
-        """``(objects, runs)`` s when it arrived; infinity where there is none."""
-        first = np.full(next(iter(self._valid.values())).shape[1:], np.inf)
-        for sensor in self._scene.sensors:
-            valid, arrival = self._valid[sensor.name], self._arrival[sensor.name]
-            if len(valid):
-                first = np.minimum(first, np.where(valid, arrival[:, None, None], np.inf).min(axis=0))
-        return first
+    def _detections(self, until: Array) -> Indices:
+        """``(instants, objects, runs)`` how many had arrived by some times, ``(instants, objects or 1, runs or 1)``."""
+        shape = (len(until), *next(iter(self._valid.values())).shape[1:])
+        number = np.zeros(shape, dtype=np.int32)
+        for name, valid in self._valid.items():
+            order = np.argsort(self._arrival[name], kind="stable")
+            total = np.zeros((len(valid) + 1, *shape[1:]), dtype=np.int32)
+            np.cumsum(valid[order], axis=0, out=total[1:])
+            arrived = np.searchsorted(self._arrival[name][order], until + SAME_TIME, side="right")
+            number += np.take_along_axis(total, np.broadcast_to(arrived, shape), axis=0)
+        return number
 
     def _reference(self, sensors: frozenset[str], start: BoundStart) -> Array:
         """Zero before anything is known, where no estimate is scored."""

@@ -54,7 +54,7 @@ class Score(Config):
     lost_after_s: Positive = Field(
         1,
         description="An object that has been out of range or view of every sensor for longer is not scored until it is "
-        "in view again, s.",
+        "detected again and settle_s have passed, s.",
     )
     cutoff_m: Positive = Field(
         5,
