@@ -36,10 +36,3 @@ def test_the_tracker_of_the_readme_works(
     mine = next(entry for entry in result.json()["trackers"] if entry["name"] == "mine")
     assert mine["failed"] is None
     assert mine["health"]["diverged_runs"] == 0
-
-
-def test_its_table_of_the_best_trackers_is_that_of_the_results() -> None:
-    page = (ROOT / "results" / "tuned" / "tuned.md").read_text(encoding="utf-8")
-    table = page.partition("## Which tracker is best where")[2].partition("| scenario |")[2].partition("\n\n")[0]
-    assert table.count("\n") == 14
-    assert f"| scenario |{table}\n" in README.read_text(encoding="utf-8")
