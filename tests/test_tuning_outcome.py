@@ -8,7 +8,7 @@ import pytest
 
 import trackbench as tb
 from trackbench.api.scenario import load
-from trackbench.tuning.held_out import NotCompared
+from trackbench.tuning.held_out import LackingMeasure
 from trackbench.tuning.objectives import OBJECTIVES
 from trackbench.tuning.outcome import headline, remarks
 from trackbench.tuning.split import SAME_MOTION
@@ -63,7 +63,7 @@ def test_a_smaller_error_is_the_gain_that_may_be_noise(tuning: Tuning) -> None:
 
 def test_of_several_scenarios_those_of_the_same_motion_are_named(tuning: Tuning) -> None:
     one = replace(tuning.held_out.of("log_likelihood")[0], verdict="better")
-    lacking = NotCompared("c", "log_likelihood", "it gives 1 of the 2 innovations that the start gives")
+    lacking = LackingMeasure("c", "log_likelihood", "it gives 1 of the 2 innovations that the start gives")
     held_out = replace(tuning.held_out, comparisons=(one, one), not_compared=(lacking,))
     apart = (SAME_MOTION, "other scenes and other noise", SAME_MOTION)
     found = replace(tuning, start={}, held_out=held_out, scenarios=("a", "b", "c"), apart=apart)

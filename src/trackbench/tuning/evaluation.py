@@ -19,8 +19,8 @@ from trackbench.stepping.faults import fault_of
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig
 from trackbench.truth import LoadedTruth
-from trackbench.tuning.coverage import PackedCoverage
 from trackbench.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
+from trackbench.tuning.given import PackedGiven
 from trackbench.tuning.hidden import score_hidden
 from trackbench.tuning.labelled import score_labelled, score_start
 from trackbench.tuning.measures import Sums
@@ -76,7 +76,7 @@ class _Start(NamedTuple):
     """What the tracker gives as it is in one scenario."""
 
     outcome: Outcome
-    counted: tuple[PackedCoverage | None, ...]
+    counted: tuple[PackedGiven | None, ...]
     """Of each scene; None where it failed, and where nobody labelled the detections."""
 
 
@@ -84,7 +84,7 @@ class _Scene(NamedTuple):
     """What all trials of a scene share."""
 
     work: Work
-    counted: PackedCoverage | None
+    counted: PackedGiven | None
 
 
 class Evaluator:
@@ -176,7 +176,7 @@ class Evaluator:
 
 
 def _tasks(
-    make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedCoverage | None] = ()
+    make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedGiven | None] = ()
 ) -> list[Task]:
     """A function for each scene, and what its calls share."""
     scenes = range(len(work.scenes))
@@ -191,7 +191,7 @@ def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
         yield BlockRuns(scene, range(first, min(first + size, work.runs)))
 
 
-def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, PackedCoverage | None]:
+def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, PackedGiven | None]:
     """The tracker as it is, and the estimates and innovations that it gives."""
     try:
         sums, given = score_start(scene.work, piece, entry)
@@ -199,19 +199,19 @@ def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums
         raise
     except BaseException as error:
         return fault_of(error).cause, None
-    return sums, PackedCoverage.of(given)
+    return sums, PackedGiven.of(given)
 
 
 def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, None]:
     return score_hidden(scene.work, piece, entry), None
 
 
-def _whole(scenes: Sequence[Sequence[tuple[Sums | str, PackedCoverage | None]]]) -> _Start:
+def _whole(scenes: Sequence[Sequence[tuple[Sums | str, PackedGiven | None]]]) -> _Start:
     """The tracker as it is, all of its runs together."""
     counted = []
     for pieces in scenes:
         given = [one for _, one in pieces if one is not None]
-        counted.append(PackedCoverage.joined(given) if len(given) == len(pieces) else None)
+        counted.append(PackedGiven.joined(given) if len(given) == len(pieces) else None)
     return _Start(_joined([sums for pieces in scenes for sums, _ in pieces]), tuple(counted))
 
 

@@ -41,7 +41,7 @@ class MeasureComparison:
     """Of the tuned values: better, worse, larger, smaller, equivalent or undecided."""
 
 
-class NotCompared(NamedTuple):
+class LackingMeasure(NamedTuple):
     """A measure by which start and tuned values are not compared in a scenario."""
 
     scenario: str
@@ -60,7 +60,7 @@ class HeldOut:
     runs: dict[str, int]
     failed: str = ""
     """Why there is no comparison."""
-    not_compared: tuple[NotCompared, ...] = ()
+    not_compared: tuple[LackingMeasure, ...] = ()
 
     def of(self, measure: str) -> list[MeasureComparison]:
         """The comparisons by one measure."""
@@ -82,7 +82,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
         for outcome in outcomes:
             if outcome.sums is None:
                 return HeldOut((), scenes, runs, f"the {word} values fail: {outcome.failed}")
-    without: list[NotCompared] = []
+    without: list[LackingMeasure] = []
     for measure, unit in {**UNITS, **TRAFFIC_UNITS}.items():
         pairs = []
         for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
@@ -94,7 +94,7 @@ def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
             if lacking is None:
                 pairs.append((number, own.sums, other.sums))
             else:
-                without.append(NotCompared(evaluator.benches[number].name, measure, lacking))
+                without.append(LackingMeasure(evaluator.benches[number].name, measure, lacking))
         found += _by(measure, unit, evaluator, pairs)
     return HeldOut(tuple(found), scenes, runs, not_compared=tuple(without))
 

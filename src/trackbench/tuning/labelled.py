@@ -18,13 +18,13 @@ from trackbench.sensing.scans import sense
 from trackbench.stepping.steppers import Offline, masked
 from trackbench.trackers.innovations import log_likelihood
 from trackbench.tuning.conditions import CONDITIONS, members
-from trackbench.tuning.coverage import Coverage
 from trackbench.tuning.entry import Entry
+from trackbench.tuning.given import Given
 from trackbench.tuning.measures import Sums
 from trackbench.types import Array, Estimate, Mask, Scan
 
 
-def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Coverage]:
+def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given]:
     """The sums of a tracker as it is over some runs of one scene, and the estimates and innovations that it gives.
 
     Args:
@@ -39,7 +39,7 @@ def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Cover
     return sums.of_trials()[0], sums.given
 
 
-def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Coverage) -> list[Sums]:
+def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given) -> list[Sums]:
     """The sums of several trials over some runs of one scene.
 
     Args:
@@ -55,7 +55,7 @@ def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, coun
     return _run(work, piece, entry, trials, counted).of_trials()
 
 
-def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Coverage | None) -> _Sums:
+def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given | None) -> _Sums:
     keep_freed_memory()
     scene = work.scenes[piece.scene]
     measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
@@ -104,11 +104,11 @@ class _Sums:
         classes: Classes,
         shape: tuple[int, int, int],
         scans: int,
-        counted: Coverage | None,
+        counted: Given | None,
     ) -> None:
         self._state, self._due = targets.state, targets.due
         self._shape, self._counted = shape, counted
-        self.given = Coverage.none(len(self._due), scans, *shape[1:])
+        self.given = Given.none(len(self._due), scans, *shape[1:])
         """Of the first trial; filled in where nothing says what counts."""
         names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
         self._total = {name: np.zeros(self._shape) for name in names}

@@ -13,7 +13,7 @@ from trackbench.types import Mask
 Bytes = npt.NDArray[np.uint8]
 
 
-class Coverage(NamedTuple):
+class Given(NamedTuple):
     """Of which objects and runs of one scene there is an estimate at an instant, and an innovation of a scan.
 
     Whether a filter gives an innovation is settled before the measurement comes, so that a likelihood of these alone is
@@ -27,12 +27,12 @@ class Coverage(NamedTuple):
     """``(scans, objects, runs)``, the scans in the order in which they were taken."""
 
     @classmethod
-    def none(cls, instants: int, scans: int, objects: int, runs: int) -> Coverage:
+    def none(cls, instants: int, scans: int, objects: int, runs: int) -> Given:
         """Of no object; to be filled in."""
         return cls(*(np.zeros((number, objects, runs), dtype=bool) for number in (instants, scans)))
 
 
-class PackedCoverage(NamedTuple):
+class PackedGiven(NamedTuple):
     """The same in an eighth of the memory, as it is kept of all runs and sent to other processes."""
 
     estimates: Bytes
@@ -43,23 +43,23 @@ class PackedCoverage(NamedTuple):
     scans: int
 
     @classmethod
-    def of(cls, coverage: Coverage) -> PackedCoverage:
+    def of(cls, given: Given) -> PackedGiven:
         """The packed masks."""
-        estimates, innovations = (np.packbits(mask, axis=0) for mask in coverage)
-        return cls(estimates, innovations, len(coverage.estimates), len(coverage.innovations))
+        estimates, innovations = (np.packbits(mask, axis=0) for mask in given)
+        return cls(estimates, innovations, len(given.estimates), len(given.innovations))
 
     @classmethod
-    def joined(cls, parts: Sequence[PackedCoverage]) -> PackedCoverage:
+    def joined(cls, parts: Sequence[PackedGiven]) -> PackedGiven:
         """Those of consecutive runs of a scene as one."""
         estimates, innovations = (np.concatenate([part[field] for part in parts], axis=-1) for field in (0, 1))
         return cls(estimates, innovations, parts[0].instants, parts[0].scans)
 
-    def of_runs(self, runs: range) -> PackedCoverage:
+    def of_runs(self, runs: range) -> PackedGiven:
         """Of some runs alone."""
         here = slice(runs.start, runs.stop)
         return self._replace(estimates=self.estimates[..., here], innovations=self.innovations[..., here])
 
-    def unpacked(self) -> Coverage:
+    def unpacked(self) -> Given:
         """The masks."""
         sizes = (self.estimates, self.instants), (self.innovations, self.scans)
-        return Coverage(*(np.unpackbits(packed, axis=0, count=number).view(bool) for packed, number in sizes))
+        return Given(*(np.unpackbits(packed, axis=0, count=number).view(bool) for packed, number in sizes))
