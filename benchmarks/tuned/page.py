@@ -74,21 +74,20 @@ def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
             [
                 name,
                 of["best"],
-                _error(of["family"][of["best"]]),
+                _error(of["scores"][of["best"]]),
                 ", ".join(of["not shown to be worse"]) or "none",
-                ", ".join(_believable(protocol, of["family"])) or _nearest(protocol, of["family"]),
-                _error(of["family"]["smoothed"]),
+                ", ".join(_believable(protocol, of["scores"])) or _nearest(protocol, of["scores"]),
+                _error(of["scores"]["smoothed"]),
             ]
             for name, of in scores.items()
         ],
     )
-    for which, words in (("family", "its family"), ("own", "the scenario itself"), ("all", "all scenarios")):
-        none = [name for name, of in scores.items() if not _believable(protocol, of[which])]
-        yield (
-            f"With values of {words}, some tracker is believable in {len(scores) - len(none)} of {len(scores)} "
-            f"scenarios{', in none in ' + ', '.join(none) if none else ''}."
-        )
-        yield ""
+    none = [name for name, of in scores.items() if not _believable(protocol, of["scores"])]
+    yield (
+        f"Some tracker is believable in {len(scores) - len(none)} of {len(scores)} scenarios"
+        f"{', in none in ' + ', '.join(none) if none else ''}."
+    )
+    yield ""
 
 
 def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
@@ -102,7 +101,7 @@ def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
             [
                 name,
                 *(
-                    _bold(_error(of["family"][item]), item == of["best"] or item in of["not shown to be worse"])
+                    _bold(_error(of["scores"][item]), item == of["best"] or item in of["not shown to be worse"])
                     for item in (*protocol.trackers, "smoothed")
                 ),
             ]
@@ -121,7 +120,7 @@ def _trust(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield ""
     yield from _table(
         ["scenario", *protocol.trackers],
-        [[name, *(_nees(of["family"][item]) for item in protocol.trackers)] for name, of in scores.items()],
+        [[name, *(_nees(of["scores"][item]) for item in protocol.trackers)] for name, of in scores.items()],
     )
 
 
@@ -137,29 +136,31 @@ def _turning(protocol: Protocol, scores: Scores) -> Iterator[str]:
                 name,
                 *(
                     _bold(f"{turning['mean']:.1f}", turning["verdict"] == "consistent")
-                    for turning in (of["family"][item]["conditions"][TURNING] for item in protocol.trackers)
+                    for turning in (of["scores"][item]["conditions"][TURNING] for item in protocol.trackers)
                 ),
             ]
             for name, of in scores.items()
-            if TURNING in of["family"][of["best"]]["conditions"]
+            if TURNING in of["scores"][of["best"]]["conditions"]
         ],
     )
 
 
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
+    compared = protocol.compared_on
     yield "## What one set of values costs"
     yield ""
     yield (
-        "Position error with the values of the family, and of all scenarios, over that with its own values; "
-        f"above {100 * REGRET:.0f} % bold. Less than nothing is possible: the values are chosen for consistency first."
+        "Position error with the values of the family, and of all scenarios, over that with the scenario's own values, "
+        f"on {compared.scenes} scenes of {compared.runs} runs; above {100 * REGRET:.0f} % bold. Less than nothing is "
+        "possible: the values are chosen for consistency first."
     )
     yield ""
     rows, worst = [], []
     for name, of in scores.items():
         cells = [name]
         for item in protocol.trackers:
-            own = of["own"][item]["position_rmse"]
-            ratios = [of[which][item]["position_rmse"] / own - 1.0 for which in ("family", "all")]
+            error = {which: of["position_rmse"][which][item] for which in ("own", "family", "all")}
+            ratios = [error[which] / error["own"] - 1.0 for which in ("family", "all")]
             worst.append((ratios[0], name, item))
             cells.append(", ".join(_bold(f"{ratio:+.1%}", ratio > REGRET) for ratio in ratios))
         rows.append(cells)
@@ -187,19 +188,21 @@ def _believable(protocol: Protocol, found: Scores) -> list[str]:
 
 def _nearest(protocol: Protocol, found: Scores) -> str:
     nearest = min(protocol.trackers, key=lambda item: _furthest(found[item])[0])
-    return f"none; {nearest}: {_furthest(found[nearest])[1]}"
+    off, name, mean = _furthest(found[nearest])
+    if off <= 0.0:
+        return f"none; {nearest}: not decided"
+    share = found[nearest]["conditions"][name]["share"] if name else 1.0
+    return f"none; {nearest}: {name} {mean:.1f}{f', {100 * share:.0f} % of its estimates' if share < 1.0 else ''}"
 
 
-def _furthest(scores: Scores) -> tuple[float, str]:
-    """By how much a mean NEES is beyond what is allowed, as a logarithm; and which."""
+def _furthest(scores: Scores) -> tuple[float, str, float]:
+    """By how much a mean NEES is beyond what is allowed, as a logarithm; of which condition, and what it is."""
     log = math.log(scores["nees"] / DOF)
-    found = [(abs(log) - math.log(1.0 + TOLERANCE), "")]
+    found = [(abs(log) - math.log(1.0 + TOLERANCE), "", scores["nees"])]
     for name, of in scores["conditions"].items():
         log = math.log(of["mean"] / DOF)
-        share = f", {100 * of['share']:.0f} % of its estimates" if of["share"] < 1.0 else ""
-        found.append((max(log - math.log(1.0 + ABOVE), math.log(1.0 - BELOW) - log), f"{name} {of['mean']:.1f}{share}"))
-    off, text = max(found)
-    return off, text or f"{scores['nees']:.1f}"
+        found.append((max(log - math.log(1.0 + ABOVE), math.log(1.0 - BELOW) - log), name, of["mean"]))
+    return max(found)
 
 
 def _error(scores: Scores) -> str:
@@ -212,8 +215,10 @@ def _nees(scores: Scores) -> str:
     text = f"{scores['nees']:.1f}"
     if scores["verdict"] == "consistent":
         return f"**{text}**"
-    off, which = _furthest(scores)
-    return f"{text} ({which if off > 0 else scores['verdict']})"
+    off, name, mean = _furthest(scores)
+    if off > 0.0:
+        return f"{text} ({name} {mean:.1f})" if name else text
+    return f"{text} (not decided)"
 
 
 def _bold(text: str, where: bool) -> str:

@@ -11,10 +11,8 @@ from typing import Any
 import trackbench as tb
 
 from .page import page
-from .protocol import Protocol
+from .protocol import Budget, Protocol
 
-#: Which values a tracker has beside those of its family: those of the scenario itself, and of all scenarios.
-OTHERS = ("own", "all")
 #: The tracker whose smoother stands beside, as what was to be had offline.
 SMOOTHED = "imm_cv_ca"
 
@@ -34,35 +32,45 @@ def scored(protocol: Protocol, values: Values, pool: Executor, out: Path) -> Non
 
 
 def _of_scenario(protocol: Protocol, values: Values, scenario: str) -> dict[str, Any]:
-    """The trackers with the values of the family, held against each other; by tracker and set the other values."""
-    of_family = {tracker: values[tracker][protocol.family_of(scenario)] for tracker in protocol.trackers}
-    smoothed = {**protocol.trackers[SMOOTHED]["entry"], "smoother": "rts"}
-    trackers = {tracker: stated["entry"] for tracker, stated in protocol.trackers.items()}
-    result = _run(protocol, scenario, {**trackers, "smoothed": smoothed}, of_family | {"smoothed": of_family[SMOOTHED]})
-    best = result.contenders[0].name
-    shown_worse = [pair.a if pair.better == pair.b else pair.b for pair in _pairs(result) if pair.better == best]
-    others = {f"{tracker}_{which}": (tracker, which) for tracker in protocol.trackers for which in OTHERS}
-    sets = {"own": scenario, "all": "all"}
-    beside = _run(
+    """The trackers with the values of the family, held against each other; and with each set of values, on the same
+    measurements."""
+    sets = {"own": scenario, "family": protocol.family_of(scenario), "all": "all"}
+    entries = {tracker: stated["entry"] for tracker, stated in protocol.trackers.items()}
+    of_family = {tracker: values[tracker][sets["family"]] for tracker in entries}
+    smoothed = {**entries[SMOOTHED], "smoother": "rts"}
+    result = _run(
         protocol,
         scenario,
-        {name: trackers[tracker] for name, (tracker, _) in others.items()},
-        {name: values[tracker][sets[which]] for name, (tracker, which) in others.items()},
+        protocol.scored_on,
+        {**entries, "smoothed": smoothed},
+        {**of_family, "smoothed": of_family[SMOOTHED]},
+    )
+    best = result.contenders[0].name
+    shown_worse = [pair.a if pair.better == pair.b else pair.b for pair in _pairs(result) if pair.better == best]
+    each = {f"{tracker}_{which}": (tracker, name) for tracker in entries for which, name in sets.items()}
+    compared = _run(
+        protocol,
+        scenario,
+        protocol.compared_on,
+        {name: entries[tracker] for name, (tracker, _) in each.items()},
+        {name: values[tracker][of] for name, (tracker, of) in each.items()},
     )
     return {
         "best": best,
-        "not shown to be worse": [name for name in trackers if name != best and name not in shown_worse],
-        "family": {name: _scores(result[name]) for name in result},
-        **{
-            which: {tracker: _scores(beside[f"{tracker}_{which}"]) for tracker in protocol.trackers} for which in OTHERS
+        "not shown to be worse": [name for name in entries if name != best and name not in shown_worse],
+        "scores": {name: _scores(result[name]) for name in result},
+        "position_rmse": {
+            which: {tracker: compared[f"{tracker}_{which}"].position_rmse.value for tracker in entries}
+            for which in sets
         },
     }
 
 
-def _run(protocol: Protocol, scenario: str, entries: Mapping[str, Any], values: Mapping[str, Any]) -> Any:
+def _run(
+    protocol: Protocol, scenario: str, budget: Budget, entries: Mapping[str, Any], values: Mapping[str, Any]
+) -> Any:
     """The scenario with these trackers, whose options have these values."""
     changes = {f"trackers.{name}.{key}": value for name, of in values.items() for key, value in of.items()}
-    budget = protocol.scored_on
     return tb.run(protocol.loaded(scenario, dict(entries), set=changes, scenes=budget.scenes, runs=budget.runs))
 
 
