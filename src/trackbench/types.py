@@ -46,6 +46,14 @@ class Gaussian(NamedTuple):
     mean: Array
     covariance: Array
 
+    def part(self, where: Mask) -> Gaussian:
+        """Of some of a batch ``(batch,)``."""
+        return Gaussian(self.mean[:, where], self.covariance[..., where])
+
+    def where(self, mask: Mask, other: Gaussian) -> Gaussian:
+        """This one where the mask ``(...)`` holds, the other one elsewhere."""
+        return Gaussian(np.where(mask, self.mean, other.mean), np.where(mask, self.covariance, other.covariance))
+
 
 class FieldOfView(NamedTuple):
     """Where a sensor can detect anything, in its own frame."""

@@ -89,7 +89,7 @@ def _yaw_left_open(own: Gaussian, names: tuple[str, ...], other: Gaussian, carte
     mean[yaw] = own.mean[yaw]
     covariance[np.ix_(places, places)] = linalg.symmetrise(linalg.quadratic(slope, cartesian.covariance))
     covariance[yaw, yaw] = own.covariance[yaw, yaw]
-    return Gaussian(np.where(unknown, mean, other.mean), np.where(unknown, covariance, other.covariance))
+    return Gaussian(mean, covariance).where(unknown, other)
 
 
 def _facing(yaw: Array, names: tuple[str, ...], belief: Gaussian) -> Gaussian:

@@ -7,13 +7,11 @@ import numpy as np
 from trackbench.metrics import Target
 from trackbench.metrics.conditions import Classes, conditions, out_of_view
 from trackbench.metrics.reference import BoundStart, conditional_bound
+from trackbench.runner.delivery import SAME_TIME
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.types import Array, Indices, Mask, of_runs
-
-#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
-SAME_TIME = 1e-9
 
 
 class Targets:

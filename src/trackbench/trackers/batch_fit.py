@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion import InitialSigmas, MotionModel
+from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, VELOCITY, YAW, first_sigma
 from trackbench.trackers.first_measurements import FirstMeasurements
 from trackbench.types import Array, Gaussian, Mask
@@ -27,6 +27,11 @@ class BatchPrior(NamedTuple):
     velocity: float
     """Standard deviation of either component of a velocity whose mean is zero, m/s."""
     others: InitialSigmas
+
+    @property
+    def driven_line(self) -> ConstantVelocity:
+        """A straight line under the white acceleration that is assumed."""
+        return ConstantVelocity(acceleration_sigma_mps2=self.others.acceleration)
 
 
 class Fit(NamedTuple):

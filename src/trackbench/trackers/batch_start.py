@@ -34,7 +34,7 @@ class StraightLine(NamedTuple):
 
     def part(self, where: Mask) -> StraightLine:
         """Of some objects."""
-        first, latest, other = (_part(one, where) for one in self[:3])
+        first, latest, other = (one.part(where) for one in self[:3])
         return StraightLine(first, latest, other, self.ambiguous[where])
 
 
@@ -51,14 +51,13 @@ def straight_line(measurements: FirstMeasurements, prior: BatchPrior) -> Straigh
     one, two = (_undriven(sign * prior.velocity * across, measurements, prior) for sign in (1.0, -1.0))
     ambiguous, apart = _nearly_alike(one, two), _apart(one, two)
     if np.any(apart):
-        driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
         here = measurements.part(apart)
         for fit in (one, two):
-            _put(fit, apart, fit_from(fit.first.mean[:, apart], driven, here, prior))
+            _put(fit, apart, fit_from(fit.first.mean[:, apart], prior.driven_line, here, prior))
         ambiguous |= _nearly_alike(one, two)
     better = one.cost <= two.cost
-    first, latest = (_choose(better, a, b) for a, b in zip(one[:2], two[:2], strict=True))
-    return StraightLine(first, latest, _choose(better, two.first, one.first), ambiguous)
+    first, latest = (a.where(better, b) for a, b in zip(one[:2], two[:2], strict=True))
+    return StraightLine(first, latest, two.first.where(better, one.first), ambiguous)
 
 
 def _nearly_alike(one: Fit, two: Fit) -> Mask:
@@ -84,15 +83,14 @@ def start_state(
     own = fit_from(motion.from_cartesian(line.first, prior.others).mean, motion, measurements, prior)
     found = own.latest
     if not own.converged.all():
-        driven = ConstantVelocity(acceleration_sigma_mps2=prior.others.acceleration)
-        other = fit_from(line.first.mean, driven, measurements, prior).latest
-        found = _choose(own.converged, found, motion.from_cartesian(other, prior.others))
+        other = fit_from(line.first.mean, prior.driven_line, measurements, prior).latest
+        found = found.where(own.converged, motion.from_cartesian(other, prior.others))
     where = line.ambiguous
     if np.any(where):
-        begin = motion.from_cartesian(_part(line.other, where), prior.others).mean
+        begin = motion.from_cartesian(line.other.part(where), prior.others).mean
         second = fit_from(begin, motion.part(where), measurements.part(where), prior)
         weight = 1.0 / (1.0 + np.exp(np.clip(0.5 * (second.cost - own.cost[where]), -700.0, 700.0)))
-        both = [_part(found, where), second.latest]
+        both = [found.part(where), second.latest]
         _put(found, where, moment_matched([1.0 - weight, weight], both, motion.angular))
     return found
 
@@ -110,10 +108,6 @@ def _across(measurements: FirstMeasurements) -> Array:
     return np.asarray(np.stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9))
 
 
-def _part(belief: Gaussian, where: Mask) -> Gaussian:
-    return Gaussian(belief.mean[:, where], belief.covariance[..., where])
-
-
 def _put(whole: Any, where: Mask, part: Any) -> None:
     """Put the arrays of some objects into those of all, in place."""
     for old, new in zip(whole, part, strict=True):
@@ -121,7 +115,3 @@ def _put(whole: Any, where: Mask, part: Any) -> None:
             old[..., where] = new
         else:
             _put(old, where, new)
-
-
-def _choose(where: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
-    return Gaussian(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))

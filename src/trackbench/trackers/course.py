@@ -36,11 +36,15 @@ class WithoutCourse(NamedTuple):
     belief: Belief
     """``(4, ...)`` px, py, vx, vy; elsewhere a placeholder."""
 
-    def joined(self, where: Mask, belief: Gaussian) -> WithoutCourse:
-        """With further tracks."""
-        added = choose(where, Belief(*belief), self.belief)
-        assert isinstance(added, Belief)
-        return WithoutCourse(self.where | where, added)
+
+def joined(lost: WithoutCourse | None, where: Mask, belief: Gaussian) -> WithoutCourse:
+    """The tracks whose course is not known, and further ones."""
+    added = Belief(*belief)
+    if lost is None:
+        return WithoutCourse(where, added)
+    both = choose(where, added, lost.belief)
+    assert isinstance(both, Belief)
+    return WithoutCourse(lost.where | where, both)
 
 
 def has_yaw(motions: Sequence[MotionModel]) -> bool:

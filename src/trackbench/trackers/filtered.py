@@ -153,7 +153,7 @@ class FilterTracker:
             if np.any(fresh):
                 belief = choose(fresh, self.filter.begin(begin.state_of), belief)
             if begin.without_course is not None and np.any(begin.without_course):
-                lost = _joined(lost, begin.without_course, begin.state_of(self._by_velocity.motion))
+                lost = course.joined(lost, begin.without_course, begin.state_of(self._by_velocity.motion))
             started, waiting = started | begin.ready, begin.waiting
         if lost is not None:
             belief = choose(lost.where, self._from_velocity(lost.belief), belief)
@@ -177,7 +177,7 @@ class FilterTracker:
             fresh = fresh & ~lost.where
         if not np.any(fresh):
             return lost
-        return _joined(lost, fresh, course.cartesian_moments(self.filter.motions, belief))
+        return course.joined(lost, fresh, course.cartesian_moments(self.filter.motions, belief))
 
     def _updated(
         self, belief: AnyBelief, lost: WithoutCourse | None, scan: Scan
@@ -288,11 +288,6 @@ class FilterTracker:
             probability = where_known(started, belief.probability)
             return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
         return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
-
-
-def _joined(lost: WithoutCourse | None, where: Mask, belief: Gaussian) -> WithoutCourse:
-    """With further tracks."""
-    return WithoutCourse(where, Belief(*belief)) if lost is None else lost.joined(where, belief)
 
 
 def _named(scan: Scan, sensors: Collection[str] | None) -> bool:

@@ -254,12 +254,8 @@ def _taken_in(waiting: TentativeTrack, scan: Scan, position: Gaussian, counts: M
     return TentativeTrack(
         waiting.measurements + scan.valid,
         np.where(first, scan.time, waiting.time),
-        _choose(first, position, waiting.position),
-        _choose(scan.valid, position, waiting.latest),
+        position.where(first, waiting.position),
+        position.where(scan.valid, waiting.latest),
         waiting.scans,
         waiting.counted,
     )
-
-
-def _choose(where: Mask, a: Gaussian, b: Gaussian) -> Gaussian:
-    return Gaussian(np.where(where, a.mean, b.mean), np.where(where, a.covariance, b.covariance))
