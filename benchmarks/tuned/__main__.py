@@ -1,4 +1,5 @@
-"""Tune every tracker by one protocol, and compare them on other scenes: results/tuned/.
+"""Tune every tracker by one protocol, compare them on other scenes (results/tuned/), and give the shipped scenarios the
+values of their family.
 
 python -m benchmarks.tuned [--scores-only]
 """
@@ -15,6 +16,7 @@ import yaml
 
 from .protocol import read
 from .scores import scored
+from .shipped import update
 from .tuning import all_tuned
 
 OUT = Path(__file__).parents[2] / "results" / "tuned"
@@ -31,12 +33,14 @@ def main() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
         if not given.scores_only:
-            found: dict[str, dict[str, object]] = {tracker: {} for tracker in protocol.trackers}
+            found = {tracker: {} for tracker in protocol.trackers}
             for tracker, name, best in all_tuned(protocol, pool):
                 print(f"{tracker}, {name}: {best}", flush=True)
                 found[tracker][name] = best
             values.write_text(yaml.safe_dump(found, sort_keys=False), encoding="utf-8")
-        scored(protocol, yaml.safe_load(values.read_text(encoding="utf-8")), pool, OUT)
+        found = yaml.safe_load(values.read_text(encoding="utf-8"))
+        scored(protocol, found, pool, OUT)
+    update(protocol, found)
 
 
 if __name__ == "__main__":
