@@ -22,7 +22,7 @@ from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
 from trackbench.trackers.builtin import ekf
 from trackbench.trackers.innovations import log_likelihood
-from trackbench.tuning import conditions
+from trackbench.tuning import conditions, objectives
 from trackbench.tuning.evaluation import Bench, Evaluator
 from trackbench.tuning.objectives import OBJECTIVES, source_of
 from trackbench.tuning.parameters import Parameter, Values
@@ -106,6 +106,13 @@ def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker
 )
 def test_a_condition_is_off_beyond_what_a_verdict_tolerates(nees: float, off: float) -> None:
     assert conditions.excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
+
+
+def test_consistent_rmse_weighs_what_is_furthest_off_in_each_scenario() -> None:
+    first = {"nees 0": 0.0, "under 0 turning": conditions.HIGH + 0.3, "under 0 straight": conditions.LOW - 0.1}
+    second = {"nees 1": -objectives.SLACK - 0.1, "under 1 turning": conditions.HIGH}
+    (loss,) = OBJECTIVES["consistent_rmse"].losses({"error": 0.05, **first, **second})
+    assert loss == pytest.approx(0.05 + objectives.PRICE * (0.3 + 0.1) / 2, abs=1e-12)
 
 
 def test_the_likelihood_is_that_of_the_innovations() -> None:
