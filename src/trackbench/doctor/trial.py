@@ -84,10 +84,16 @@ class Trial:
         return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", product, product), 0.0) / 2) / self.sigma)
 
     def posterior(self, measurement: Array) -> Estimate | None:
-        """The estimate after a measurement; None where the tracker fails or its estimate is not finite."""
+        """The estimate after a measurement; None where the tracker fails or its estimate is not finite.
+
+        Raises:
+            StepFailed: its process ended.
+        """
         try:
             estimate = self.session.peek(self.scan._replace(measurement=np.asarray(measurement, dtype=float)))
-        except StepFailed:
+        except StepFailed as failure:
+            if failure.fault.kind == "died":
+                raise
             return None
         return estimate if estimate is not None and finite(estimate) else None
 

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.doctor.covariance_origin import (
+    ROUNDING,
+    asymmetric,
+    indefinite,
+    indefinite_entries,
+    mirrored_entries,
+    named,
+)
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.output_checks import OutputChecks, WorstCase
+from trackbench.doctor.output_checks import WorstCase
 from trackbench.doctor.probes import Probe, with_noise
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 
-#: Asymmetry that rounding does not explain, relative to the variances.
-ASYMMETRY = 1e-6
 #: Scans within which a track starts.
 STARTED = 4
 #: Share of indefinite covariances below which they are probably the consequence of another fault.
@@ -38,22 +44,26 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
         result.findings.append(Finding("nonfinite", 0.98, text, shown_by=bad.where))
-    result.checks += [_symmetric(checks, result.findings), _definite(checks, result.findings)]
+    result.checks += [_symmetric(tracker, result.findings), _definite(tracker, result.findings)]
     return result
 
 
-def _symmetric(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
-    question, worst = "Is every covariance symmetric?", checks.asymmetry
+def _symmetric(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    question, worst = "Is every covariance symmetric?", tracker.output_checks.asymmetry
     if worst is None:
         return CheckResult("symmetric", question, None, "there was no covariance")
     text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
-    if worst.size >= ASYMMETRY:
-        findings.append(Finding("covariance_asymmetric", 0.95, text, shown_by=worst.where))
-    return CheckResult("symmetric", question, worst.size < ASYMMETRY, text)
+    if worst.size >= ROUNDING:
+        found = asymmetric(tracker.make, worst.given())
+        fault = named("covariance_asymmetric", found)
+        said = text if found is None else f"{text}; it arises {found.words}: {mirrored_entries(found)}"
+        findings.append(Finding(fault, 0.95, said, shown_by=worst.where))
+    return CheckResult("symmetric", question, worst.size < ROUNDING, text)
 
 
-def _definite(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
-    question, worst = "Is every covariance positive definite?", checks.indefinite
+def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    question, checks = "Is every covariance positive definite?", tracker.output_checks
+    worst = checks.indefinite
     if worst is None:
         return CheckResult("definite", question, None, "there was no covariance")
     share = checks.indefinite_estimates / checks.estimates
@@ -62,7 +72,11 @@ def _definite(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
         f"eigenvalue is {-worst.size:.2g}{_at(worst)}"
     )
     if share >= RARE:
-        findings.append(Finding("covariance_not_psd", 0.6 if share < SELDOM else 0.95, text, shown_by=worst.where))
+        found = indefinite(tracker.make, worst.given())
+        fault = named("covariance_not_psd", found)
+        said = text if found is None else f"{text}; it arises {found.words}: {indefinite_entries(found)}"
+        confidence = 0.6 if share < SELDOM else 0.95
+        findings.append(Finding(fault, confidence, said, shown_by=worst.where))
     return CheckResult("definite", question, share < RARE, text)
 
 
@@ -79,7 +93,7 @@ def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> Non
                 break
         for name, sensor in tracker.sensors.items():
             scan = probe.scan(name, sensor, 0.1 * k)
-            tracker.output_checks.add(session.copy().step(scan), scan, probe.name)
+            tracker.output_checks.add(session.copy().step(scan), scan, probe.name, [*session.given, scan])
 
 
 def repeatability(tracker: TrackerUnderTest) -> PartResult:
@@ -94,12 +108,17 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
             session = TrackerSession(tracker.make)
             estimates = [session.step(scan) for scan in scans]
             runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
+        not_copied = session.copy().not_copied
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))
         return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])
     gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
     if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
-        return PartResult([CheckResult("repeatable", question, True, "three fresh trackers agree to the last bit")])
+        text = "three fresh trackers agree to the last bit"
+        if not_copied is not None:
+            text += f"; copy.deepcopy cannot copy it ({not_copied}), so a measurement is tried on a fresh one that is "
+            text += "given all scans before it again, which takes longer"
+        return PartResult([CheckResult("repeatable", question, True, text)])
     text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements"
     return PartResult(
         [CheckResult("repeatable", question, False, text)],
