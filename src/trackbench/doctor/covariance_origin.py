@@ -42,12 +42,12 @@ class Origin(NamedTuple):
 
 def asymmetric(make: Make, scans: Sequence[Scan]) -> Origin | None:
     """The step after which the covariance is first not symmetric."""
-    return _origin(make, scans, lambda p: float(asymmetry(p)))
+    return _origin(make, scans, lambda relative: float(asymmetry(relative)))
 
 
 def indefinite(make: Make, scans: Sequence[Scan]) -> Origin | None:
     """The step after which the covariance is first not positive definite."""
-    return _origin(make, scans, lambda p: -float(least_eigenvalue(p)))
+    return _origin(make, scans, lambda relative: -float(least_eigenvalue(relative)))
 
 
 def named(fault: str, of: Origin | None) -> str:
@@ -69,9 +69,9 @@ def indefinite_entries(of: Origin) -> str:
     variances = np.diag(of.after)
     relative = scaled(of.after)
     i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative), 1))), (4, 4))
-    text = f"the smallest eigenvalue, scaled to unit variances, is {least_eigenvalue(of.after):.3g}"
+    text = f"the smallest eigenvalue, scaled to unit variances, is {least_eigenvalue(relative):.3g}"
     if of.before is not None:
-        text += f" ({least_eigenvalue(of.before):.3g} before it)"
+        text += f" ({least_eigenvalue(scaled(of.before)):.3g} before it)"
     if variances.min() < 0.0:
         worst = int(np.argmin(variances))
         return f"{text}; the variance of {COMPONENTS[worst]} is {variances[worst]:.3g}"
@@ -85,21 +85,24 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure) -> Origin | None:
     session, before = TrackerSession(make), None
     for k, scan in enumerate(scans):
         after, failed = _covariance(session.step, scan)
-        if not failed and (after is None or size(after) <= ROUNDING):
+        if not failed and (after is None or size(scaled(after)) <= ROUNDING):
             before = after
             continue
         if before is None:
             return None if after is None else Origin("start", scan, None, after)
         predicted = _covariance(_followed(make, scans[:k]).peek, masked(scan))[0] if scan.valid else after
-        if predicted is not None and size(predicted) > ROUNDING and _grown(size, before, predicted, after):
+        if predicted is not None and _grown(size, before, predicted, after):
             return Origin("prediction", scan, before, predicted)
         return None if after is None else Origin("update", scan, predicted, after)
     return None
 
 
 def _grown(size: Measure, before: Array, predicted: Array, after: Array | None) -> bool:
-    """Whether the prediction makes it worse than the update does."""
-    return after is None or size(predicted) - size(before) >= size(after) - size(predicted)
+    """Whether the prediction makes the covariance wrong, or more so than the update does."""
+    first, then = (max(0.0, size(scaled(p, like=predicted))) for p in (before, predicted))
+    if then <= ROUNDING:
+        return False
+    return after is None or then - first >= max(0.0, size(scaled(after, like=predicted))) - then
 
 
 def _followed(make: Make, scans: Sequence[Scan]) -> TrackerSession:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.doctor.turned import TURNS, rotation, turned_mounting, turned_scene
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
@@ -16,11 +17,11 @@ from trackbench.units import wrap_angle
 
 Make = Callable[[], Tracker]
 
-#: Angles by which a target, or its sensor's mounting, is turned, rad: further than any azimuth is uncertain here, and
-#: not so far that a target behind the sensor is ahead of it.
-TURNS = (0.6, -0.6)
 #: Difference of two estimates that rounding does not explain, in standard deviations.
 APART = 1e-3
+#: How far an estimate that follows its target may be from the last measured position, beside six of its standard
+#: deviations, m.
+NEAR = 1.0
 
 
 class Circumstances(NamedTuple):
@@ -65,14 +66,14 @@ def jumping_angle(make: Make, failure: StepFailed) -> JumpingAngle | None:
     """
     scans = [*failure.given, failure.scan]
     for angle in TURNS:
-        other = [_turned_mounting(scan, angle) for scan in scans]
+        other = [turned_mounting(scan, angle) for scan in scans]
         if _passes(make, other):
             k = _parting(make, scans, other, np.eye(2))
             return _azimuth(make, scans, other, k, angle)
     for angle in TURNS:
-        other = [_turned_scene(scan, angle) for scan in scans]
+        other = [turned_scene(scan, angle) for scan in scans]
         if _passes(make, other):
-            k = _parting(make, scans, other, _rotation(-angle))
+            k = _parting(make, scans, other, rotation(-angle))
             return _course(make, scans, k, angle)
     return None
 
@@ -91,7 +92,7 @@ def _azimuth(make: Make, scans: Sequence[Scan], other: Sequence[Scan], k: int, a
     )
     expected = scan._replace(measurement=measurement)
     with_jump = _after(make, scans[:k], expected)
-    if _same(with_jump, _after(make, other[:k], _turned_mounting(expected, angle)), np.eye(2)):
+    if _same(with_jump, _after(make, other[:k], turned_mounting(expected, angle)), np.eye(2)):
         return JumpingAngle("azimuth_not_wrapped", text, scan.sensor)
     text += "; the update by its own predicted measurement, without an innovation, is wrong too"
     return JumpingAngle("azimuth_mean_not_circular", text, scan.sensor)
@@ -152,37 +153,22 @@ def _after(make: Make, given: Sequence[Scan], scan: Scan) -> Estimate | None:
 
 
 def _passes(make: Make, scans: Sequence[Scan]) -> bool:
-    session = TrackerSession(make)
+    """Whether no step fails, and the estimate after the last measurement is at it."""
+    session, last = TrackerSession(make), None
     try:
         for scan in scans:
-            session.step(scan)
+            estimate = session.step(scan)
+            last = (scan, estimate) if scan.valid else last
     except StepFailed:
         return False
-    return True
+    return last is not None and _at_target(*last)
 
 
-def _rotation(angle: float) -> Array:
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-
-def _turned_mounting(scan: Scan, angle: float) -> Scan:
-    """The same target in the fixed frame, measured by a sensor that is mounted turned by ``-angle``."""
-    pose, measurement, noise = scan.sensor_pose.copy(), scan.measurement.copy(), scan.noise_covariance
-    pose[2] = wrap_angle(pose[2] - angle)
-    angular = list(SENSOR_MODELS[scan.kind].angular)
-    if angular:
-        measurement[angular] = wrap_angle(measurement[angular] + angle)
-    else:
-        turn = _rotation(angle)
-        measurement, noise = turn @ measurement, turn @ noise @ turn.T
-    return scan._replace(measurement=measurement, noise_covariance=noise, sensor_pose=pose)
-
-
-def _turned_scene(scan: Scan, angle: float) -> Scan:
-    """The target, the sensor and its velocity turned about the origin."""
-    turn, pose = _rotation(angle), scan.sensor_pose
-    turned = np.array([*(turn @ pose[:2]), wrap_angle(pose[2] + angle)])
-    return scan._replace(sensor_pose=turned, sensor_velocity=turn @ scan.sensor_velocity)
+def _at_target(scan: Scan, estimate: Estimate | None) -> bool:
+    if estimate is None or not finite(estimate):
+        return False
+    position = SENSOR_MODELS[scan.kind].position(scan)
+    return bool(np.hypot(*(estimate.mean[:2] - position.mean)) < NEAR + 6.0 * np.sqrt(np.trace(position.covariance)))
 
 
 def measured(scan: Scan) -> str:

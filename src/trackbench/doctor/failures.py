@@ -10,7 +10,7 @@ from trackbench.doctor.covariance_origin import indefinite, indefinite_entries, 
 from trackbench.doctor.failed_step import Circumstances, circumstances, jumping_angle, measured
 from trackbench.doctor.findings import Finding
 from trackbench.doctor.output_checks import SINGULAR
-from trackbench.doctor.session import StepFailed, finite
+from trackbench.doctor.session import StepFailed, finite, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import TrackbenchError
 from trackbench.stepping.alone import NOT_COPIED
@@ -22,7 +22,7 @@ INDEFINITE = ("not positive definite",)
 NOT_FINITE = ("math domain error", "infs or NaNs", "did not converge")
 
 #: Errors that numbers can bring about, and those that only the code can.
-OF_NUMBERS = ("covariance_not_psd", "invalid_estimate", "exception_raised")
+OF_NUMBERS = ("covariance_not_psd", "exception_raised")
 OF_CODE = ("KeyError", "IndexError", "NameError", "UnboundLocalError", "AttributeError", "TypeError", "ImportError")
 #: Probes and drives in which the failures of one line are examined, those with the fewest scans.
 TRIED = 6
@@ -67,7 +67,9 @@ def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
 
 def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     """Of failures with the same error at the same line, one for each fault that is behind them."""
-    first = {where: failure for where, failure in reversed(group)}
+    first: dict[str, StepFailed] = {}
+    for where, failure in group:
+        first.setdefault(where, failure)
     tried = sorted(first.items(), key=lambda one: len(one[1].given))[:TRIED]
     sensors = {failure.scan.sensor for _, failure in group}
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
@@ -77,10 +79,13 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         if fault in named:
             continue
         named.add(fault)
-        parts = [_sentence(where, failure), *_circumstances(tracker, failure), because]
+        known = _circumstances(tracker, failure)
+        parts = [_sentence(where, failure), *_replayed(failure, known), because]
         if len(group) > 1:
             parts.append(f"{len(group)} steps failed at that line, in {', '.join(first)}")
-        yield Finding(fault, 0.97, "; ".join(filter(None, parts)), sensor=sensor, shown_by=where)
+        # A track that has diverged may fail for that alone.
+        confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
+        yield Finding(fault, confidence, "; ".join(filter(None, parts)), sensor=sensor, shown_by=where)
 
 
 def _named(failure: StepFailed) -> str:
@@ -111,14 +116,17 @@ def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> tuple[
     return named("covariance_not_psd", found), text, None
 
 
-def _circumstances(tracker: TrackerUnderTest, failure: StepFailed) -> list[str]:
+def _circumstances(tracker: TrackerUnderTest, failure: StepFailed) -> Circumstances | None:
     if _named(failure) in ("not_deterministic", "process_ended"):
-        return []
+        return None
     try:
-        known = circumstances(tracker.make, failure)
+        return circumstances(tracker.make, failure)
     except StepFailed:
-        return ["a fresh tracker that is given the same scans fails elsewhere"]
-    return [_missed(failure, known), _definite(failure, known)]
+        return None
+
+
+def _replayed(failure: StepFailed, known: Circumstances | None) -> list[str]:
+    return [] if known is None else [_missed(failure, known), _definite(failure, known)]
 
 
 def _missed(failure: StepFailed, known: Circumstances) -> str:

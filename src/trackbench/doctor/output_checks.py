@@ -65,8 +65,8 @@ class OutputChecks:
         runs = np.flatnonzero(finite)
         if len(runs) == 0 or where in SINGULAR:
             return
-        p = np.moveaxis(covariance[:, :, runs], -1, 0)
-        apart, least = asymmetry(p), least_eigenvalue(p)
+        relative = scaled(np.moveaxis(covariance[:, :, runs], -1, 0))
+        apart, least = asymmetry(relative), least_eigenvalue(relative)
         self.indefinite_estimates += int(np.sum(least < -NEGATIVE))
         most, lowest = int(np.argmax(apart)), int(np.argmin(least))
         if self.asymmetry is None or apart[most] > self.asymmetry.size:
@@ -75,21 +75,20 @@ class OutputChecks:
             self.indefinite = _case(float(-least[lowest]), scan, where, partial(given, int(runs[lowest])))
 
 
-def scaled(p: Array) -> Array:
-    """Covariances ``(..., 4, 4)`` scaled to unit variances."""
-    scale = np.sqrt(np.maximum(np.abs(np.diagonal(p, axis1=-2, axis2=-1)), np.finfo(float).tiny))
+def scaled(p: Array, like: Array | None = None) -> Array:
+    """Covariances ``(..., 4, 4)`` in standard deviations: their own, or those of others."""
+    variances = np.abs(np.diagonal(p if like is None else like, axis1=-2, axis2=-1))
+    scale = np.sqrt(np.maximum(variances, np.finfo(float).tiny))
     return np.asarray(p / (scale[..., :, None] * scale[..., None, :]))
 
 
-def asymmetry(p: Array) -> Array:
-    """Largest difference of mirrored entries of covariances ``(..., 4, 4)`` scaled to unit variances."""
-    relative = scaled(p)
+def asymmetry(relative: Array) -> Array:
+    """Largest difference of mirrored entries of scaled covariances ``(..., 4, 4)``."""
     return np.asarray(np.abs(relative - np.swapaxes(relative, -2, -1)).max(axis=(-2, -1)))
 
 
-def least_eigenvalue(p: Array) -> Array:
-    """Of the symmetric parts of covariances ``(..., 4, 4)`` scaled to unit variances."""
-    relative = scaled(p)
+def least_eigenvalue(relative: Array) -> Array:
+    """Of the symmetric parts of scaled covariances ``(..., 4, 4)``."""
     return np.asarray(np.linalg.eigvalsh(0.5 * (relative + np.swapaxes(relative, -2, -1)))[..., 0])
 
 

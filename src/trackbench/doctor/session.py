@@ -15,6 +15,8 @@ from trackbench.types import Estimate, Scan
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
 LARGEST = 1e9
+#: Beyond this a track has diverged: no target of a probe or drive is so far or so fast, m and m/s.
+FAR = 1e4
 
 
 class StepFailed(Exception):
@@ -120,6 +122,13 @@ def _too_large(estimate: Estimate) -> bool:
 def finite(estimate: Estimate) -> bool:
     """Whether mean and covariance are finite."""
     return bool(np.isfinite(estimate.mean).all() and np.isfinite(estimate.covariance).all())
+
+
+def plausible(estimate: Estimate | None) -> bool:
+    """Whether it is finite, and its values and standard deviations are below `FAR`: the track has not diverged."""
+    if estimate is None or not finite(estimate):
+        return False
+    return bool(np.abs(estimate.mean).max() < FAR and np.abs(np.diag(estimate.covariance)).max() < FAR**2)
 
 
 def _batch_of_one(scan: Scan) -> Scan:

@@ -15,7 +15,7 @@ from trackbench.doctor.covariance_origin import (
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.output_checks import WorstCase
 from trackbench.doctor.probes import Probe, with_noise
-from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 
 #: Scans within which a track starts.
@@ -43,7 +43,9 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     result.checks.append(CheckResult("finite", "Is every number of every estimate finite?", bad is None, text))
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
-        result.findings.append(Finding("nonfinite", 0.98, text, shown_by=bad.where))
+        # A track that has diverged may overflow for that alone.
+        confidence = 0.98 if _well_before(tracker, bad) else 0.85
+        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
     result.checks += [_symmetric(tracker, result.findings), _definite(tracker, result.findings)]
     return result
 
@@ -75,9 +77,18 @@ def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult
         found = indefinite(tracker.make, worst.given())
         fault = named("covariance_not_psd", found)
         said = text if found is None else f"{text}; it arises {found.words}: {indefinite_entries(found)}"
-        confidence = 0.6 if share < SELDOM else 0.95
+        diverged = found is not None and found.before is not None and np.abs(np.diag(found.before)).max() > FAR**2
+        confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
         findings.append(Finding(fault, confidence, said, shown_by=worst.where))
     return CheckResult("definite", question, share < RARE, text)
+
+
+def _well_before(tracker: TrackerUnderTest, bad: WorstCase) -> bool:
+    """Whether the estimate before the first one that is not finite is still plausible."""
+    session, before = TrackerSession(tracker.make), None
+    for scan in bad.given()[:-1]:
+        before = session.step(scan)
+    return before is None or plausible(before)
 
 
 def _at(worst: WorstCase) -> str:
@@ -108,19 +119,28 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
             session = TrackerSession(tracker.make)
             estimates = [session.step(scan) for scan in scans]
             runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
-        not_copied = session.copy().not_copied
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))
         return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])
+    copied = _copied(session)
     gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
     if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
-        text = "three fresh trackers agree to the last bit"
-        if not_copied is not None:
-            text += f"; copy.deepcopy cannot copy it ({not_copied}), so a measurement is tried on a fresh one that is "
-            text += "given all scans before it again, which takes longer"
+        text = f"three fresh trackers agree to the last bit{copied}"
         return PartResult([CheckResult("repeatable", question, True, text)])
-    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements"
+    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements{copied}"
     return PartResult(
         [CheckResult("repeatable", question, False, text)],
         [Finding("not_deterministic", 0.99, text, shown_by=probe.name)],
     )
+
+
+def _copied(session: TrackerSession) -> str:
+    """What is to be said of its copies: nothing where ``copy.deepcopy`` makes them."""
+    try:
+        why = session.copy().not_copied
+    except StepFailed as failure:
+        return f"; {failure}: no measurement can be tried on it"
+    if why is None:
+        return ""
+    text = f"; copy.deepcopy cannot copy it ({why}), so that each measurement is tried on a fresh one that is given all"
+    return f"{text} scans before it again, which takes longer"
