@@ -32,6 +32,7 @@ CORRECTIONS = [
     ("predicted_covariance_asymmetric", "one_entry", filtering.EntryAdded, None),
     ("covariance_not_psd", "subtracts_too_much", filtering.SubtractsTooMuch, None),
     ("predicted_covariance_not_psd", "correlation_beyond_one", filtering.NoiseTooCorrelated, None),
+    ("exception_raised", "missed_measurement", filtering.MissedRaises, None),
     ("measurement_ignored", "radar_mean_kept", filtering.RadarNotMoved, "radar"),
     ("measurement_ignored", "lidar_mean_kept", filtering.LidarNotMoved, "lidar"),
 ]
@@ -90,3 +91,8 @@ def unscented(subject: Subject) -> Iterator[Mutant]:
 
 def innovation(subject: Subject) -> Iterator[Mutant]:
     yield subject.mixed("azimuth_not_wrapped", "innovation", sensing.BareInnovation, "radar")
+
+
+def raising(subject: Subject) -> Mutant:
+    """Its Cholesky factor fails after an update at the azimuth pi."""
+    return subject.mixed("azimuth_mean_not_circular", "cross_covariance", sensing.BareCross, "radar")

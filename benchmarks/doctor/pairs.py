@@ -80,7 +80,12 @@ IN_BOTH = (
     ("per_second", "rate_sign"),
     ("r_lidar", "q_large"),
 )
-IN_EKF = (("speed", "r_lidar"), ("speed", "q_small"), ("lidar_not_turned", "not_wrapped"), ("lidar_not_turned", "q_large"))
+IN_EKF = (
+    ("speed", "r_lidar"),
+    ("speed", "q_small"),
+    ("lidar_not_turned", "not_wrapped"),
+    ("lidar_not_turned", "q_large"),
+)
 IN_UKF = (("mean", "q_large"), ("mean", "step"), ("mean", "r_lidar"))
 
 
@@ -106,4 +111,8 @@ def _made(tracker: type, options: dict[str, float], parts: tuple[Part, Part]) ->
     return parts[1].around(parts[0].around(tracker(**options)))
 
 
-PAIRS = [_pair(tracker, names) for tracker, some in ((PlainEkf, (*IN_BOTH, *IN_EKF)), (PlainUkf, (*IN_BOTH, *IN_UKF))) for names in some]
+PAIRS = [
+    _pair(tracker, names)
+    for tracker, some in ((PlainEkf, (*IN_BOTH, *IN_EKF)), (PlainUkf, (*IN_BOTH, *IN_UKF)))
+    for names in some
+]

@@ -19,6 +19,8 @@ ROUNDING = 1e-6
 
 Make = Callable[[], Tracker]
 Measure = Callable[[Array], float]
+Blame = Callable[[Array, Array, Array | None], bool]
+"""Of the covariances before a step, predicted and after it: whether the prediction is to blame."""
 
 
 class Origin(NamedTuple):
@@ -42,12 +44,31 @@ class Origin(NamedTuple):
 
 def asymmetric(make: Make, scans: Sequence[Scan]) -> Origin | None:
     """The step after which the covariance is first not symmetric."""
-    return _origin(make, scans, lambda relative: float(asymmetry(relative)))
+
+    def adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
+        """Whether the prediction adds more to the asymmetry than the update does."""
+        first, then = (_asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
+        return then > ROUNDING and (after is None or then - first >= _asymmetry(scaled(after, like=predicted)) - then)
+
+    return _origin(make, scans, _asymmetry, adds_more)
 
 
 def indefinite(make: Make, scans: Sequence[Scan]) -> Origin | None:
     """The step after which the covariance is first not positive definite."""
-    return _origin(make, scans, lambda relative: -float(least_eigenvalue(relative)))
+
+    def is_wrong(_before: Array, predicted: Array, _after: Array | None) -> bool:
+        """An update is right only of a positive definite covariance."""
+        return _indefiniteness(scaled(predicted)) > ROUNDING
+
+    return _origin(make, scans, _indefiniteness, is_wrong)
+
+
+def _asymmetry(relative: Array) -> float:
+    return float(asymmetry(relative))
+
+
+def _indefiniteness(relative: Array) -> float:
+    return -float(least_eigenvalue(relative))
 
 
 def named(fault: str, of: Origin | None) -> str:
@@ -80,7 +101,7 @@ def indefinite_entries(of: Origin) -> str:
     return text
 
 
-def _origin(make: Make, scans: Sequence[Scan], size: Measure) -> Origin | None:
+def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> Origin | None:
     """Give scans to a fresh tracker until a covariance is wrong or the step fails; then predict alone to that scan."""
     session, before = TrackerSession(make), None
     for k, scan in enumerate(scans):
@@ -91,18 +112,10 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure) -> Origin | None:
         if before is None:
             return None if after is None else Origin("start", scan, None, after)
         predicted = _covariance(_followed(make, scans[:k]).peek, masked(scan))[0] if scan.valid else after
-        if predicted is not None and _grown(size, before, predicted, after):
+        if predicted is not None and in_prediction(before, predicted, after):
             return Origin("prediction", scan, before, predicted)
         return None if after is None else Origin("update", scan, predicted, after)
     return None
-
-
-def _grown(size: Measure, before: Array, predicted: Array, after: Array | None) -> bool:
-    """Whether the prediction makes the covariance wrong, or more so than the update does."""
-    first, then = (max(0.0, size(scaled(p, like=predicted))) for p in (before, predicted))
-    if then <= ROUNDING:
-        return False
-    return after is None or then - first >= max(0.0, size(scaled(after, like=predicted))) - then
 
 
 def _followed(make: Make, scans: Sequence[Scan]) -> TrackerSession:

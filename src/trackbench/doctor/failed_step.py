@@ -13,7 +13,6 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Estimate, Scan
-from trackbench.units import wrap_angle
 
 Make = Callable[[], Tracker]
 
@@ -110,7 +109,7 @@ def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingA
 
 
 def _near_pi(angle: float) -> bool:
-    return abs(wrap_angle(angle - np.pi)) < abs(TURNS[0])
+    return np.pi - abs(angle) < max(TURNS)
 
 
 def _parting(make: Make, scans: Sequence[Scan], other: Sequence[Scan], back: Array) -> int:
