@@ -26,6 +26,8 @@ OF_NUMBERS = ("covariance_not_psd", "exception_raised")
 OF_CODE = ("KeyError", "IndexError", "NameError", "UnboundLocalError", "AttributeError", "TypeError", "ImportError")
 #: Probes and drives in which the failures of one line are examined, those with the fewest scans.
 TRIED = 6
+#: Probes and drives whose names are said.
+SHOWN = 4
 
 Failures = Sequence[tuple[str, StepFailed]]
 """Each with the name of the probe, drive or check where it happened."""
@@ -70,7 +72,8 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     first: dict[str, StepFailed] = {}
     for where, failure in group:
         first.setdefault(where, failure)
-    tried = sorted(first.items(), key=lambda one: len(one[1].given))[:TRIED]
+    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer.
+    tried = sorted(first.items(), key=lambda one: (not one[1].given, len(one[1].given)))[:TRIED]
     sensors = {failure.scan.sensor for _, failure in group}
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
     named: set[str] = set()
@@ -82,7 +85,8 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         known = _circumstances(tracker, failure)
         parts = [_sentence(where, failure), *_replayed(failure, known), because]
         if len(group) > 1:
-            parts.append(f"{len(group)} steps failed at that line, in {', '.join(first)}")
+            places = list(first) if len(first) <= SHOWN else [*list(first)[:SHOWN], f"{len(first) - SHOWN} others"]
+            parts.append(f"{len(group)} steps failed at that line, in {', '.join(places)}")
         # A track that has diverged may fail for that alone.
         confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
         yield Finding(fault, confidence, "; ".join(filter(None, parts)), sensor=sensor, shown_by=where)
