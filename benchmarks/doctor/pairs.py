@@ -46,7 +46,6 @@ PARTS = {
     "lidar_not_turned": Part("jacobian_wrong", "lidar", mixin=jacobian.LidarNotTurned),
     "lidar_swapped": Part("axis_swapped", "lidar", behind=_altered(scans.lidar_axes_swapped)),
     "mean": Part("azimuth_mean_not_circular", "radar", mixin=sensing.BareMean),
-    "missed_raises": Part("exception_raised", mixin=filtering.MissedRaises),
     "not_wrapped": Part("azimuth_not_wrapped", "radar", mixin=sensing.BareResidual),
     "own_velocity": Part("ego_motion_ignored", "radar", behind=_altered(scans.velocity_ignored)),
     "own_yaw": Part("ego_motion_ignored", behind=_altered(scans.pose(2, np.zeros_like))),
@@ -76,7 +75,6 @@ IN_BOTH = (
     ("lidar_bias", "rate_sign"),
     ("asymmetric", "rate_sign"),
     ("asymmetric_q", "not_wrapped"),
-    ("missed_raises", "rate_sign"),
     ("per_second", "rate_sign"),
     ("r_lidar", "q_large"),
 )
