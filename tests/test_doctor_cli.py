@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 from tests.test_report import Page
 
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.failures import CannotRun, failure_findings
+from trackbench.doctor.failures import failure_findings
 from trackbench.doctor.findings import CheckResult, Finding, known_faults
 from trackbench.doctor.session import StepFailed
 from trackbench.report.examination.text import text
@@ -46,6 +46,11 @@ class Good:
 
 class Raises(Good):
     def step(self, state, scan):
+        raise KeyError("rho")
+
+
+class RadarRaises(Good):
+    def step(self, state, scan):
         if scan.time > -1 and scan.kind == "radar":
             raise KeyError("rho")
         return super().step(state, scan)
@@ -71,6 +76,15 @@ class Missed(Good):
 class Stopped(Good):
     def step(self, state, scan):
         raise KeyboardInterrupt
+
+
+class Ends(Good):
+    def step(self, state, scan):
+        if scan.time > -1 and scan.kind == "radar":
+            import os
+
+            os._exit(5)
+        return super().step(state, scan)
 """
 
 
@@ -176,31 +190,64 @@ def test_a_healthy_tracker_ends_with_0(cli: Callable[..., Any], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Raises", "KeyError: 'rho' (MODULE.py:17, in step, at -0.95 s of ahead_left, at a measurement of radar)"),
+        (
+            "Raises",
+            "KeyError: 'rho' (MODULE.py:16, in step, at -3 s of ahead_left, at a measurement of lidar: lidar measures "
+            "x 30, y -14)",
+        ),
         (
             "Shape",
-            "the mean has the shape (4, 1), where (4,) is needed (at -3 s of ahead_left, at a measurement of lidar)",
+            "the mean has the shape (4, 1), where (4,) is needed (at -3 s of ahead_left, at a measurement of lidar: "
+            "lidar measures x 30, y -14)",
         ),
         (
             "Kind",
-            "step must return (state, estimate), not str 'estimate' (at -3 s of ahead_left, at a measurement of lidar)",
+            "step must return (state, estimate), not str 'estimate' (at -3 s of ahead_left, at a measurement of lidar: "
+            "lidar measures x 30, y -14)",
         ),
         (
-            "Missed",
-            "ValueError: nothing to read "
-            "(MODULE.py:34, in step, at 0 s of ahead_left, at a missed measurement of lidar)",
+            "Stopped",
+            "KeyboardInterrupt (MODULE.py:45, in step, at -3 s of ahead_left, at a measurement of lidar: lidar "
+            "measures x 30, y -14)",
         ),
-        ("Stopped", "KeyboardInterrupt (MODULE.py:40, in step, at -3 s of ahead_left, at a measurement of lidar)"),
     ],
 )
-def test_what_cannot_run_ends_with_3(trackbench: str, tmp_path: Path, module: str, name: str, said: str) -> None:
+def test_one_of_which_nothing_can_be_asked_ends_with_3(
+    trackbench: str, tmp_path: Path, module: str, name: str, said: str
+) -> None:
     """As a command of its own: what a tracker prints comes from its process, and not through Python."""
     command = [trackbench, "doctor", f"{module}:{name}", "--json", "--out", "out"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (3, "")
     expected = f"{module}:{name} cannot be examined: {said.replace('MODULE', module)}"
-    assert done.stderr.splitlines() == ["loud", expected]
+    *before, last = done.stderr.splitlines()
+    assert last == expected
+    # It is started once more, as a tracker of several objects.
+    assert set(before) == {"loud"}
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "said"),
+    [
+        ("RadarRaises", "exception_raised", "KeyError: 'rho' (MODULE.py:22, in step, at -0.95 s of ahead_left, at a"),
+        (
+            "Missed",
+            "exception_raised",
+            "ValueError: nothing to read (MODULE.py:47, in step, at 0 s of ahead_left, at a",
+        ),
+        ("Ends", "process_ended", "its process ended itself, with status 5 (MODULE.py:53, in step, at -0.95 s of"),
+    ],
+)
+def test_a_step_that_fails_is_a_finding(
+    trackbench: str, tmp_path: Path, module: str, name: str, fault: str, said: str
+) -> None:
+    command = [trackbench, "doctor", f"{module}:{name}", "--json", "--out", "out"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "loud\n")
+    found = {one["fault"]: one for one in json.loads(done.stdout)["findings"]}
+    assert found[fault]["evidence"].startswith(said.replace("MODULE", module))
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) in (FILES, FILES[::2])
 
 
 def test_an_interrupt_leaves_nothing(cli: Callable[..., Any], tmp_path: Path, module: str) -> None:
@@ -266,41 +313,38 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
 
 
 def _under_test(cause: BaseException, where: str) -> Any:
-    scan = Scan(
-        1.5, "radar", "radar", np.zeros(3), np.array(True), np.eye(3), np.zeros(3), np.zeros(2), 1.5
-    )  # fmt: skip
-    return SimpleNamespace(failures=[(where, StepFailed(cause, scan))])
+    def scan(time: float) -> Scan:
+        return Scan(
+            time, "radar", "radar", np.ones(3), np.array(True), np.eye(3), np.zeros(3), np.zeros(2), time
+        )  # fmt: skip
+
+    class Failing:
+        def step(self, state: Any, given: Scan) -> Any:
+            if given.time > 1.0:
+                raise cause
+            return 1, (np.ones(4), np.eye(4))
+
+    failure = StepFailed(cause, scan(1.5), [scan(1.0)])
+    return SimpleNamespace(failures=[(where, failure)], make=Failing, sensors={"radar": None})
 
 
 @pytest.mark.parametrize(
     ("cause", "where", "fault"),
     [
         (np.linalg.LinAlgError("Matrix is not positive definite"), "long_run", "covariance_not_psd"),
+        (np.linalg.LinAlgError("Matrix is not positive definite"), "ahead_left", "covariance_not_psd"),
         (ZeroDivisionError("float division by zero"), "stationary", "nonfinite"),
         (ValueError("math domain error"), "on_the_sensor", "nonfinite"),
         (OverflowError("too large"), "ahead_left", "nonfinite"),
+        (IndexError("history"), "long_run", "exception_raised"),
+        (AssertionError("gate"), "ahead_left", "exception_raised"),
+        (TrackerFault("the mean has the shape (3,)"), "long_run", "invalid_estimate"),
     ],
 )
-def test_an_error_of_a_known_kind_is_a_finding(cause: BaseException, where: str, fault: str) -> None:
-    (finding,) = failure_findings(_under_test(cause, where), [])
-    assert (finding.fault, finding.shown_by) == (fault, where)
+def test_every_error_is_a_finding(cause: BaseException, where: str, fault: str) -> None:
+    (finding,) = failure_findings(_under_test(cause, where))
+    assert (finding.fault, finding.shown_by, finding.confidence) == (fault, where, 0.97)
     assert str(cause) in finding.evidence
-    assert f"at 1.5 s of {where}" in finding.evidence
-
-
-@pytest.mark.parametrize(
-    ("cause", "where"),
-    [
-        (IndexError("history"), "long_run"),
-        (TrackerFault("the mean has the shape (3,)"), "long_run"),
-        (np.linalg.LinAlgError("Matrix is not positive definite"), "ahead_left"),
-    ],
-)
-def test_any_other_error_means_that_it_cannot_run(cause: BaseException, where: str) -> None:
-    with pytest.raises(CannotRun, match=f"at 1.5 s of {where}"):
-        failure_findings(_under_test(cause, where), [])
-
-
-def test_an_error_that_a_finding_may_explain_is_not_reported() -> None:
-    tracker = _under_test(IndexError("history"), "long_run")
-    assert failure_findings(tracker, [Finding("wrong_dt", 0.9, "")]) == []
+    assert f"at 1.5 s of {where}, at a measurement of radar: radar measures range 1, azimuth 1" in finding.evidence
+    assert "a missed measurement at that time breaks it too" in finding.evidence
+    assert "the smallest eigenvalue of the covariance is 1 after the scan before, at 1 s" in finding.evidence

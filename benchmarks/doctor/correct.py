@@ -16,6 +16,7 @@ from .mutant import Make
 from .plain_ekf import PlainEkf
 from .plain_kf import PlainKf
 from .plain_ukf import PlainUkf
+from .scaled_ukf import ScaledUkf
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "alpha_beta.py"
 STARTS = ("first_reading", "two_readings")
@@ -76,7 +77,7 @@ def _built_in() -> dict[str, Make]:
 
 
 def _plain() -> dict[str, Make]:
-    trackers = (PlainEkf, PlainUkf, PlainKf, FilterPyEkf, FilterPyUkf)
+    trackers = (PlainEkf, PlainUkf, PlainKf, ScaledUkf, FilterPyEkf, FilterPyUkf)
     return {
         f"{tracker.__name__} {start}": partial(tracker, start=start) for tracker, start in product(trackers, STARTS)
     }

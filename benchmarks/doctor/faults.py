@@ -12,12 +12,14 @@ from .mutant import Mutant, Subject
 from .plain_ekf import PlainEkf
 from .plain_kf import PlainKf
 from .plain_ukf import PlainUkf
+from .scaled_ukf import ScaledUkf
 
 __all__ = ["CORRECT", "MUTANTS", "ONE_SENSOR", "Mutant"]
 
 PLAIN_EKF = Subject("plain_ekf", PlainEkf)
 PLAIN_UKF = Subject("plain_ukf", PlainUkf, turning=True)
 PLAIN_KF = Subject("plain_kf", PlainKf, uses_rate=False)
+SCALED_UKF = Subject("scaled_ukf", ScaledUkf)
 FILTERPY_EKF = Subject("filterpy_ekf", FilterPyEkf)
 FILTERPY_UKF = Subject("filterpy_ukf", FilterPyUkf, turning=True)
 
@@ -53,6 +55,7 @@ def _mutants() -> Iterator[Mutant]:
             yield from part(subject)
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
         yield from methods.corrections(subject)
+    yield methods.raising(SCALED_UKF)
 
 
 MUTANTS: list[Mutant] = list(_mutants())

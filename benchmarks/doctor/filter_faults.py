@@ -59,11 +59,41 @@ class OneSidedNoise:
         return P - K @ S @ K.T
 
 
+class EntryAdded:
+    """Process noise with an entry on one side of its diagonal that belongs on both, symmetrised by no correction."""
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        Q = super().process_noise(x, dt)
+        Q[0, 1] += 0.5 * np.sqrt(Q[0, 0] * Q[1, 1])
+        return Q
+
+    def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
+        return P - K @ S @ K.T
+
+
+class NoiseTooCorrelated:
+    """Process noise whose position and velocity have twice the covariance that their variances allow."""
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        Q = super().process_noise(x, dt)
+        Q[0, 2] = Q[2, 0] = 2 * Q[0, 2]
+        return Q
+
+
 class SubtractsTooMuch:
     """Subtracts half as much again from the covariance as the update should."""
 
     def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
         return super().corrected_covariance(P, np.sqrt(1.5) * K, S)
+
+
+class MissedRaises:
+    """Reads a measurement without a look whether it is there."""
+
+    def usable(self, scan: Any) -> bool:
+        if not scan.valid:
+            raise ValueError("nothing to read")
+        return True
 
 
 class MeanNotMoved:

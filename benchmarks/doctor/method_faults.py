@@ -28,8 +28,11 @@ JACOBIANS = [
 MOTION_JACOBIANS = [("dt_missing", jacobian.TimeStepMissing), ("dt_misplaced", jacobian.TimeStepMisplaced)]
 CORRECTIONS = [
     ("covariance_asymmetric", "update", filtering.UnsymmetricUpdate, None),
-    ("covariance_asymmetric", "one_sided_noise", filtering.OneSidedNoise, None),
+    ("predicted_covariance_asymmetric", "one_sided_noise", filtering.OneSidedNoise, None),
+    ("predicted_covariance_asymmetric", "one_entry", filtering.EntryAdded, None),
     ("covariance_not_psd", "subtracts_too_much", filtering.SubtractsTooMuch, None),
+    ("predicted_covariance_not_psd", "correlation_beyond_one", filtering.NoiseTooCorrelated, None),
+    ("exception_raised", "missed_measurement", filtering.MissedRaises, None),
     ("measurement_ignored", "radar_mean_kept", filtering.RadarNotMoved, "radar"),
     ("measurement_ignored", "lidar_mean_kept", filtering.LidarNotMoved, "lidar"),
 ]
@@ -81,9 +84,15 @@ def divisions(subject: Subject) -> Iterator[Mutant]:
 
 
 def unscented(subject: Subject) -> Iterator[Mutant]:
-    yield subject.mixed("azimuth_not_wrapped", "spread", sensing.BareSpread, "radar")
+    yield subject.mixed("azimuth_mean_not_circular", "spread", sensing.BareSpread, "radar")
+    yield subject.mixed("azimuth_mean_not_circular", "mean", sensing.BareMean, "radar")
     yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_readings")
 
 
 def innovation(subject: Subject) -> Iterator[Mutant]:
     yield subject.mixed("azimuth_not_wrapped", "innovation", sensing.BareInnovation, "radar")
+
+
+def raising(subject: Subject) -> Mutant:
+    """Its Cholesky factor fails after an update at the azimuth pi."""
+    return subject.mixed("azimuth_mean_not_circular", "cross_covariance", sensing.BareCross, "radar")

@@ -104,7 +104,7 @@ class PlainUkf(ConstantTurnRate):
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
         points = self.sigma_points(x, P)
         seen = np.array([self.predicted_measurement(self.cartesian(point), scan) for point in points])
-        mean = seen[0] + self.mean_weights @ self.measurement_spread(scan.kind, seen, seen[0])
+        mean = self.measurement_mean(scan.kind, seen, self.mean_weights)
         apart = self.measurement_spread(scan.kind, seen, mean)
         S = symmetric(apart.T * self.covariance_weights @ apart) + self.noise(scan)
         cross = self.state_spread(points, x).T * self.covariance_weights @ apart
@@ -120,6 +120,9 @@ class PlainUkf(ConstantTurnRate):
         apart = points - centre
         apart[:, 3] = wrap(apart[:, 3])
         return apart
+
+    def measurement_mean(self, kind: str, points: Array, weights: Array) -> Array:
+        return points[0] + weights @ self.measurement_spread(kind, points, points[0])
 
     def measurement_spread(self, kind: str, points: Array, centre: Array) -> Array:
         return np.array([self.residual(kind, point, centre) for point in points])

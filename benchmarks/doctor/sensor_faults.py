@@ -22,10 +22,27 @@ class BareInnovation:
 
 
 class BareSpread:
-    """Only the spread of an unscented filter's points about their mean."""
+    """The spread of an unscented filter's points about one of them, of which their mean is made, and about the mean."""
 
     def measurement_spread(self, kind: str, points: Array, centre: Array) -> Array:
         return points - centre
+
+
+class BareCross:
+    """The mean of an unscented filter's points, and their spread in the cross-covariance: the gain does not fit S."""
+
+    def measurement_mean(self, kind: str, points: Array, weights: Array) -> Array:
+        return weights @ points
+
+    def cross_spread(self, kind: str, points: Array, centre: Array) -> Array:
+        return points - centre
+
+
+class BareMean:
+    """Only the mean of an unscented filter's points."""
+
+    def measurement_mean(self, kind: str, points: Array, weights: Array) -> Array:
+        return weights @ points
 
 
 class Arctan:

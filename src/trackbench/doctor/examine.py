@@ -37,6 +37,7 @@ from trackbench.errors import InputError
 from trackbench.execution import one_blas_thread
 from trackbench.input_files import read_bytes
 from trackbench.models.sensors import Mount, Sensor
+from trackbench.stepping.faults import TrackFault
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, no_progress
@@ -111,6 +112,11 @@ class Examination:
             raise InputError(f"not a readable examination: {error}", file=file) from error
 
 
+def _not_made(part: Callable[[TrackerUnderTest], PartResult]) -> CheckResult:
+    question = (part.__doc__ or "").partition("\n")[0]
+    return CheckResult(part.__name__, question, None, "the tracker's process had ended")
+
+
 def reference() -> Tracker:
     """The tracker that others are compared with: an extended Kalman filter with constant velocity."""
     return ekf(motion="cv", acceleration_sigma_mps2=3.0)
@@ -146,7 +152,7 @@ class Doctor:
             progress: called after each part with the number of parts done and of all parts.
 
         Raises:
-            CannotRun: the tracker fails at an ordinary measurement.
+            CannotRun: the tracker cannot process one scan of any sensor.
         """
         # The checks look for numbers that are not finite; NumPy's warnings of them say nothing more.
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -154,20 +160,22 @@ class Doctor:
             return self._examine(name, make, progress)
 
     def _examine(self, name: str, make: Callable[[], Tracker], progress: Progress) -> Examination:
-        require_runnable(self._under_test(make, []))
-        tracker = self._under_test(make, self._drives)
+        tracker = TrackerUnderTest(make, self.sensors, self._drives, self._probes, self._seed, self._late)
+        require_runnable(tracker)
         results = []
         for done, part in enumerate(PARTS, start=1):
-            with tracker.recording_failures(part.__name__):
-                if not (part in FOR_FILTERS and tracker.memoryless):
-                    results.append(part(tracker))
+            try:
+                with tracker.recording_failures(part.__name__):
+                    if not (part in FOR_FILTERS and tracker.memoryless):
+                        results.append(part(tracker))
+            except TrackFault:
+                # Its process has ended, and no tracker can be made any more.
+                results.append(PartResult([_not_made(of) for of in PARTS[done - 1 :]]))
+                break
             progress(done, len(PARTS))
         findings = [finding for result in results for finding in result.findings]
-        findings += failure_findings(tracker, findings)
+        findings += failure_findings(tracker)
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
-
-    def _under_test(self, make: Callable[[], Tracker], drives: list[tuple[TestDrive, Rollout]]) -> TrackerUnderTest:
-        return TrackerUnderTest(make, self.sensors, drives, self._probes, self._seed, self._late)
 
     @one_blas_thread()
     def evidence(self, examination: Examination, make: Callable[[], Tracker]) -> list[EvidenceRun]:
@@ -177,9 +185,13 @@ class Doctor:
             if finding.consequence_of is None and len(shown) < MOST_SHOWN:
                 shown.setdefault(self._drive_of(finding), []).append(finding)
         drives = {drive.name: (drive, reference) for drive, reference in self._drives}
-        return [
-            evidence_run(make, *drives[name], findings) for name, findings in (shown or {DEFAULT_DRIVE: []}).items()
-        ]
+        try:
+            return [
+                evidence_run(make, *drives[name], findings) for name, findings in (shown or {DEFAULT_DRIVE: []}).items()
+            ]
+        except TrackFault:
+            # Its process has ended.
+            return []
 
     def _drive_of(self, finding: Finding) -> str:
         for drive, _ in self._drives:

@@ -1,79 +1,163 @@
-"""What a failed step means: a finding, or a tracker that cannot be examined."""
+"""What a failed step means: a finding, or a tracker of which nothing can be asked."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from trackbench.doctor.covariance_origin import indefinite, indefinite_entries, named
+from trackbench.doctor.failed_step import Circumstances, circumstances, jumping_angle, measured
 from trackbench.doctor.findings import Finding
 from trackbench.doctor.output_checks import SINGULAR
-from trackbench.doctor.probes import GENERAL
-from trackbench.doctor.session import StepFailed
+from trackbench.doctor.session import StepFailed, finite, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import TrackbenchError
-from trackbench.stepping.faults import TrackFault
+from trackbench.stepping.alone import NOT_COPIED
+from trackbench.types import Estimate
 
 #: In the messages of NumPy and SciPy, where there is no Cholesky factor.
 INDEFINITE = ("not positive definite",)
 #: In the messages of math, NumPy and SciPy, where a number is not finite or leads to one that is not.
 NOT_FINITE = ("math domain error", "infs or NaNs", "did not converge")
-_GENERAL = tuple(probe.name for probe in GENERAL)
+
+#: Errors that numbers can bring about, and those that only the code can.
+OF_NUMBERS = ("covariance_not_psd", "exception_raised")
+OF_CODE = ("KeyError", "IndexError", "NameError", "UnboundLocalError", "AttributeError", "TypeError", "ImportError")
+#: Probes and drives in which the failures of one line are examined, those with the fewest scans.
+TRIED = 6
+#: Probes and drives whose names are said.
+SHOWN = 4
+
+Failures = Sequence[tuple[str, StepFailed]]
+"""Each with the name of the probe, drive or check where it happened."""
 
 
 class CannotRun(TrackbenchError):
-    """A tracker raises, or returns no valid estimate, at an ordinary measurement."""
+    """A tracker that cannot process one scan of any sensor."""
 
 
 def require_runnable(tracker: TrackerUnderTest) -> None:
-    """Follow targets in general position with each sensor alone, up to a missed measurement.
+    """Follow targets in general position with each sensor alone, until a scan is processed.
 
     Raises:
-        CannotRun: the tracker fails.
+        CannotRun: none is.
     """
-    for probe in GENERAL:
+    for probe in tracker.probes.general:
         for name in tracker.sensors:
-            tracker.trial(probe, name, (name,))
-            if tracker.failures and _fault(tracker.failures[-1][1].fault) != "nonfinite":
-                raise _cannot_run(*tracker.failures[-1])
+            session = tracker.session_at(probe, (name,))
+            if session is not None or tracker.failures[-1][1].given:
+                return
+            if tracker.failures[-1][1].fault.kind == "died":
+                raise CannotRun(_sentence(*tracker.failures[-1]))
+    raise CannotRun(_sentence(*tracker.failures[0]))
 
 
-def failure_findings(tracker: TrackerUnderTest, found: Sequence[Finding]) -> list[Finding]:
-    """The findings that follow from the errors that the tracker raised.
+def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
+    """One finding for each fault, and for each line that raises for no known one.
 
     Args:
         tracker: after all checks.
-        found: the findings of the checks.
-
-    Raises:
-        CannotRun: an error is of no known kind, and there is no finding that could explain it.
     """
-    findings = []
-    unexplained = []
+    groups: dict[tuple[str, str | None, bool], list[tuple[str, StepFailed]]] = {}
     for where, failure in tracker.failures:
-        fault = _fault(failure.fault)
-        general = where in _GENERAL
-        if failure.fault.kind in ("answer", "died") or (general and fault != "nonfinite"):
-            raise _cannot_run(where, failure)
-        if fault is None:
-            unexplained.append((where, failure))
-        elif fault == "nonfinite" or where not in SINGULAR:
-            findings.append(Finding(fault, 0.97, _sentence(where, failure), shown_by=where))
-    if unexplained and not (findings or found):
-        raise _cannot_run(*unexplained[0])
-    return findings
+        if where not in SINGULAR or _named(failure) != "covariance_not_psd":
+            key = (failure.fault.cause.partition(":")[0], failure.fault.place, bool(failure.scan.valid.any()))
+            groups.setdefault(key, []).append((where, failure))
+    return [finding for group in groups.values() for finding in _findings(tracker, group)]
 
 
-def _fault(fault: TrackFault) -> str | None:
+def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
+    """Of failures with the same error at the same line, one for each fault that is behind them."""
+    first: dict[str, StepFailed] = {}
+    for where, failure in group:
+        first.setdefault(where, failure)
+    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer.
+    tried = sorted(first.items(), key=lambda one: (not one[1].given, len(one[1].given)))[:TRIED]
+    sensors = {failure.scan.sensor for _, failure in group}
+    only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
+    named: set[str] = set()
+    for where, failure in tried:
+        fault, because, sensor = _cause(tracker, where, failure) or (_named(failure), "", only)
+        if fault in named:
+            continue
+        named.add(fault)
+        known = _circumstances(tracker, failure)
+        parts = [_sentence(where, failure), *_replayed(failure, known), because]
+        if len(group) > 1:
+            places = list(first) if len(first) <= SHOWN else [*list(first)[:SHOWN], f"{len(first) - SHOWN} others"]
+            parts.append(f"{len(group)} steps failed at that line, in {', '.join(places)}")
+        # A track that has diverged may fail for that alone.
+        confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
+        yield Finding(fault, confidence, "; ".join(filter(None, parts)), sensor=sensor, shown_by=where)
+
+
+def _named(failure: StepFailed) -> str:
+    """By the error alone."""
+    fault = failure.fault
+    if fault.cause.startswith(NOT_COPIED):
+        return "not_deterministic"
+    if fault.kind == "died":
+        return "process_ended"
     if any(words in fault.cause for words in INDEFINITE):
         return "covariance_not_psd"
-    return "nonfinite" if fault.kind == "arithmetic" or any(words in fault.cause for words in NOT_FINITE) else None
+    if fault.kind == "arithmetic" or any(words in fault.cause for words in NOT_FINITE):
+        return "nonfinite"
+    return "invalid_estimate" if fault.kind == "answer" else "exception_raised"
 
 
-def _cannot_run(where: str, failure: StepFailed) -> CannotRun:
-    return CannotRun(_sentence(where, failure))
+def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> tuple[str, str, str | None] | None:
+    """What the same scans, given again, tell: the fault, the evidence and the sensor."""
+    if _named(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE) or where in SINGULAR:
+        return None
+    angle = jumping_angle(tracker.make, failure)
+    if angle is not None:
+        return angle
+    found = indefinite(tracker.make, [*failure.given, failure.scan])
+    if found is None:
+        return None
+    text = f"the covariance first is not positive definite {found.words}: {indefinite_entries(found)}"
+    return named("covariance_not_psd", found), text, None
+
+
+def _circumstances(tracker: TrackerUnderTest, failure: StepFailed) -> Circumstances | None:
+    if _named(failure) in ("not_deterministic", "process_ended"):
+        return None
+    try:
+        return circumstances(tracker.make, failure)
+    except StepFailed:
+        return None
+
+
+def _replayed(failure: StepFailed, known: Circumstances | None) -> list[str]:
+    return [] if known is None else [_missed(failure, known), _definite(failure, known)]
+
+
+def _missed(failure: StepFailed, known: Circumstances) -> str:
+    if not failure.scan.valid.any():
+        return ""
+    return f"a missed measurement at that time {'breaks it too' if known.missed_fails else 'does not break it'}"
+
+
+def _definite(failure: StepFailed, known: Circumstances) -> str:
+    found = [
+        f"{_least(estimate):.3g} {when}"
+        for estimate, when in (
+            (known.before, f"after the scan before, at {failure.given[-1].time:.4g} s" if failure.given else ""),
+            (known.predicted, "when predicted to this scan"),
+        )
+        if estimate is not None and finite(estimate)
+    ]
+    return f"the smallest eigenvalue of the covariance is {' and '.join(found)}" if found else ""
+
+
+def _least(estimate: Estimate) -> float:
+    return float(np.linalg.eigvalsh(0.5 * (estimate.covariance + estimate.covariance.T))[0])
 
 
 def _sentence(where: str, failure: StepFailed) -> str:
     scan = failure.scan
-    measurement = "a measurement" if scan.valid.any() else "a missed measurement"
+    measurement = f"a measurement of {scan.sensor}" if scan.valid.any() else f"a missed measurement of {scan.sensor}"
     place = "" if failure.fault.place is None else f"{failure.fault.place}, "
-    return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement} of {scan.sensor})"
+    values = f": {measured(scan)}" if scan.valid.any() else ""
+    return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement}{values})"

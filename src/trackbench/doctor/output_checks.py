@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +28,8 @@ class WorstCase:
     time: float
     """s"""
     sensor: str
+    given: Callable[[], Sequence[Scan]]
+    """All scans that the tracker was given, up to that time; without batch axes."""
 
 
 class OutputChecks:
@@ -41,30 +45,52 @@ class OutputChecks:
         self.indefinite: WorstCase | None = None
         """Smallest eigenvalue of the covariance scaled to unit variances, with the sign changed."""
 
-    def add(self, estimate: Estimate | None, scan: Scan, where: str) -> None:
-        """Check an estimate after an ordinary scan; None counts as no estimate."""
+    def add(self, estimate: Estimate | None, scan: Scan, where: str, given: Sequence[Scan]) -> None:
+        """Check an estimate after an ordinary scan, the last of those given; None counts as no estimate."""
+        known = len(given)
         if estimate is not None:
-            self.add_batch(estimate.mean[:, None], estimate.covariance[..., None], scan, where)
+            self.add_batch(estimate.mean[:, None], estimate.covariance[..., None], scan, where, lambda _: given[:known])
 
-    def add_batch(self, mean: Array, covariance: Array, scan: Scan, where: str) -> None:
-        """Check the estimates ``(4, runs)`` and ``(4, 4, runs)`` after an ordinary scan."""
+    def add_batch(
+        self, mean: Array, covariance: Array, scan: Scan, where: str, given: Callable[[int], Sequence[Scan]]
+    ) -> None:
+        """Check the estimates ``(4, runs)`` and ``(4, 4, runs)`` after an ordinary scan.
+
+        ``given(run)`` are the scans of a run up to this one.
+        """
         self.estimates += mean.shape[1]
         finite = np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-        if not finite.all():
-            self.not_finite = self.not_finite or WorstCase(1.0, where, scan.time, scan.sensor)
-        p = np.moveaxis(covariance[:, :, finite], -1, 0)
-        if len(p) == 0 or where in SINGULAR:
+        if not finite.all() and self.not_finite is None:
+            self.not_finite = _case(1.0, scan, where, partial(given, int(np.argmin(finite))))
+        runs = np.flatnonzero(finite)
+        if len(runs) == 0 or where in SINGULAR:
             return
-        scale = np.sqrt(np.maximum(np.abs(np.diagonal(p, axis1=1, axis2=2)), np.finfo(float).tiny))
-        relative = p / (scale[:, :, None] * scale[:, None, :])
-        mirrored = np.swapaxes(relative, 1, 2)
-        self.asymmetry = _worse(self.asymmetry, float(np.abs(relative - mirrored).max()), scan, where)
-        least = np.linalg.eigvalsh(0.5 * (relative + mirrored))[:, 0]
+        relative = scaled(np.moveaxis(covariance[:, :, runs], -1, 0))
+        apart, least = asymmetry(relative), least_eigenvalue(relative)
         self.indefinite_estimates += int(np.sum(least < -NEGATIVE))
-        self.indefinite = _worse(self.indefinite, float(-least.min()), scan, where)
+        most, lowest = int(np.argmax(apart)), int(np.argmin(least))
+        if self.asymmetry is None or apart[most] > self.asymmetry.size:
+            self.asymmetry = _case(float(apart[most]), scan, where, partial(given, int(runs[most])))
+        if self.indefinite is None or -least[lowest] > self.indefinite.size:
+            self.indefinite = _case(float(-least[lowest]), scan, where, partial(given, int(runs[lowest])))
 
 
-def _worse(known: WorstCase | None, size: float, scan: Scan, where: str) -> WorstCase:
-    if known is None or size > known.size:
-        return WorstCase(size, where, scan.time, scan.sensor)
-    return known
+def scaled(p: Array, like: Array | None = None) -> Array:
+    """Covariances ``(..., 4, 4)`` in standard deviations: their own, or those of others."""
+    variances = np.abs(np.diagonal(p if like is None else like, axis1=-2, axis2=-1))
+    scale = np.sqrt(np.maximum(variances, np.finfo(float).tiny))
+    return np.asarray(p / (scale[..., :, None] * scale[..., None, :]))
+
+
+def asymmetry(relative: Array) -> Array:
+    """Largest difference of mirrored entries of scaled covariances ``(..., 4, 4)``."""
+    return np.asarray(np.abs(relative - np.swapaxes(relative, -2, -1)).max(axis=(-2, -1)))
+
+
+def least_eigenvalue(relative: Array) -> Array:
+    """Of the symmetric parts of scaled covariances ``(..., 4, 4)``."""
+    return np.asarray(np.linalg.eigvalsh(0.5 * (relative + np.swapaxes(relative, -2, -1)))[..., 0])
+
+
+def _case(size: float, scan: Scan, where: str, given: Callable[[], Sequence[Scan]]) -> WorstCase:
+    return WorstCase(size, where, scan.time, scan.sensor, given)

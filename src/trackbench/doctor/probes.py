@@ -100,9 +100,10 @@ PASSING = (
     Probe("oncoming", "oncoming traffic in the next lane", (1.0, 11.0, -13.0, 0.0), ProbeObserver(vx=14.0)),
     Probe("crossing", "crossing traffic close ahead", (9.0, -2.0, 2.0, 16.0)),
 )
-#: At an azimuth of pi: the prediction's own sigma points cross it in the first, only the measurements in the second.
+#: At an azimuth of pi: the prediction's own sigma points, narrow or wide, cross it in the first, and only the
+#: measurements in the second.
 AXES = (
-    Probe("azimuth_axis", "a target at the azimuth pi", (-25.0, 0.05, 2.0, -7.0)),
+    Probe("azimuth_axis", "a target at the azimuth pi", (-25.0, 1e-4, 2.0, -7.0)),
     Probe("azimuth_axis_near", "a target just before the azimuth pi", (-25.0, 0.3, 2.0, -7.0)),
 )
 COURSE_AXIS = Probe("course_axis", "a target with the course pi", (20.0, -15.0, -9.0, 0.002))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from trackbench.doctor.output_checks import OutputChecks
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.trackers.answers import shaped, unpack
 from trackbench.trackers.base import Tracker
-from trackbench.types import Array, Mask, Scan
+from trackbench.types import Array, Indices, Mask, Scan
 
 
 class Rollout(NamedTuple):
@@ -37,9 +38,17 @@ def rollout(
     estimates = _batched(make, scans) if batched else _one_by_one(make, scans)
     if checks is not None:
         for k, scan in enumerate(scans):
-            given = estimates.given[k]
-            checks.add_batch(estimates.mean[:, k, given], estimates.covariance[:, :, k, given], scan, drive)
+            runs = np.flatnonzero(estimates.given[k])
+            mean, covariance = estimates.mean[:, k, runs], estimates.covariance[:, :, k, runs]
+            checks.add_batch(mean, covariance, scan, drive, partial(_given, scans[: k + 1], runs))
     return estimates
+
+
+def _given(scans: Sequence[Scan], runs: Indices, number: int) -> list[Scan]:
+    """The scans of one of some runs from its first measurement on."""
+    run = int(runs[number])
+    first = next(k for k, scan in enumerate(scans) if scan.valid[run])
+    return [one_run(scan, run) for scan in scans[first:]]
 
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
@@ -51,12 +60,26 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            raise StepFailed(error, scan) from error
+            _follow_each(make, scans[: k + 1])
+            raise StepFailed(error, one_run(scan, 0)) from error
         if estimate is not None:
             estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
             # A batched tracker returns NaN for a track that has not started.
             estimates.given[k] = ~np.isnan(estimate.mean).all(axis=0) | (k > 0 and estimates.given[k - 1])
     return estimates
+
+
+def _follow_each(make: Callable[[], Tracker], scans: Sequence[Scan]) -> None:
+    """Step a tracker through each run alone.
+
+    Raises:
+        StepFailed: it fails in one of them.
+    """
+    runs = np.flatnonzero(np.any([scan.valid for scan in scans], axis=0))
+    for number in range(len(runs)):
+        session = TrackerSession(make)
+        for scan in _given(scans, runs, number):
+            session.step(scan)
 
 
 def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:

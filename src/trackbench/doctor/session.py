@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from trackbench.stepping.alone import Alone
 from trackbench.stepping.faults import fault_of
-from trackbench.trackers.answers import TOO_LARGE, TrackerFault, shaped, unpack
+from trackbench.stepping.remote import RemoteTracker
+from trackbench.trackers.answers import TOO_LARGE, TrackerFault
 from trackbench.trackers.base import Tracker
 from trackbench.types import Estimate, Scan
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
 LARGEST = 1e9
+#: Beyond this a track has diverged: no target of a probe or drive is so far or so fast, m and m/s.
+FAR = 1e4
 
 
 class StepFailed(Exception):
-    """A tracker raised, or what it returned is no estimate."""
+    """A tracker raised, or what it returned is no estimate.
 
-    def __init__(self, error: BaseException, scan: Scan) -> None:
+    Args:
+        error: what it raised.
+        scan: that of the step.
+        given: the scans before it.
+    """
+
+    def __init__(self, error: BaseException, scan: Scan, given: Sequence[Scan] = ()) -> None:
         self.fault = fault_of(error)
         super().__init__(self.fault.cause)
         self.scan = scan
+        self.given = tuple(given)
 
 
 class TrackerSession:
@@ -33,10 +42,20 @@ class TrackerSession:
     """
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
-        self._tracker = make()
-        self._batched = bool(getattr(self._tracker, "batched", False))
-        self._state: Any = None
+        self._own = Alone(make)
+        self._batched = bool(getattr(self._own.tracker, "batched", False))
         self._started = False
+
+    @property
+    def given(self) -> list[Scan]:
+        """The scans so far."""
+        return [_alone(scan) for scan in self._own.given] if self._batched else self._own.given
+
+    @property
+    def not_copied(self) -> str | None:
+        """Why a copy is a fresh tracker that is given the same scans again; None where it is not, or none was made."""
+        tracker = self._own.tracker
+        return tracker.not_copied if isinstance(tracker, RemoteTracker) else self._own.not_copied
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimate after a scan; None before the track has started.
@@ -44,40 +63,52 @@ class TrackerSession:
         Raises:
             StepFailed: the tracker raised, or returned no valid estimate.
         """
-        estimate, self._state = self._step(self._tracker, self._state, scan)
+        given = _batch_of_one(scan) if self._batched else scan
+        before = len(self._own.given)
+        try:
+            estimate = self._own.step(given)
+            if estimate is not None and _too_large(estimate):
+                raise TrackerFault(TOO_LARGE)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise StepFailed(error, scan, self.given[:before]) from error
+        if estimate is not None and self._batched:
+            estimate = self._of_one(estimate)
         self._started = self._started or estimate is not None
         return estimate
 
     def peek(self, scan: Scan) -> Estimate | None:
-        """What ``step`` would return, without changing the session."""
-        try:
-            tracker, state = copy.deepcopy((self._tracker, self._state))
-        except Exception as error:
-            raise StepFailed(error, scan) from error
-        return self._step(tracker, state, scan)[0]
+        """What ``step`` would return, without changing the session.
+
+        Raises:
+            StepFailed: as of ``step``, or the tracker can neither be copied nor repeated.
+        """
+        return self._copied(scan).step(scan)
 
     def copy(self) -> TrackerSession:
-        """An independent session with the same state."""
-        return copy.deepcopy(self)
+        """An independent session with the same state.
 
-    def _step(self, tracker: Tracker, state: Any, scan: Scan) -> tuple[Estimate | None, Any]:
-        given = _batch_of_one(scan) if self._batched else scan
+        Raises:
+            StepFailed: the tracker can neither be copied nor repeated.
+        """
+        return self._copied(self.given[-1])
+
+    def _copied(self, scan: Scan) -> TrackerSession:
+        twin = TrackerSession.__new__(TrackerSession)
+        twin._batched, twin._started = self._batched, self._started
         try:
-            state, returned = unpack(tracker.step(state, given))
-            estimate = shaped(returned, given)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            raise StepFailed(error, scan) from error
-        if estimate is not None and _too_large(estimate):
-            raise StepFailed(TrackerFault(TOO_LARGE), scan)
-        if estimate is None or not self._batched:
-            return estimate, state
+            twin._own = self._own.copy()
+        except Exception as error:
+            raise StepFailed(error, scan, self.given) from error
+        return twin
+
+    def _of_one(self, estimate: Estimate) -> Estimate | None:
         # A batched tracker returns NaN for a track that has not started.
         if not self._started and np.isnan(estimate.mean).all():
-            return None, state
+            return None
         own = None if estimate.state is None else estimate.state[..., 0]
-        return Estimate(estimate.mean[..., 0], estimate.covariance[..., 0], own), state
+        return Estimate(estimate.mean[..., 0], estimate.covariance[..., 0], own)
 
 
 def _too_large(estimate: Estimate) -> bool:
@@ -93,5 +124,16 @@ def finite(estimate: Estimate) -> bool:
     return bool(np.isfinite(estimate.mean).all() and np.isfinite(estimate.covariance).all())
 
 
+def plausible(estimate: Estimate | None) -> bool:
+    """Whether it is finite, and its values and standard deviations are below `FAR`: the track has not diverged."""
+    if estimate is None or not finite(estimate):
+        return False
+    return bool(np.abs(estimate.mean).max() < FAR and np.abs(np.diag(estimate.covariance)).max() < FAR**2)
+
+
 def _batch_of_one(scan: Scan) -> Scan:
     return scan._replace(measurement=scan.measurement[:, None], valid=scan.valid[None])
+
+
+def _alone(scan: Scan) -> Scan:
+    return scan._replace(measurement=scan.measurement[:, 0], valid=scan.valid[0])

@@ -17,7 +17,7 @@ from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
-from trackbench.types import Scan
+from trackbench.types import Estimate, Scan
 
 #: How long a probe's target is followed before time 0, s.
 WARM_UP = 3.0
@@ -78,9 +78,17 @@ class TrackerUnderTest:
     def _follow(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
         session = TrackerSession(self.make)
         with self.recording_failures(probe.name):
-            for scan in self.approach(probe, sensor_set):
-                self.output_checks.add(session.step(scan), scan, probe.name)
+            scans = self.approach(probe, sensor_set)
+            for k, scan in enumerate(scans, start=1):
+                self.output_checks.add(session.step(scan), scan, probe.name, scans[:k])
             return session
+        return None
+
+    def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
+        """What a session would answer to a scan; None where there is no estimate, or the step fails."""
+        if session is not None:
+            with self.recording_failures(where):
+                return session.peek(scan)
         return None
 
     def approach(self, probe: Probe, sensor_set: tuple[str, ...]) -> list[Scan]:
@@ -97,10 +105,8 @@ class TrackerUnderTest:
         if session is None:
             return None
         scan = probe.scan(sensor, self.sensors[sensor], 0.0)
-        with self.recording_failures(probe.name):
-            prediction = session.peek(masked(scan))
-            return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
-        return None
+        prediction = self.peek(session, masked(scan), probe.name)
+        return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
 
     @cached_property
     def trials(self) -> dict[str, list[Trial]]:
@@ -119,7 +125,7 @@ class TrackerUnderTest:
         """Whether the tracker predicts no motion, and its position is that of the last measurement."""
         for trial in (trial for trials in self.trials.values() for trial in trials):
             scan, predicted = trial.scan, trial.prediction.mean
-            later = trial.session.peek(masked(scan._replace(time=scan.time + 1.0)))
+            later = self.peek(trial.session, masked(scan._replace(time=scan.time + 1.0)), trial.name)
             if later is None or not np.allclose(later.mean[:2], predicted[:2]):
                 return False
             offset = 5.0 * np.array([trial.state_sigma[0], -trial.state_sigma[1], 0.0, 0.0])

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from trackbench import linalg
-from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.doctor.session import FAR, StepFailed, TrackerSession, finite
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Estimate, Mask, Scan
 
@@ -37,7 +37,7 @@ class Trial:
     def usable(self) -> bool:
         """Whether the prediction is finite, not absurdly far off, and has positive variances."""
         p = self.prediction
-        return finite(p) and bool(np.abs(p.mean).max() < 1e4) and bool(np.diag(p.covariance).min() > 0.0)
+        return finite(p) and bool(np.abs(p.mean).max() < FAR) and bool(np.diag(p.covariance).min() > 0.0)
 
     @cached_property
     def sigma(self) -> Array:
@@ -84,10 +84,16 @@ class Trial:
         return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", product, product), 0.0) / 2) / self.sigma)
 
     def posterior(self, measurement: Array) -> Estimate | None:
-        """The estimate after a measurement; None where the tracker fails or its estimate is not finite."""
+        """The estimate after a measurement; None where the tracker fails or its estimate is not finite.
+
+        Raises:
+            StepFailed: its process ended.
+        """
         try:
             estimate = self.session.peek(self.scan._replace(measurement=np.asarray(measurement, dtype=float)))
-        except StepFailed:
+        except StepFailed as failure:
+            if failure.fault.kind == "died":
+                raise
             return None
         return estimate if estimate is not None and finite(estimate) else None
 

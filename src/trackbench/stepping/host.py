@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import faulthandler
 import os
 import resource
@@ -18,12 +17,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from trackbench.errors import InputError, InputErrors
+from trackbench.stepping.alone import Alone
 from trackbench.stepping.faults import fault_of
 from trackbench.stepping.steppers import local
 from trackbench.stepping.tracks import local_tracks
 from trackbench.stepping.wire import Arrays, receive_request, send_answer
-from trackbench.trackers.answers import shaped, unpack
-from trackbench.trackers.base import Tracker
 from trackbench.trackers.config import PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
@@ -39,19 +37,6 @@ class Stepped(Protocol):
     """A tracker with its state."""
 
     def step(self, scan: Scan) -> Estimate | Tracks | None: ...
-
-
-class Alone:
-    """A tracker as it is, with its state: its answers have the right shapes and are not checked further."""
-
-    def __init__(self, tracker: Tracker) -> None:
-        self.tracker = tracker
-        self._state: Any = None
-
-    def step(self, scan: Scan) -> Estimate | None:
-        """The estimate after a scan."""
-        self._state, answer = unpack(self.tracker.step(self._state, scan))
-        return shaped(answer, scan)
 
 
 class Host:
@@ -88,16 +73,18 @@ class Host:
 
     def fresh(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
         """A fresh tracker as it is."""
-        tracker = create(use, options, folder)()
-        if isinstance(tracker, FilterTracker):
-            _refuse_truth(tracker)
-        return {"number": self._keep(Alone(tracker))}, {}
+        alone = Alone(create(use, options, folder))
+        if isinstance(alone.tracker, FilterTracker):
+            _refuse_truth(alone.tracker)
+        return {"number": self._keep(alone)}, {}
 
     def about(self, number: int) -> tuple[dict[str, Any], Arrays]:
-        """What a fresh tracker can do."""
-        tracker = self._alone(number)
+        """What a tracker can do, and why it cannot be copied, where that has been tried."""
+        alone = self._alone(number)
+        tracker = alone.tracker
         methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        return {"batched": bool(getattr(tracker, "batched", False)), "methods": methods}, {}
+        batched = bool(getattr(tracker, "batched", False))
+        return {"batched": batched, "methods": methods, "not_copied": alone.not_copied}, {}
 
     def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
         """The estimate after a scan."""
@@ -110,16 +97,16 @@ class Host:
 
     def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
         """An independent copy of a tracker and its state."""
-        return {"number": self._keep(copy.deepcopy(self._stepped[number]))}, {}
+        return {"number": self._keep(self._alone(number).copy())}, {}
 
     def call(self, number: int, method: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], Arrays]:
         """What a method of a tracker returns, an array."""
-        return {}, {"returned": np.array(getattr(self._alone(number), method)(*arguments), dtype=float)}
+        return {}, {"returned": np.array(getattr(self._alone(number).tracker, method)(*arguments), dtype=float)}
 
-    def _alone(self, number: int) -> Tracker:
+    def _alone(self, number: int) -> Alone:
         stepped = self._stepped[number]
         assert isinstance(stepped, Alone)
-        return stepped.tracker
+        return stepped
 
     def _keep(self, stepped: Stepped) -> int:
         self._numbers += 1

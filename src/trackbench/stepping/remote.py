@@ -211,6 +211,12 @@ class RemoteTracker:
         """What stands for its state, and the estimate."""
         return KEPT_THERE, _step(self._process, self._number, scan)
 
+    @property
+    def not_copied(self) -> str | None:
+        """Why its process repeats it on the same scans instead of copying it; None while it has not."""
+        said = self._process.ask("about", number=self._number)[0].get("not_copied")
+        return None if said is None else str(said)
+
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
         number = self._process.start("copy", number=self._number)
         return RemoteTracker(self._process, number, self.batched, self._methods)

@@ -61,7 +61,7 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         for sensor in tracker.sensors if name == "measurement" else list(tracker.sensors)[:1]:
             scan = probe.scan(sensor, tracker.sensors[sensor], 0.0)
-            estimate = None if session is None else session.peek(masked(scan))
+            estimate = tracker.peek(session, masked(scan), probe.name)
             if estimate is None or estimate.state is None:
                 continue
             given: Any = scan if name == "measurement" else 0.1

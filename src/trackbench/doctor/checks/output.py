@@ -51,7 +51,7 @@ def output(tracker: TrackerUnderTest) -> PartResult:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         name = tracker.sensor_sets()[-1][0]
         scan = probe.scan(name, tracker.sensors[name], 0.0)
-        estimate = None if session is None else session.peek(masked(scan))
+        estimate = tracker.peek(session, masked(scan), probe.name)
         if estimate is not None and finite(estimate):
             pairs.append((estimate.mean, probe.truth(0.0)))
     if not pairs:

@@ -67,9 +67,9 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     session = tracker.session_at(probe, sensor_set)
     if session is None:
         return None
-    session = session.copy()
     name = sensor_set[0]
     with tracker.recording_failures(probe.name):
+        session = session.copy()
         scans = (masked(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
         estimates = [session.step(scan) for scan in scans]
         first, last = estimates[0], estimates[-1]

@@ -31,6 +31,8 @@ class FirstEstimate(NamedTuple):
     estimate: Estimate
     truth: Array
     """``(4,)`` at that time."""
+    given: list[Scan]
+    """The scans up to that time."""
 
 
 def _first_estimate(
@@ -45,7 +47,7 @@ def _first_estimate(
             scan = scan if random is None else with_noise(scan, random)
             estimate = session.step(scan)
             if estimate is not None:
-                return FirstEstimate(probe, scan, estimate, probe.truth(k / rate))
+                return FirstEstimate(probe, scan, estimate, probe.truth(k / rate), session.given)
     return None
 
 
@@ -93,7 +95,7 @@ def _polar(name: str, started: list[FirstEstimate]) -> list[Finding]:
     best = max(fixed, relative, key=len)
     if len(best) < 0.7 * len(started):
         return []
-    probe, scan, estimate, truth = best[0]
+    probe, scan, estimate, truth, _ = best[0]
     text = (
         f"a track that starts with range {scan.measurement[0]:.4g} m and azimuth {scan.measurement[1]:.4g} rad starts "
         f"at px {estimate.mean[0]:.4g}, py {estimate.mean[1]:.4g}; the target is at {truth[0]:.4g}, {truth[1]:.4g} "
@@ -119,7 +121,7 @@ def _reversed(name: str, started: list[FirstEstimate]) -> list[Finding]:
         return []
     if any(one.truth[2] < 0.0 and one not in wrong for one in known):
         return []
-    probe, _, estimate, truth = wrong[0]
+    probe, _, estimate, truth, _ = wrong[0]
     text = (
         f"the first velocity of a target with {truth[2]:.3g}, {truth[3]:.3g} m/s is {estimate.mean[2]:.3g}, "
         f"{estimate.mean[3]:.3g}: it is reversed for all {len(wrong)} targets that move toward -x, and for none of the "
@@ -147,7 +149,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
             first = _first_estimate(tracker, probe, name, random)
             if first is None:
                 continue
-            tracker.output_checks.add(first.estimate, first.scan, probe.name)
+            tracker.output_checks.add(first.estimate, first.scan, probe.name, first.given)
             if finite(first.estimate):
                 nees[name].append(_nees(first))
     known = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.doctor.covariance_origin import (
+    ROUNDING,
+    asymmetric,
+    indefinite,
+    indefinite_entries,
+    mirrored_entries,
+    named,
+)
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.output_checks import OutputChecks, WorstCase
+from trackbench.doctor.output_checks import WorstCase
 from trackbench.doctor.probes import Probe, with_noise
-from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 
-#: Asymmetry that rounding does not explain, relative to the variances.
-ASYMMETRY = 1e-6
 #: Scans within which a track starts.
 STARTED = 4
 #: Share of indefinite covariances below which they are probably the consequence of another fault.
@@ -37,23 +43,29 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     result.checks.append(CheckResult("finite", "Is every number of every estimate finite?", bad is None, text))
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
-        result.findings.append(Finding("nonfinite", 0.98, text, shown_by=bad.where))
-    result.checks += [_symmetric(checks, result.findings), _definite(checks, result.findings)]
+        # A track that has diverged may overflow for that alone.
+        confidence = 0.98 if _well_before(tracker, bad) else 0.85
+        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
+    result.checks += [_symmetric(tracker, result.findings), _definite(tracker, result.findings)]
     return result
 
 
-def _symmetric(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
-    question, worst = "Is every covariance symmetric?", checks.asymmetry
+def _symmetric(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    question, worst = "Is every covariance symmetric?", tracker.output_checks.asymmetry
     if worst is None:
         return CheckResult("symmetric", question, None, "there was no covariance")
     text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
-    if worst.size >= ASYMMETRY:
-        findings.append(Finding("covariance_asymmetric", 0.95, text, shown_by=worst.where))
-    return CheckResult("symmetric", question, worst.size < ASYMMETRY, text)
+    if worst.size >= ROUNDING:
+        found = asymmetric(tracker.make, worst.given())
+        fault = named("covariance_asymmetric", found)
+        said = text if found is None else f"{text}; it arises {found.words}: {mirrored_entries(found)}"
+        findings.append(Finding(fault, 0.95, said, shown_by=worst.where))
+    return CheckResult("symmetric", question, worst.size < ROUNDING, text)
 
 
-def _definite(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
-    question, worst = "Is every covariance positive definite?", checks.indefinite
+def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    question, checks = "Is every covariance positive definite?", tracker.output_checks
+    worst = checks.indefinite
     if worst is None:
         return CheckResult("definite", question, None, "there was no covariance")
     share = checks.indefinite_estimates / checks.estimates
@@ -62,8 +74,21 @@ def _definite(checks: OutputChecks, findings: list[Finding]) -> CheckResult:
         f"eigenvalue is {-worst.size:.2g}{_at(worst)}"
     )
     if share >= RARE:
-        findings.append(Finding("covariance_not_psd", 0.6 if share < SELDOM else 0.95, text, shown_by=worst.where))
+        found = indefinite(tracker.make, worst.given())
+        fault = named("covariance_not_psd", found)
+        said = text if found is None else f"{text}; it arises {found.words}: {indefinite_entries(found)}"
+        diverged = found is not None and found.before is not None and np.abs(np.diag(found.before)).max() > FAR**2
+        confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
+        findings.append(Finding(fault, confidence, said, shown_by=worst.where))
     return CheckResult("definite", question, share < RARE, text)
+
+
+def _well_before(tracker: TrackerUnderTest, bad: WorstCase) -> bool:
+    """Whether the estimate before the first one that is not finite is still plausible."""
+    session, before = TrackerSession(tracker.make), None
+    for scan in bad.given()[:-1]:
+        before = session.step(scan)
+    return before is None or plausible(before)
 
 
 def _at(worst: WorstCase) -> str:
@@ -79,7 +104,7 @@ def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> Non
                 break
         for name, sensor in tracker.sensors.items():
             scan = probe.scan(name, sensor, 0.1 * k)
-            tracker.output_checks.add(session.copy().step(scan), scan, probe.name)
+            tracker.output_checks.add(session.copy().step(scan), scan, probe.name, [*session.given, scan])
 
 
 def repeatability(tracker: TrackerUnderTest) -> PartResult:
@@ -97,11 +122,25 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))
         return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])
+    copied = _copied(session)
     gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
     if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
-        return PartResult([CheckResult("repeatable", question, True, "three fresh trackers agree to the last bit")])
-    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements"
+        text = f"three fresh trackers agree to the last bit{copied}"
+        return PartResult([CheckResult("repeatable", question, True, text)])
+    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements{copied}"
     return PartResult(
         [CheckResult("repeatable", question, False, text)],
         [Finding("not_deterministic", 0.99, text, shown_by=probe.name)],
     )
+
+
+def _copied(session: TrackerSession) -> str:
+    """What is to be said of its copies: nothing where ``copy.deepcopy`` makes them."""
+    try:
+        why = session.copy().not_copied
+    except StepFailed as failure:
+        return f"; {failure}: no measurement can be tried on it"
+    if why is None:
+        return ""
+    text = f"; copy.deepcopy cannot copy it ({why}), so that each measurement is tried on a fresh one that is given all"
+    return f"{text} scans before it again, which takes longer"

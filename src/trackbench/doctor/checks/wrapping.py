@@ -6,13 +6,20 @@ not where an angle at pi is not wrapped.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
+from trackbench.doctor.checks.expectation import ZERO
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
+from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
+from trackbench.doctor.turned import TURNS, turned_mounting
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 from trackbench.units import wrap_angle
 
@@ -24,8 +31,30 @@ LOST, CLEAR = 0.5, 0.6
 #: Difference of logarithms below which two variances count as equal.
 EQUAL = 0.2
 PARTS = (slice(0, 2), slice(2, 4))
+#: Error of a turned target's position from which on nothing is compared with it, m.
+NEAR = 1.0
+#: Difference of two covariances after an update that rounding does not explain, relative to the predicted variances.
+SPREAD = 1e-3
+#: Measurements tried beside the predicted one, standard deviations.
+SIDES = (-2.0, 2.0)
 #: Angle by which the target is turned, rad: no angle is near pi then.
 TURN = -1.9
+
+
+class Jump(NamedTuple):
+    """An update that is not turned with the target."""
+
+    size: float
+    """Of the difference, in standard deviations of the prediction."""
+    text: str
+    sensor: str
+    probe: Probe
+    measured: bool
+    """Whether only the measurement is on the other side of pi."""
+    without_innovation: bool
+    """Whether the update by the predicted measurement differs too."""
+    confirmed: bool
+    """Whether the update is right where the same target is seen by a sensor mounted at another yaw."""
 
 
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
@@ -42,40 +71,100 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             for probe in probes
             for name in sensors
             for sensor_set in tracker.sensor_sets()
-            for jump in _jumps(tracker, probe, name, sensor_set)
+            for jump in _jumps(tracker, probe, name, sensor_set, angle == "azimuth")
         ]
         if not jumps:
             result.checks.append(CheckResult(f"{angle}_wrapping", question, None, "there was no estimate to update"))
             continue
-        size, text, sensor = max(jumps, key=lambda jump: jump[0])
-        result.checks.append(CheckResult(f"{angle}_wrapping", question, size < FAR, text))
-        if size >= FAR:
-            confidence = 0.97 if size > 5 * FAR else 0.85
-            finding = Finding("azimuth_not_wrapped", confidence, text, sensor=sensor, shown_by=probes[0].name)
-            result.findings.append(finding)
+        worst = max(jumps, key=lambda jump: jump.size)
+        result.checks.append(CheckResult(f"{angle}_wrapping", question, worst.size < FAR, worst.text))
+        if worst.size >= FAR:
+            result.findings.append(_finding([jump for jump in jumps if jump.size >= FAR], worst))
     return result
 
 
+def _finding(jumps: Sequence[Jump], worst: Jump) -> Finding:
+    confidence = 0.97 if worst.confirmed and worst.size > 5 * FAR else 0.85
+    fault, text = "azimuth_not_wrapped", worst.text
+    if any(jump.without_innovation for jump in jumps) and not any(jump.measured for jump in jumps):
+        fault, confidence = "azimuth_mean_not_circular", 0.95
+        text += "; where the prediction's own azimuths are all on one side of pi, it does not; the update by the "
+        text += "predicted measurement differs too"
+    return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name)
+
+
 def _jumps(
-    tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]
-) -> list[tuple[float, str, str]]:
-    """Differences from the turned target's updates in standard deviations, each with its evidence and sensor."""
+    tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...], azimuth: bool
+) -> list[Jump]:
+    """The updates beside the target, each compared with that of the turned target."""
     here, turned = tracker.trial(probe, name, sensor_set), tracker.trial(probe.turned(TURN), name, sensor_set)
-    if here is None or turned is None or not (here.usable and turned.usable):
+    # Where the other update is wrong, the two differ for another reason.
+    if here is None or turned is None or not (here.usable and _right(turned, probe.turned(TURN))):
         return []
-    found = []
-    for side in (-2.0, 2.0):
-        change, other = _change(here, side), _change(turned, side)
-        if change is None or other is None:
-            continue
-        c, s = np.cos(-TURN), np.sin(-TURN)
-        back = np.kron(np.eye(2), np.array([[c, -s], [s, c]]))
-        apart = np.abs(change - back @ other) / here.state_sigma
-        usual = np.abs(back @ other) / here.state_sigma
-        size = float(np.max(apart))
-        lost = size > LOST * float(np.max(usual)) > LOST * CLEAR and _equally_certain(here, turned)
-        found.append((max(size, FAR) if lost else size, _text(here, side, size), name))
-    return found
+    c, s = np.cos(-TURN), np.sin(-TURN)
+    back = np.array([[c, -s], [s, c]])
+    found = [jump for side in SIDES if (jump := _jump(here, turned, back, side, probe)) is not None]
+    if not azimuth or all(jump.size < FAR for jump in found):
+        return found
+    mounted = _mounted(tracker, probe, name, sensor_set)
+    if mounted is None or not _right(mounted, probe):
+        return found
+    moved = _moved(here, mounted)
+    again = [_jump(here, mounted, np.eye(2), side, probe) for side in SIDES]
+    return [
+        jump._replace(measured=jump.measured and not moved, without_innovation=moved, confirmed=True)
+        for jump in again
+        if jump is not None
+    ]
+
+
+def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
+    """The same target, seen by sensors that are mounted at another yaw: away from pi."""
+    angle = TURNS[1]
+    session = TrackerSession(tracker.make)
+    try:
+        for scan in tracker.approach(probe, sensor_set):
+            session.step(turned_mounting(scan, angle))
+        scan = turned_mounting(probe.scan(name, tracker.sensors[name], 0.0), angle)
+        prediction = session.peek(masked(scan))
+    except StepFailed:
+        return None
+    return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
+
+
+def _right(trial: Trial, probe: Probe) -> bool:
+    """Whether the estimate is at the target, and the predicted azimuth has no innovation."""
+    if not trial.usable or np.hypot(*(trial.prediction.mean - probe.truth(0.0))[:2]) > NEAR:
+        return False
+    update = trial.update(trial.predicted_measurement)
+    angular = list(SENSOR_MODELS[trial.scan.kind].angular)
+    return update is not None and bool(np.all(np.nan_to_num(np.abs(update.innovation[angular])) < ZERO))
+
+
+def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) -> Jump | None:
+    """``back`` ``(2, 2)`` turns positions and velocities of the turned target back."""
+    change, other = _change(here, side), _change(turned, side)
+    if change is None or other is None:
+        return None
+    both = np.kron(np.eye(2), back)
+    apart = np.abs(change - both @ other) / here.state_sigma
+    usual = np.abs(both @ other) / here.state_sigma
+    size = float(np.max(apart))
+    lost = size > LOST * float(np.max(usual)) > LOST * CLEAR and _equally_certain(here, turned)
+    centre, beside = here.predicted_measurement, _beside(here, side)
+    angular = list(SENSOR_MODELS[here.scan.kind].angular)
+    measured = bool(np.any(np.abs(beside[angular] - centre[angular]) > np.pi))
+    text = _text(here, side, size)
+    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured, False, False)
+
+
+def _moved(here: Trial, mounted: Trial) -> bool:
+    """Whether the covariance after the predicted measurement depends on the yaw of the mounting."""
+    one, other = here.posterior(here.predicted_measurement), mounted.posterior(mounted.predicted_measurement)
+    if one is None or other is None:
+        return True
+    gap = (one.covariance - other.covariance) / np.outer(here.state_sigma, here.state_sigma)
+    return float(np.abs(gap).max()) > SPREAD
 
 
 def _equally_certain(one: Trial, other: Trial) -> bool:

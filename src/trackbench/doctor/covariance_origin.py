@@ -1,0 +1,134 @@
+"""Where a covariance becomes asymmetric or indefinite: at the start, in a prediction or in an update."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from trackbench.doctor.output_checks import asymmetry, least_eigenvalue, scaled
+from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.stepping.steppers import masked
+from trackbench.trackers.base import Tracker
+from trackbench.types import Array, Estimate, Scan
+
+COMPONENTS = ("px", "py", "vx", "vy")
+#: Asymmetry, and negative eigenvalue, that rounding does not explain, of a covariance scaled to unit variances.
+ROUNDING = 1e-6
+
+Make = Callable[[], Tracker]
+Measure = Callable[[Array], float]
+Blame = Callable[[Array, Array, Array | None], bool]
+"""Of the covariances before a step, predicted and after it: whether the prediction is to blame."""
+
+
+class Origin(NamedTuple):
+    """The first step of a track that makes its covariance wrong."""
+
+    step: Literal["start", "prediction", "update"]
+    scan: Scan
+    before: Array | None
+    """``(4, 4)`` the covariance before that step: the estimate's, or the one predicted to the update."""
+    after: Array
+    """``(4, 4)`` the first wrong one."""
+
+    @property
+    def words(self) -> str:
+        """The step and its time."""
+        if self.step == "start":
+            return f"in the first estimate, at {self.scan.time:.4g} s"
+        of = f" with {self.scan.sensor}" if self.step == "update" else ""
+        return f"in the {self.step}{of} at {self.scan.time:.4g} s"
+
+
+def asymmetric(make: Make, scans: Sequence[Scan]) -> Origin | None:
+    """The step after which the covariance is first not symmetric."""
+
+    def adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
+        """Whether the prediction adds more to the asymmetry than the update does."""
+        first, then = (_asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
+        return then > ROUNDING and (after is None or then - first >= _asymmetry(scaled(after, like=predicted)) - then)
+
+    return _origin(make, scans, _asymmetry, adds_more)
+
+
+def indefinite(make: Make, scans: Sequence[Scan]) -> Origin | None:
+    """The step after which the covariance is first not positive definite."""
+
+    def is_wrong(_before: Array, predicted: Array, _after: Array | None) -> bool:
+        """An update is right only of a positive definite covariance."""
+        return _indefiniteness(scaled(predicted)) > ROUNDING
+
+    return _origin(make, scans, _indefiniteness, is_wrong)
+
+
+def _asymmetry(relative: Array) -> float:
+    return float(asymmetry(relative))
+
+
+def _indefiniteness(relative: Array) -> float:
+    return -float(least_eigenvalue(relative))
+
+
+def named(fault: str, of: Origin | None) -> str:
+    """The fault of an update, or the same of a prediction where it arises there."""
+    return f"predicted_{fault}" if of is not None and of.step == "prediction" else fault
+
+
+def mirrored_entries(of: Origin) -> str:
+    """The two mirrored entries that differ most, and what they were before."""
+    relative = scaled(of.after)
+    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative - relative.T)))), (4, 4))
+    row, column = COMPONENTS[i], COMPONENTS[j]
+    text = f"row {row}, column {column} is {of.after[i, j]:.6g} and row {column}, column {row} {of.after[j, i]:.6g}"
+    return text if of.before is None else f"{text} ({of.before[i, j]:.6g} and {of.before[j, i]:.6g} before it)"
+
+
+def indefinite_entries(of: Origin) -> str:
+    """The negative variance or the correlation beyond one, if there is one, and the smallest eigenvalues."""
+    variances = np.diag(of.after)
+    relative = scaled(of.after)
+    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative), 1))), (4, 4))
+    text = f"the smallest eigenvalue, scaled to unit variances, is {least_eigenvalue(relative):.3g}"
+    if of.before is not None:
+        text += f" ({least_eigenvalue(scaled(of.before)):.3g} before it)"
+    if variances.min() < 0.0:
+        worst = int(np.argmin(variances))
+        return f"{text}; the variance of {COMPONENTS[worst]} is {variances[worst]:.3g}"
+    if abs(relative[i, j]) > 1.0:
+        return f"{text}; the correlation of {COMPONENTS[i]} and {COMPONENTS[j]} is {relative[i, j]:.4g}"
+    return text
+
+
+def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> Origin | None:
+    """Give scans to a fresh tracker until a covariance is wrong or the step fails; then predict alone to that scan."""
+    session, before = TrackerSession(make), None
+    for k, scan in enumerate(scans):
+        after, failed = _covariance(session.step, scan)
+        if not failed and (after is None or size(scaled(after)) <= ROUNDING):
+            before = after
+            continue
+        if before is None:
+            return None if after is None else Origin("start", scan, None, after)
+        predicted = _covariance(_followed(make, scans[:k]).peek, masked(scan))[0] if scan.valid else after
+        if predicted is not None and in_prediction(before, predicted, after):
+            return Origin("prediction", scan, before, predicted)
+        return None if after is None else Origin("update", scan, predicted, after)
+    return None
+
+
+def _followed(make: Make, scans: Sequence[Scan]) -> TrackerSession:
+    session = TrackerSession(make)
+    for scan in scans:
+        session.step(scan)
+    return session
+
+
+def _covariance(step: Callable[[Scan], Estimate | None], scan: Scan) -> tuple[Array | None, bool]:
+    """The covariance, if there is a finite one, and whether the step failed."""
+    try:
+        estimate = step(scan)
+    except StepFailed:
+        return None, True
+    return (estimate.covariance if estimate is not None and finite(estimate) else None), False

@@ -1,0 +1,181 @@
+"""What is known of a failed step: the scans before it are given again, to fresh trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.doctor.turned import TURNS, rotation, turned_mounting, turned_scene
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.stepping.steppers import masked
+from trackbench.trackers.base import Tracker
+from trackbench.types import Array, Estimate, Scan
+
+Make = Callable[[], Tracker]
+
+#: Difference of two estimates that rounding does not explain, in standard deviations.
+APART = 1e-3
+#: How far an estimate that follows its target may be from the last measured position, beside six of its standard
+#: deviations, m.
+NEAR = 1.0
+
+
+class Circumstances(NamedTuple):
+    """What goes before a failed step."""
+
+    before: Estimate | None
+    """After the scan before."""
+    predicted: Estimate | None
+    """Predicted to the time of the scan, as for a missed measurement."""
+    missed_fails: bool
+    """Whether a missed measurement at that time fails as well."""
+
+
+def circumstances(make: Make, failure: StepFailed) -> Circumstances:
+    """Give the scans before the failed step to a fresh tracker, and then a missed measurement.
+
+    Raises:
+        StepFailed: the tracker fails at another scan this time.
+    """
+    session, before = TrackerSession(make), None
+    for scan in failure.given:
+        before = session.step(scan)
+    try:
+        return Circumstances(before, session.step(masked(failure.scan)), False)
+    except StepFailed:
+        return Circumstances(before, None, True)
+
+
+class JumpingAngle(NamedTuple):
+    """An angle that jumps at pi, and thereby breaks a tracker."""
+
+    fault: str
+    evidence: str
+    sensor: str | None
+
+
+def jumping_angle(make: Make, failure: StepFailed) -> JumpingAngle | None:
+    """Whether the failure comes of where an angle jumps: then the same scene, turned, does not break the tracker.
+
+    A sensor mounted at another yaw measures other azimuths of the same target; a scene turned about the origin has
+    other courses, and the same azimuths. The estimates are the same, turned, up to the scan at which the angle jumps.
+    """
+    scans = [*failure.given, failure.scan]
+    for angle in TURNS:
+        other = [turned_mounting(scan, angle) for scan in scans]
+        if _passes(make, other):
+            k = _parting(make, scans, other, np.eye(2))
+            return _azimuth(make, scans, other, k, angle)
+    for angle in TURNS:
+        other = [turned_scene(scan, angle) for scan in scans]
+        if _passes(make, other):
+            k = _parting(make, scans, other, rotation(-angle))
+            return _course(make, scans, k, angle)
+    return None
+
+
+def _azimuth(make: Make, scans: Sequence[Scan], other: Sequence[Scan], k: int, angle: float) -> JumpingAngle | None:
+    """Whether it is the mean of sigma points or the innovation: the former acts without an innovation too."""
+    scan, predicted = scans[k], _prediction(make, scans[:k], scans[k])
+    if predicted is None or not scan.valid or not SENSOR_MODELS[scan.kind].angular:
+        return None
+    measurement = SENSOR_MODELS[scan.kind].measure(predicted.mean, scan.sensor_pose, scan.sensor_velocity)
+    if not any(_near_pi(measurement[i]) for i in SENSOR_MODELS[scan.kind].angular):
+        return None
+    text = (
+        f"from a sensor mounted at another yaw ({-angle:+g} rad) the same target does not break it: the azimuth jumps "
+        f"at pi, first at {scan.time:.4g} s, where {measured(scan)}"
+    )
+    expected = scan._replace(measurement=measurement)
+    with_jump = _after(make, scans[:k], expected)
+    if _same(with_jump, _after(make, other[:k], turned_mounting(expected, angle)), np.eye(2)):
+        return JumpingAngle("azimuth_not_wrapped", text, scan.sensor)
+    text += "; the update by its own predicted measurement, without an innovation, is wrong too"
+    return JumpingAngle("azimuth_mean_not_circular", text, scan.sensor)
+
+
+def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingAngle | None:
+    predicted = _prediction(make, scans[:k], scans[k])
+    if predicted is None or not _near_pi(float(np.arctan2(predicted.mean[3], predicted.mean[2]))):
+        return None
+    text = (
+        f"turned about the origin by {angle:g} rad the same scans do not break it: the course jumps at pi, first at "
+        f"{scans[k].time:.4g} s"
+    )
+    return JumpingAngle("azimuth_not_wrapped", text, None)
+
+
+def _near_pi(angle: float) -> bool:
+    return np.pi - abs(angle) < max(TURNS)
+
+
+def _parting(make: Make, scans: Sequence[Scan], other: Sequence[Scan], back: Array) -> int:
+    """Number of the first scan after which the estimates differ; the last one fails in one of them.
+
+    ``back`` ``(2, 2)`` turns the other estimate's position and velocity back.
+    """
+    one, two = TrackerSession(make), TrackerSession(make)
+    for k in range(len(scans) - 1):
+        if not _same(one.step(scans[k]), two.step(other[k]), back):
+            return k
+    return len(scans) - 1
+
+
+def _same(one: Estimate | None, other: Estimate | None, back: Array) -> bool:
+    if one is None or other is None:
+        return one is other
+    turn = np.kron(np.eye(2), back)
+    covariance = turn @ other.covariance @ turn.T
+    sigma = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    apart = np.abs(one.mean - turn @ other.mean) / sigma
+    spread = np.abs(one.covariance - covariance) / np.outer(sigma, sigma)
+    return bool(apart.max() < APART and spread.max() < APART)
+
+
+def _prediction(make: Make, given: Sequence[Scan], scan: Scan) -> Estimate | None:
+    estimate = _after(make, given, masked(scan))
+    return estimate if estimate is not None and finite(estimate) else None
+
+
+def _after(make: Make, given: Sequence[Scan], scan: Scan) -> Estimate | None:
+    """The estimate after a scan, and None where a step fails."""
+    session = TrackerSession(make)
+    try:
+        for earlier in given:
+            session.step(earlier)
+        return session.step(scan)
+    except StepFailed:
+        return None
+
+
+def _passes(make: Make, scans: Sequence[Scan]) -> bool:
+    """Whether no step fails, and the estimate after the last measurement is at it."""
+    session, last = TrackerSession(make), None
+    try:
+        for scan in scans:
+            estimate = session.step(scan)
+            last = (scan, estimate) if scan.valid else last
+    except StepFailed:
+        return False
+    return last is not None and _at_target(*last)
+
+
+def _at_target(scan: Scan, estimate: Estimate | None) -> bool:
+    if estimate is None or not finite(estimate):
+        return False
+    position = SENSOR_MODELS[scan.kind].position(scan)
+    return bool(np.hypot(*(estimate.mean[:2] - position.mean)) < NEAR + 6.0 * np.sqrt(np.trace(position.covariance)))
+
+
+def measured(scan: Scan) -> str:
+    """The measurement in words."""
+    return f"{scan.sensor} measures {', '.join(_components(scan))}" if scan.valid else f"{scan.sensor} measures nothing"
+
+
+def _components(scan: Scan) -> Iterator[str]:
+    model = SENSOR_MODELS[scan.kind]
+    for i, name in enumerate(model.components):
+        yield f"{name.replace('_', ' ')} {scan.measurement[i]:.4g}"
