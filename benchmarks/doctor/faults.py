@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from . import builtin, wrapper_faults
 from . import method_faults as methods
+from . import step_faults
 from .correct import CORRECT, ONE_SENSOR
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Mutant, Subject
@@ -53,6 +54,8 @@ def _mutants() -> Iterator[Mutant]:
             yield from part(subject)
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
         yield from methods.corrections(subject)
+    for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF, FILTERPY_EKF, FILTERPY_UKF):
+        yield from step_faults.steps(subject)
 
 
 MUTANTS: list[Mutant] = list(_mutants())

@@ -8,10 +8,17 @@ from dataclasses import replace
 from trackbench.doctor.findings import Finding, faults_of
 
 #: Wrong sizes. Wrong models of other kinds look like these too.
-SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias")
+SIZES = (
+    *("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias"),
+    *("scale_error", "time_offset", "q_constant_per_step", "process_noise_twice"),
+)
 #: Consequences of a covariance that is not positive definite.
 NUMERICAL = ("covariance_not_psd", "nonfinite")
-_MODEL = ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL)
+#: What the estimates of drives show of any fault.
+DRIVEN = ("too_far_off", "covariance_unbelievable")
+#: What a wrong prediction of the mean or of the covariance can look like.
+STEPPED = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced", "course_not_wrapped")
+_MODEL = ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *STEPPED, *NUMERICAL)
 
 #: Confidence from which on a finding can be the cause of others.
 SURE = 0.8
@@ -26,7 +33,18 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "arctan_quadrant": _MODEL,
     "doppler_sign": _MODEL,
     "speed_for_range_rate": _MODEL,
-    "wrong_dt": ("jacobian_wrong", *SIZES, *NUMERICAL),
+    "integer_state_matrix": ("wrong_dt", "measurement_ignored", "azimuth_not_wrapped", *_MODEL),
+    "missed_scan_not_predicted": ("azimuth_not_wrapped", *_MODEL),
+    "wrong_dt": ("jacobian_wrong", *SIZES, *STEPPED, *NUMERICAL),
+    "q_constant_per_step": ("jacobian_wrong", "process_noise_twice", *SIZES),
+    "velocity_not_kept": ("wrong_dt", *_MODEL),
+    "course_not_wrapped": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *STEPPED, *NUMERICAL),
+    "covariance_not_reduced": ("wrong_dt", "jacobian_wrong", "azimuth_not_wrapped", "velocity_not_kept", *SIZES),
+    "time_offset": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *STEPPED, *NUMERICAL),
+    "second_measurement_dropped": ("measurement_ignored",),
+    "scale_error": ("jacobian_wrong", "overconfident_start", "covariance_not_psd"),
+    "process_noise_twice": ("q_too_large",),
+    "gate_never_reopens": (),
     "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "covariance_not_psd": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, "nonfinite"),
     "azimuth_not_wrapped": NUMERICAL,
@@ -38,6 +56,10 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "r_too_large": NUMERICAL,
     "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
+    "overconfident_start": (),
+    "late_processed_as_new": (),
+    "nonfinite": (),
+    "too_far_off": ("covariance_unbelievable",),
 }
 
 
@@ -62,7 +84,7 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
                 if root.consequence_of is None
                 and root.confidence >= SURE
                 and root.fault != finding.fault
-                and finding.fault in CONSEQUENCES.get(root.fault, ())
+                and finding.fault in (*CONSEQUENCES.get(root.fault, ()), *(DRIVEN if root.fault not in DRIVEN else ()))
             ),
             None,
         )

@@ -37,6 +37,8 @@ class TrackerSession:
         self._batched = bool(getattr(self._tracker, "batched", False))
         self._state: Any = None
         self._started = False
+        self.time: float | None = None
+        """Of the last scan, s."""
 
     def step(self, scan: Scan) -> Estimate | None:
         """The estimate after a scan; None before the track has started.
@@ -46,6 +48,7 @@ class TrackerSession:
         """
         estimate, self._state = self._step(self._tracker, self._state, scan)
         self._started = self._started or estimate is not None
+        self.time = scan.time
         return estimate
 
     def peek(self, scan: Scan) -> Estimate | None:

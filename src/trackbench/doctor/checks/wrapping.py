@@ -10,9 +10,11 @@ import numpy as np
 
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
+from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 from trackbench.units import wrap_angle
 
@@ -24,8 +26,14 @@ LOST, CLEAR = 0.5, 0.6
 #: Difference of logarithms below which two variances count as equal.
 EQUAL = 0.2
 PARTS = (slice(0, 2), slice(2, 4))
+#: Ratio of the standard deviations after a measurement and a prediction, of targets that were equally certain before.
+GROWN = 2.0
+#: s
+STEP = 0.05
+#: The drive on a circle passes the course pi; a probe's drive has the azimuth pi.
+SHOWN_BY = {"course_not_wrapped": "long_run"}
 #: Angle by which the target is turned, rad: no angle is near pi then.
-TURN = -1.9
+TURN = -1.2
 
 
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
@@ -51,7 +59,9 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         result.checks.append(CheckResult(f"{angle}_wrapping", question, size < FAR, text))
         if size >= FAR:
             confidence = 0.97 if size > 5 * FAR else 0.85
-            finding = Finding("azimuth_not_wrapped", confidence, text, sensor=sensor, shown_by=probes[0].name)
+            fault = "azimuth_not_wrapped" if angle == "azimuth" else "course_not_wrapped"
+            of = sensor if angle == "azimuth" else None
+            finding = Finding(fault, confidence, text, sensor=of, shown_by=SHOWN_BY.get(fault, probes[0].name))
             result.findings.append(finding)
     return result
 
@@ -64,6 +74,10 @@ def _jumps(
     if here is None or turned is None or not (here.usable and turned.usable):
         return []
     found = []
+    for side in (-2.0, 2.0) if _equally_certain(here, turned) else ():
+        grown, other = _grown(here, side), _grown(turned, side)
+        if grown is not None and other is not None and not 1 / GROWN < grown / other < GROWN:
+            found.append((5 * FAR * grown / other, _text_grown(here, side, grown, other), name))
     for side in (-2.0, 2.0):
         change, other = _change(here, side), _change(turned, side)
         if change is None or other is None:
@@ -76,6 +90,25 @@ def _jumps(
         lost = size > LOST * float(np.max(usual)) > LOST * CLEAR and _equally_certain(here, turned)
         found.append((max(size, FAR) if lost else size, _text(here, side, size), name))
     return found
+
+
+def _grown(trial: Trial, side: float) -> float | None:
+    """The standard deviation of the velocity after a measurement beside the predicted one and a prediction, m/s."""
+    session, time = trial.session.copy(), trial.scan.time
+    session.step(trial.scan._replace(measurement=_beside(trial, side)))
+    session.step(masked(trial.scan._replace(time=time + STEP)))
+    estimate = session.peek(masked(trial.scan._replace(time=time + 2 * STEP)))
+    if estimate is None or not finite(estimate):
+        return None
+    return float(np.sqrt(max(1e-12, np.trace(estimate.covariance[2:, 2:]))))
+
+
+def _text_grown(trial: Trial, side: float, grown: float, other: float) -> str:
+    course = np.arctan2(trial.prediction.mean[3], trial.prediction.mean[2])
+    return (
+        f"course {course:+.4f} rad: {2 * STEP:g} s after a measurement {abs(side):g} sigma to the side the velocity has a "
+        f"standard deviation of {grown:.3g} m/s; of the same target turned away it has {other:.3g} m/s"
+    )
 
 
 def _equally_certain(one: Trial, other: Trial) -> bool:
