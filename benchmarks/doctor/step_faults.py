@@ -44,20 +44,28 @@ class VelocityShrinksInUpdate:
         return _slower(x, 0.98), P
 
 
-class BareCourse:
-    """The course is wrapped, and the deviations of the points from their mean are not."""
-
-    def state_spread(self, points: Array, centre: Array) -> Array:
-        return points - centre
-
-
-class MeanOfCourses(BareCourse):
-    """Besides, each point's course is wrapped before the mean is formed."""
+class CourseOfPoints:
+    """The course of each point is wrapped."""
 
     def transition(self, x: Array, dt: float) -> Array:
         x = super().transition(x, dt)
         x[3] = wrap(x[3])
         return x
+
+
+class MeanOfCourses(CourseOfPoints):
+    """The mean of the points' courses is that of the numbers, and their deviations are those of the numbers."""
+
+    def state_spread(self, points: Array, centre: Array) -> Array:
+        return points - centre
+
+
+class BareCourse(CourseOfPoints):
+    """The mean of the courses is right, and the deviations from it are those of the numbers."""
+
+    def state_spread(self, points: Array, centre: Array) -> Array:
+        of_mean = not np.array_equal(points[0], centre)
+        return points - centre if of_mean else super().state_spread(points, centre)
 
 
 class FixedGate:

@@ -17,7 +17,7 @@ from trackbench.stepping.steppers import masked
 
 #: Change of the covariance that is none but rounding, relative to its variances.
 SAME = 1e-6
-#: A gain that has to reduce the covariance, in standard deviations of the prediction per one of the measurement.
+#: Share of the state that a measurement replaces, the trace of ``K H``, from which on it has to reduce the covariance.
 CLEAR_GAIN = 0.02
 #: Time over which the covariance of a filter grows without a measurement, s.
 GROWN = 0.5
@@ -52,9 +52,11 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
 
 def _clear(trial: Trial) -> TrialUpdate | None:
     update = trial.update(trial.predicted_measurement)
-    if update is None or not float(np.abs(update.relative_gain).max()) > CLEAR_GAIN:
-        return None
-    return update
+    return update if update is not None and _replaced(update) > CLEAR_GAIN else None
+
+
+def _replaced(update: TrialUpdate) -> float:
+    return float(np.trace(update.gain @ update.trial.jacobian))
 
 
 def _grows(trial: Trial) -> bool:
@@ -68,7 +70,7 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     kept = [update for update in updates if _change(update) < SAME]
     if len(kept) < 0.8 * len(updates):
         return None
-    clearest = max(kept, key=lambda update: float(np.abs(update.relative_gain).max()))
+    clearest = max(kept, key=_replaced)
     text = (
         f"a measurement of {name} moves the estimate of {clearest.trial.description}, and its covariance stays as it was "
         f"predicted: the position has {_predicted_sigma(clearest):.3g} m before and {_position_sigma(clearest):.3g} m "

@@ -189,7 +189,8 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
 
 def _known(estimate: Estimate) -> bool:
     """Whether the direction of motion is known well enough for a turning model to be nearly linear."""
-    return float(np.sqrt(np.abs(np.trace(estimate.covariance[2:, 2:])))) < KNOWN * float(np.hypot(*estimate.mean[2:]))
+    sigma = float(np.sqrt(np.abs(np.trace(estimate.covariance[2:, 2:]))))
+    return 0.0 < sigma < KNOWN * float(np.hypot(*estimate.mean[2:]))
 
 
 def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:

@@ -66,7 +66,9 @@ def _predicted(tracker: TrackerUnderTest, step: float) -> list[float]:
         if session is None:
             continue
         with tracker.recording_failures(probe.name):
-            now, then = (session.peek(masked(probe.scan(name, tracker.sensors[name], time))) for time in (0.0, step))
+            before = session.copy()
+            now = before.step(masked(probe.scan(name, tracker.sensors[name], 0.0)))
+            then = before.peek(masked(probe.scan(name, tracker.sensors[name], step)))
             if now is not None and then is not None:
                 found += _ratio(now, then)
     return found

@@ -10,11 +10,9 @@ import numpy as np
 
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
-from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 from trackbench.units import wrap_angle
 
@@ -26,10 +24,9 @@ LOST, CLEAR = 0.5, 0.6
 #: Difference of logarithms below which two variances count as equal.
 EQUAL = 0.2
 PARTS = (slice(0, 2), slice(2, 4))
-#: Ratio of the standard deviations after a measurement and a prediction, of targets that were equally certain before.
-GROWN = 2.0
-#: s
-STEP = 0.05
+#: Error of the velocity after 3 s without noise, as a share of the speed, of a target that is as good as lost, and the
+#: least ratio to that of the turned target.
+ASTRAY, WORSE = 0.05, 5.0
 #: The drive on a circle passes the course pi; a probe's drive has the azimuth pi.
 SHOWN_BY = {"course_not_wrapped": "long_run"}
 #: Angle by which the target is turned, rad: no angle is near pi then.
@@ -52,6 +49,8 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             for sensor_set in tracker.sensor_sets()
             for jump in _jumps(tracker, probe, name, sensor_set)
         ]
+        if angle == "course":
+            jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
         if not jumps:
             result.checks.append(CheckResult(f"{angle}_wrapping", question, None, "there was no estimate to update"))
             continue
@@ -74,10 +73,6 @@ def _jumps(
     if here is None or turned is None or not (here.usable and turned.usable):
         return []
     found = []
-    for side in (-2.0, 2.0) if _equally_certain(here, turned) else ():
-        grown, other = _grown(here, side), _grown(turned, side)
-        if grown is not None and other is not None and not 1 / GROWN < grown / other < GROWN:
-            found.append((5 * FAR * grown / other, _text_grown(here, side, grown, other), name))
     for side in (-2.0, 2.0):
         change, other = _change(here, side), _change(turned, side)
         if change is None or other is None:
@@ -92,23 +87,25 @@ def _jumps(
     return found
 
 
-def _grown(trial: Trial, side: float) -> float | None:
-    """The standard deviation of the velocity after a measurement beside the predicted one and a prediction, m/s."""
-    session, time = trial.session.copy(), trial.scan.time
-    session.step(trial.scan._replace(measurement=_beside(trial, side)))
-    session.step(masked(trial.scan._replace(time=time + STEP)))
-    estimate = session.peek(masked(trial.scan._replace(time=time + 2 * STEP)))
-    if estimate is None or not finite(estimate):
+def _astray(
+    tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
+) -> tuple[float, str, str] | None:
+    """A target that was followed without noise and has another velocity then, where the turned target has its own."""
+    turned = probe.turned(TURN)
+    here, other = (tracker.trial(one, sensor_set[0], sensor_set) for one in (probe, turned))
+    if here is None or other is None:
         return None
-    return float(np.sqrt(max(1e-12, np.trace(estimate.covariance[2:, 2:]))))
-
-
-def _text_grown(trial: Trial, side: float, grown: float, other: float) -> str:
-    course = np.arctan2(trial.prediction.mean[3], trial.prediction.mean[2])
-    return (
-        f"course {course:+.4f} rad: {2 * STEP:g} s after a measurement {abs(side):g} sigma to the side the velocity has a "
-        f"standard deviation of {grown:.3g} m/s; of the same target turned away it has {other:.3g} m/s"
+    true, speed = probe.truth(0.0)[2:], float(np.hypot(*probe.target[2:]))
+    error = float(np.nan_to_num(np.hypot(*(here.prediction.mean[2:] - true)), nan=speed))
+    usual = float(np.nan_to_num(np.hypot(*(other.prediction.mean - turned.truth(0.0))[2:]), nan=speed))
+    if error < max(ASTRAY * speed, WORSE * usual):
+        return None
+    vx, vy = here.prediction.mean[2:]
+    text = (
+        f"after 3 s of measurements without noise {probe.description} has the velocity {vx:.3g}, {vy:.3g} m/s, where "
+        f"{true[0]:.3g}, {true[1]:.3g} is right; that of the same target turned away is right to {usual:.2g} m/s"
     )
+    return 6 * FAR * error / (ASTRAY * speed), text, sensor_set[0]
 
 
 def _equally_certain(one: Trial, other: Trial) -> bool:
