@@ -80,8 +80,10 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
 
 
 def _change(update: TrialUpdate) -> float:
-    spread = update.trial.state_sigma
-    return float(np.abs((update.estimate.covariance - update.trial.prediction.covariance) / np.outer(spread, spread)).max())
+    """Of the position's covariance; that of the velocity depends on the mean where the state has a course."""
+    spread = update.trial.state_sigma[:2]
+    change = (update.estimate.covariance - update.trial.prediction.covariance)[:2, :2]
+    return float(np.abs(change / np.outer(spread, spread)).max())
 
 
 def _noise_again(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench import linalg
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, probe_rate
 from trackbench.doctor.session import TrackerSession, finite
@@ -189,8 +190,8 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
 
 def _known(estimate: Estimate) -> bool:
     """Whether the direction of motion is known well enough for a turning model to be nearly linear."""
-    sigma = float(np.sqrt(np.abs(np.trace(estimate.covariance[2:, 2:]))))
-    return 0.0 < sigma < KNOWN * float(np.hypot(*estimate.mean[2:]))
+    variances = np.abs(np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance[2:, 2:])))
+    return 0.0 < variances.min() and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))
 
 
 def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:

@@ -25,6 +25,8 @@ STEP = 0.05
 STEPS, CONSTANT = (0.002, 0.2), 0.3
 #: Growth of the variance of the velocity over the long step that is one, relative to it.
 LEAST_GROWTH = 1e-6
+#: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory.
+ONLY = 0.2
 
 
 def process_noise(tracker: TrackerUnderTest) -> PartResult:
@@ -78,10 +80,10 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
             if now is None or short is None or long is None or not all(map(finite, (now, short, long))):
                 continue
             variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
-            if variances[2] - variances[0] > LEAST_GROWTH * variances[0]:
+            if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short):
                 pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
     if not pairs:
-        return PartResult([CheckResult("noise_per_step", question, None, "the variance of the velocity does not grow")])
+        return PartResult([CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")])
     share = float(np.median([short / long for short, long in pairs]))
     text = (
         f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over {STEPS[1]:g} s "
@@ -91,6 +93,13 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
     if share >= CONSTANT:
         result.findings.append(Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps"))
     return result
+
+
+def _faded(before: Estimate, after: Estimate) -> bool:
+    """Whether the covariance has only been multiplied, as at each step of a filter with a fading memory."""
+    p, grown = before.covariance, after.covariance - before.covariance
+    share = float(np.trace(grown) / np.trace(p))
+    return float(np.linalg.norm(grown - share * p)) < ONLY * float(np.linalg.norm(grown))
 
 
 def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[float]:
