@@ -39,7 +39,7 @@ PARTS: dict[Part, list[str]] = {
 FAULTY = [(part, name) for part, names in PARTS.items() for name in names]
 
 
-def tested(make: Callable[[], Any]) -> TrackerUnderTest:
+def examined(make: Callable[[], Any]) -> TrackerUnderTest:
     return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
 
 
@@ -50,13 +50,13 @@ def mutant(name: str, subject: str = "plain_ekf"):
 
 @cache
 def sound(name: str) -> TrackerUnderTest:
-    return tested(CORRECT[name])
+    return examined(CORRECT[name])
 
 
 @pytest.mark.parametrize(("part", "name"), FAULTY, ids=lambda value: getattr(value, "__name__", value))
 def test_a_fault_of_a_step_is_named(part: Part, name: str) -> None:
     injected = mutant(name)
-    found = part(tested(injected.make)).findings
+    found = part(examined(injected.make)).findings
     assert {one.fault for one in found} == {injected.fault}
     if injected.fault in ("covariance_not_reduced", "scale_error"):
         assert {one.sensor for one in found} <= {injected.sensor} if injected.sensor else set(SENSORS)
@@ -73,20 +73,20 @@ def test_a_sound_tracker_has_none(part: Part) -> None:
 @pytest.mark.parametrize("variant", ["spread", "mean"])
 def test_a_course_that_is_not_wrapped_is_named(variant: str) -> None:
     injected = mutant(f"course_not_wrapped/{variant}", "plain_ukf")
-    assert {one.fault for one in wrapping(tested(injected.make)).findings} == {"course_not_wrapped"}
+    assert {one.fault for one in wrapping(examined(injected.make)).findings} == {"course_not_wrapped"}
 
 
 def test_the_factor_of_a_scale_is_that_of_the_measurements() -> None:
-    (finding,) = expectation(tested(mutant("scale_error/range_1.02").make)).findings
+    (finding,) = expectation(examined(mutant("scale_error/range_1.02").make)).findings
     assert finding.factor == pytest.approx(1.02, abs=1e-3)
     assert "range times 1.02" in finding.evidence
 
 
 def test_a_delay_is_told_in_milliseconds() -> None:
     """Of 50 ms: asked by the clock that is off, the target is 50 ms further."""
-    (finding,) = instants(tested(mutant("time_offset/radar_0.05").make)).findings
+    (finding,) = instants(examined(mutant("time_offset/radar_0.05").make)).findings
     assert "+50 ms" in finding.evidence
-    (finding,) = expectation(tested(mutant("time_offset/predicted_later").make)).findings
+    (finding,) = expectation(examined(mutant("time_offset/predicted_later").make)).findings
     assert "50 ms after" in finding.evidence
 
 
@@ -101,7 +101,7 @@ def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -
             kept, answer = inner.step(None if state is None else state[1], scan)
             return (inner, kept), (answer[0], np.diag([0.04, 0.04, 1.0, 1.0]))
 
-    tracker = tested(Fixed)
+    tracker = examined(Fixed)
     assert covariance_update(tracker).findings == []
     assert integers(tracker).findings == []
 

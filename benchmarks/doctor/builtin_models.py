@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.filters import Belief, Measured, PredictedMeasurement, SingleModelFilter, Update
-from trackbench.models.motion import InitialSigmas, MotionModel
+from trackbench.models.motion import InitialSigmas
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar, SpeedRadar

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from . import builtin, wrapper_faults
+from . import builtin, step_faults, wrapper_faults
 from . import method_faults as methods
-from . import step_faults
 from .correct import CORRECT, ONE_SENSOR
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Mutant, Subject

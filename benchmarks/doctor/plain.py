@@ -48,10 +48,7 @@ class PlainTracker:
 
     def step(self, state: Track | None, scan: Any) -> tuple[Any, Belief | None]:
         track = Track(scan.time) if state is None else state
-        if track.mean is None:
-            track = self.begin(track, scan)
-        else:
-            track = self.advance(track, scan)
+        track = self.begin(track, scan) if track.mean is None else self.advance(track, scan)
         return track, None if track.mean is None else self.output(track.mean, track.covariance)
 
     def advance(self, track: Track, scan: Any) -> Track:

@@ -1,7 +1,7 @@
 """Does a measurement reduce the covariance that the tracker predicted?
 
-With the gain ``K`` and the Jacobian ``H`` the updated covariance is ``(I - K H) P`` of the predicted one (Bar-Shalom, Li
-and Kirubarajan 2001, section 5.2.3). So the covariance that the update started from follows from the other two.
+With the gain ``K`` and the Jacobian ``H`` the updated covariance is ``(I - K H) P`` of the predicted one (Bar-Shalom,
+Li and Kirubarajan 2001, section 5.2.3). So the covariance that the update started from follows from the other two.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
         finding = _kept(name, updates) or _noise_again(name, updates)
         ratios = [_position_sigma(update) / _predicted_sigma(update) for update in updates]
         text = (
-            f"the standard deviation of the position after a measurement is {min(ratios):.3g} to {max(ratios):.3g} of the "
-            f"one before ({len(updates)} trials)"
+            f"the standard deviation of the position after a measurement is {min(ratios):.3g} to {max(ratios):.3g} of "
+            f"the one before ({len(updates)} trials)"
         )
         result.checks.append(CheckResult(f"covariance_update.{name}", question, finding is None, text))
         if finding is not None:
@@ -72,8 +72,8 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
         return None
     clearest = max(kept, key=_replaced)
     text = (
-        f"a measurement of {name} moves the estimate of {clearest.trial.description}, and its covariance stays as it was "
-        f"predicted: the position has {_predicted_sigma(clearest):.3g} m before and {_position_sigma(clearest):.3g} m "
+        f"a measurement of {name} moves the estimate of {clearest.trial.description}, and its covariance stays as it "
+        f"was predicted: the position has {_predicted_sigma(clearest):.3g} m before and {_position_sigma(clearest):.3g} m "
         f"after ({len(kept)} of {len(updates)} trials)"
     )
     return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model")

@@ -110,8 +110,8 @@ def _text(one: Judged) -> str:
     own, other = one.rms
     theirs = {part: _mean(one.reference.nees[part][one.scored]) for part in PARTS}
     return (
-        f"position RMSE {own:.3g} m, reference {other:.3g} m; NEES of position {one.nees('position'):.3g} and of velocity "
-        f"{one.nees('velocity'):.3g} (expected: 2), reference {theirs['position']:.3g} and {theirs['velocity']:.3g}"
+        f"position RMSE {own:.3g} m, reference {other:.3g} m; NEES of position {one.nees('position'):.3g} and of "
+        f"velocity {one.nees('velocity'):.3g} (expected: 2), reference {theirs['position']:.3g} and {theirs['velocity']:.3g}"
     )
 
 
@@ -142,8 +142,8 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
     begin, within = _interval(worst, worst.errors.nees[part], worst.scored, largest=nees > 2.0)
     words = "smaller" if nees > 2.0 else "larger"
     text = (
-        f"in {worst.drive.name} ({worst.drive.config.description}) the NEES of the {part} is {nees:.3g} (2 expected), the "
-        f"reference's {_mean(worst.reference.nees[part][worst.scored]):.3g}: the stated standard deviations are "
+        f"in {worst.drive.name} ({worst.drive.config.description}) the NEES of the {part} is {nees:.3g} (2 expected), "
+        f"the reference's {_mean(worst.reference.nees[part][worst.scored]):.3g}: the stated standard deviations are "
         f"{np.sqrt(max(nees / 2, 2 / max(nees, 1e-12))):.3g} times {words} than the errors; most from {begin:.1f} to "
         f"{begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
         f"{_others(len({one.drive.name for one, _ in off}), len(judged))}"

@@ -59,9 +59,7 @@ def _same_instant(tracker: TrackerUnderTest) -> PartResult:
     return PartResult([CheckResult("same_instant", question, False, text)], [finding])
 
 
-def _counts(
-    tracker: TrackerUnderTest, probe: Probe, session: TrackerSession, first: str, second: str
-) -> bool | None:
+def _counts(tracker: TrackerUnderTest, probe: Probe, session: TrackerSession, first: str, second: str) -> bool | None:
     """Whether the second of two measurements moves the estimate; None where it does not if it comes alone either."""
     before, scan = (probe.scan(name, tracker.sensors[name], 0.0) for name in (first, second))
     alone = _moves(session, scan)

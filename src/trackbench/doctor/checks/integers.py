@@ -41,7 +41,9 @@ def integers(tracker: TrackerUnderTest) -> PartResult:
         found = f"the positions of all {len(means)} estimates are whole numbers, such as {_numbers(means[-1][:2])} m"
     elif _whole([covariance[:2, :2] for covariance in covariances]) and not _constant(covariances):
         variances = _numbers(np.diag(covariances[-1])[:2])
-        found = f"the covariances of all {len(means)} estimates are whole numbers, such as {variances} m^2 of the position"
+        found = (
+            f"the covariances of all {len(means)} estimates are whole numbers, such as {variances} m^2 of the position"
+        )
     elif len(first) > 1 and _whole([mean[:2] for mean in first]):
         found = f"the first positions of all {len(first)} tracks are whole numbers, such as {_numbers(first[-1][:2])} m"
     text = found or f"the positions and covariances of {len(means)} estimates are not whole numbers"

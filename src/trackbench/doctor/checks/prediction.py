@@ -191,7 +191,7 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
 def _known(estimate: Estimate) -> bool:
     """Whether the direction of motion is known well enough for a turning model to be nearly linear."""
     variances = np.abs(np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance[2:, 2:])))
-    return 0.0 < variances.min() and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))
+    return variances.min() > 0.0 and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))
 
 
 def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:

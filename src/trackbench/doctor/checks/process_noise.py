@@ -83,11 +83,13 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
             if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short):
                 pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
     if not pairs:
-        return PartResult([CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")])
+        return PartResult(
+            [CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")]
+        )
     share = float(np.median([short / long for short, long in pairs]))
     text = (
-        f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over {STEPS[1]:g} s "
-        f"({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the step it were {STEPS[0] / STEPS[1]:g}"
+        f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over "
+        f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the step it were {STEPS[0] / STEPS[1]:g}"
     )
     result = PartResult([CheckResult("noise_per_step", question, share < CONSTANT, text)])
     if share >= CONSTANT:

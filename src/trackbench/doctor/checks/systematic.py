@@ -41,7 +41,9 @@ def systematic_error(sensor: str, trials: Sequence[Trial]) -> Finding | None:
         return None
     known, offsets = [trial for trial, _ in pairs], np.array([offset for _, offset in pairs])
     sigma = known[0].sigma
-    fits = [fit for fit in (_bias(offsets), _scale(known, offsets), _time(known, offsets)) if _good(fit, offsets, sigma)]
+    fits = [
+        fit for fit in (_bias(offsets), _scale(known, offsets), _time(known, offsets)) if _good(fit, offsets, sigma)
+    ]
     if not fits:
         return None
     best = min(fits, key=lambda fit: float(np.sum(_spread(fit, offsets, sigma) ** 2)))
@@ -64,7 +66,7 @@ def _scale(trials: Sequence[Trial], offsets: Array) -> Fit:
 def _time(trials: Sequence[Trial], offsets: Array) -> Fit:
     """By least squares of all components, each in its standard deviations."""
     rates = np.array([_rate(trial) for trial in trials])
-    weighted = rates / trials[0].sigma**2
+    weighted = rates / trials[0].sigma ** 2
     delay = float(np.sum(offsets * weighted) / max(np.sum(rates * weighted), 1e-12))
     return Fit("time_offset", delay * rates, np.full(offsets.shape[1], delay))
 
@@ -108,15 +110,17 @@ def _finding(sensor: str, trials: Sequence[Trial], fit: Fit, offsets: Array) -> 
         delay = float(fit.size[0])
         when = "after" if delay > 0.0 else "before"
         text = (
-            f"a measurement of {sensor} has no innovation where the target is {1e3 * abs(delay):.3g} ms {when} the time of "
-            f"the scan {around}"
+            f"a measurement of {sensor} has no innovation where the target is {1e3 * abs(delay):.2g} ms {when} the time "
+            f"of the scan {around}"
         )
         return Finding(fit.fault, 0.92, text, sensor=sensor)
     parts = ", ".join(
         f"{name} {fit.size[i]:+.3g} {'rad' if i in model.angular else 'm or m/s'}"
         for name, i in zip(names, off, strict=True)
     )
-    return Finding("sensor_bias", 0.9, f"the predicted measurement has a constant bias: {parts} {around}", sensor=sensor)
+    return Finding(
+        "sensor_bias", 0.9, f"the predicted measurement has a constant bias: {parts} {around}", sensor=sensor
+    )
 
 
 def _offset(trial: Trial) -> Array | None:

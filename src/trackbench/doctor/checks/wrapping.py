@@ -87,9 +87,7 @@ def _jumps(
     return found
 
 
-def _astray(
-    tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
-) -> tuple[float, str, str] | None:
+def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[float, str, str] | None:
     """A target that was followed without noise and has another velocity then, where the turned target has its own."""
     turned = probe.turned(TURN)
     here, other = (tracker.trial(one, sensor_set[0], sensor_set) for one in (probe, turned))
