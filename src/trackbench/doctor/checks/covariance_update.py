@@ -73,8 +73,8 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     clearest = max(kept, key=_replaced)
     text = (
         f"a measurement of {name} moves the estimate of {clearest.trial.description}, and its covariance stays as it "
-        f"was predicted: the position has {_predicted_sigma(clearest):.3g} m before and {_position_sigma(clearest):.3g} m "
-        f"after ({len(kept)} of {len(updates)} trials)"
+        f"was predicted: the position has {_predicted_sigma(clearest):.3g} m before and "
+        f"{_position_sigma(clearest):.3g} m after ({len(kept)} of {len(updates)} trials)"
     )
     return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model")
 

@@ -111,7 +111,8 @@ def _text(one: Judged) -> str:
     theirs = {part: _mean(one.reference.nees[part][one.scored]) for part in PARTS}
     return (
         f"position RMSE {own:.3g} m, reference {other:.3g} m; NEES of position {one.nees('position'):.3g} and of "
-        f"velocity {one.nees('velocity'):.3g} (expected: 2), reference {theirs['position']:.3g} and {theirs['velocity']:.3g}"
+        f"velocity {one.nees('velocity'):.3g} (expected: 2), reference {theirs['position']:.3g} and "
+        f"{theirs['velocity']:.3g}"
     )
 
 

@@ -89,7 +89,8 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
     share = float(np.median([short / long for short, long in pairs]))
     text = (
         f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over "
-        f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the step it were {STEPS[0] / STEPS[1]:g}"
+        f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the "
+        f"step it were {STEPS[0] / STEPS[1]:g}"
     )
     result = PartResult([CheckResult("noise_per_step", question, share < CONSTANT, text)])
     if share >= CONSTANT:

@@ -110,8 +110,8 @@ def _finding(sensor: str, trials: Sequence[Trial], fit: Fit, offsets: Array) -> 
         delay = float(fit.size[0])
         when = "after" if delay > 0.0 else "before"
         text = (
-            f"a measurement of {sensor} has no innovation where the target is {1e3 * abs(delay):.2g} ms {when} the time "
-            f"of the scan {around}"
+            f"a measurement of {sensor} has no innovation where the target is {1e3 * abs(delay):.2g} ms {when} the "
+            f"time of the scan {around}"
         )
         return Finding(fit.fault, 0.92, text, sensor=sensor)
     parts = ", ".join(
