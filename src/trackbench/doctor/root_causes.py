@@ -44,7 +44,6 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "second_measurement_dropped": ("measurement_ignored",),
     "scale_error": ("jacobian_wrong", "overconfident_start", "covariance_not_psd"),
     "process_noise_twice": ("q_too_large",),
-    "gate_never_reopens": (),
     "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "covariance_not_psd": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, "nonfinite"),
     "azimuth_not_wrapped": NUMERICAL,
@@ -56,9 +55,6 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "r_too_large": NUMERICAL,
     "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
-    "overconfident_start": (),
-    "late_processed_as_new": (),
-    "nonfinite": (),
     "too_far_off": ("covariance_unbelievable",),
 }
 
@@ -73,7 +69,11 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
     order = list(CONSEQUENCES)
     ordered = sorted(
         unique.values(),
-        key=lambda one: (one.confidence < SURE, order.index(one.fault) if one.fault in order else len(order)),
+        key=lambda one: (
+            one.confidence < SURE,
+            one.fault in DRIVEN,
+            order.index(one.fault) if one.fault in order else len(order),
+        ),
     )
     ranked: list[Finding] = []
     for finding in ordered:

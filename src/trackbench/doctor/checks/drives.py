@@ -27,7 +27,7 @@ NEAR = 0.6
 #: independent instants, of which chi-square allows 0.6 to 1.6 (99.9 %); the rest is for motion models that are not
 #: those of the target: constant turn rates at rest have 0.13, nearly constant accelerations on a straight path 8.
 NEES = (0.03, 15.0)
-#: Length of the interval in which an error is shown, s.
+#: Length of the interval of which an error is told, s.
 SHOWN = 1.0
 PARTS = {"position": slice(0, 2), "velocity": slice(2, 4)}
 
@@ -124,13 +124,14 @@ def _too_far_off(judged: list[Judged]) -> list[Finding]:
     worst = max(off, key=lambda one: one.far)
     own, other = worst.rms
     begin, within = _interval(worst, worst.errors.distance, worst.measured, largest=True)
+    run = int(np.argmax(within.any(axis=0)))
     text = (
         f"in {worst.drive.name} ({worst.drive.config.description}) the position is {own:.3g} m off (RMS of what is "
         f"judged), the reference's {other:.3g} m; most from {begin:.1f} to {begin + SHOWN:.1f} s: "
         f"{_rms(worst.errors.distance[within]):.3g} m against {_rms(worst.reference.distance[within]):.3g} m"
         f"{_others(len(off), len(judged))}"
     )
-    return [Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name)]
+    return [Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run)]
 
 
 def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
@@ -141,6 +142,7 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
     worst, part = max(off, key=lambda pair: pair[0].unbelievable(pair[1]))
     nees = worst.nees(part)
     begin, within = _interval(worst, worst.errors.nees[part], worst.scored, largest=nees > 2.0)
+    run = int(np.argmax(within.any(axis=0)))
     words = "smaller" if nees > 2.0 else "larger"
     text = (
         f"in {worst.drive.name} ({worst.drive.config.description}) the NEES of the {part} is {nees:.3g} (2 expected), "
@@ -149,7 +151,11 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
         f"{begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
         f"{_others(len({one.drive.name for one, _ in off}), len(judged))}"
     )
-    return [Finding("covariance_unbelievable", 0.85, text, factor=2.0 / max(nees, 1e-12), shown_by=worst.drive.name)]
+    return [
+        Finding(
+            "covariance_unbelievable", 0.85, text, factor=2.0 / max(nees, 1e-12), shown_by=worst.drive.name, run=run
+        )
+    ]
 
 
 def _others(number: int, of: int) -> str:
@@ -157,13 +163,19 @@ def _others(number: int, of: int) -> str:
 
 
 def _interval(one: Judged, values: Array, where: Mask, *, largest: bool) -> tuple[float, Mask]:
-    """The interval of a second with the largest or least values: where it begins, s, and its scans."""
+    """The second of a run with the largest or least values: where it begins, s, and its estimates ``(scans, runs)``."""
     time = one.drive.time
-    begins = np.arange(np.floor(time[where].min()), time[where].max() + 1e-9, SHOWN)
-    within = [where & (time >= begin) & (time < begin + SHOWN) for begin in begins]
-    means = np.array([_mean(values[scans]) for scans in within])
-    best = int(np.nanargmax(means) if largest else np.nanargmin(means))
-    return float(begins[best]), within[best]
+    best: tuple[float, float, Mask, int] | None = None
+    for begin in np.arange(np.floor(time[where].min()), time[where].max() + 1e-9, SHOWN):
+        scans = where & (time >= begin) & (time < begin + SHOWN)
+        for run in range(values.shape[1]):
+            mean = _mean(values[scans, run])
+            if np.isfinite(mean) and (best is None or (mean > best[0]) == largest):
+                best = (mean, float(begin), scans, run)
+    assert best is not None
+    within = np.zeros(values.shape, dtype=bool)
+    within[best[2], best[3]] = True
+    return best[1], within
 
 
 def _mean(values: Array) -> float:
