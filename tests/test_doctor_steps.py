@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from trackbench.doctor.probes import Probes
 from trackbench.doctor.root_causes import rank
 from trackbench.doctor.subject import SENSORS
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.trackers.builtin import ekf
 
 Part = Callable[[TrackerUnderTest], PartResult]
 PARTS: dict[Part, list[str]] = {
@@ -67,6 +68,27 @@ def test_a_sound_tracker_has_none(part: Part) -> None:
     found = part(sound("PlainEkf first_reading"))
     assert found.findings == []
     assert all(check.passed for check in found.checks)
+
+
+IMM = {
+    "imm": [{"model": "cv", "acceleration_sigma_mps2": 0.5}, {"model": "ca", "jerk_sigma_mps3": 19.0}],
+    "stay_s": [13.0, 10.0],
+}
+OTHERS: dict[str, Callable[[], Any]] = {
+    **{name: CORRECT[name] for name in ("alpha_beta", "FilterPyUkf first_reading")},
+    **{name: CORRECT[name] for name in ("ekf ctra usual, two_readings", "iekf ctrv usual, first_reading")},
+    **{name: CORRECT[name] for name in ("ukf ctrv classic, two_readings", "ckf ctrv calm, first_reading")},
+    **{name: CORRECT[name] for name in ("kf cv calm, first_reading", "ukf ctra lively, first_reading")},
+    "imm": partial(ekf, motion=IMM),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_motion_models_and_filters_have_none(name: str) -> None:
+    tracker = examined(OTHERS[name])
+    found = [one for part in (*PARTS, wrapping) for one in part(tracker).findings]
+    assert found == []
 
 
 @pytest.mark.slow
