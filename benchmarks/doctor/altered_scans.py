@@ -15,7 +15,7 @@ RANGE, AZIMUTH, RATE = range(3)
 X, Y, YAW = range(3)
 
 
-def component(kind: str, index: int, change: Callable[[Array], Array]) -> Alter:
+def component(kind: str, index: int | slice, change: Callable[[Array], Array]) -> Alter:
     """One component of one sensor's measurements, changed."""
 
     def alter(scan: Scan) -> Scan:
@@ -30,6 +30,15 @@ def component(kind: str, index: int, change: Callable[[Array], Array]) -> Alter:
 
 def offset(kind: str, index: int, bias: float) -> Alter:
     return component(kind, index, lambda value: value + bias)
+
+
+def scaled(kind: str, index: int | slice, factor: float) -> Alter:
+    return component(kind, index, lambda value: factor * value)
+
+
+def stamped(kind: str, seconds: float) -> Alter:
+    """One sensor's scans with a wrong time."""
+    return lambda scan: scan._replace(time=scan.time + seconds) if scan.kind == kind else scan
 
 
 def azimuth(change: Callable[[Array], Array]) -> Alter:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
 
-from trackbench.filters import Filter
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Sensor
 from trackbench.trackers import builtin
@@ -79,8 +78,7 @@ def _with_motion(tracker: FilterTracker, motion: Callable[..., MotionModel]) -> 
 
 
 def _with_correction(tracker: FilterTracker, change: Callable[..., Any]) -> FilterTracker:
-    altered: Filter = wrong.Corrected(tracker.filter, change)
-    return replace(tracker, filter=altered)
+    return replace(tracker, filter=wrong.Corrected(tracker.filter.motion, tracker.filter, change))
 
 
 def _certain(tracker: FilterTracker) -> FilterTracker:
@@ -98,9 +96,14 @@ def any_filter(subject: Subject) -> Iterator[Mutant]:
         ("covariance_asymmetric", "update", wrong.upper_triangle_off, None),
         ("measurement_ignored", "radar_mean_kept", wrong.mean_kept("radar"), "radar"),
         ("measurement_ignored", "lidar_mean_kept", wrong.mean_kept("lidar"), "lidar"),
+        ("covariance_not_reduced", "update", wrong.covariance_kept, None),
+        ("velocity_not_kept", "update", wrong.velocity_shrunk, None),
+        ("gate_never_reopens", "fixed", wrong.gated, None),
     ]
     for fault, variant, change, kind in corrections:
         yield subject.behind(fault, variant, _with_correction, change, sensor=kind)
+    noise = wrong.TurningNoiseOfFixedStep if subject.turning else wrong.VelocityNoiseOfFixedStep
+    yield subject.behind("q_constant_per_step", "0.1", _with_motion, noise)
     noise = wrong.TurningNoisePerSecond if subject.turning else wrong.VelocityNoisePerSecond
     yield subject.behind("nonfinite", "dt_in_noise", _with_motion, noise)
 
@@ -131,3 +134,4 @@ def turning(subject: Subject) -> Iterator[Mutant]:
     subtracting = wrong.subtracts_too_much
     yield subject.behind("covariance_not_psd", "subtracts_too_much", _with_correction, subtracting)
     yield subject.behind("nonfinite", "yaw_rate", _with_motion, wrong.TurnNotGuarded)
+    yield subject.behind("course_not_wrapped", "spread", _with_motion, wrong.CourseNotWrapped)

@@ -9,12 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import Belief, Filter, Measured, PredictedMeasurement, Update
-from trackbench.models.motion import InitialSigmas, MotionModel
+from trackbench.filters import Belief, Measured, PredictedMeasurement, SingleModelFilter, Update
+from trackbench.models.motion import InitialSigmas
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
-from trackbench.models.sensors import Lidar, Radar, SpeedRadar
+from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar, SpeedRadar
 from trackbench.types import Array, Gaussian, Scan
+from trackbench.units import wrap_angle
 
 from .jacobian_faults import RadarRow
 
@@ -114,6 +115,31 @@ class TurningNoisePerSecond(NoisePerSecond, ConstantTurnRateVelocity):
     pass
 
 
+class NoiseOfFixedStep:
+    """The process noise of a tenth of a second at every step."""
+
+    def noise_gain(self, x: Array, dt: float) -> Array:
+        return super().noise_gain(x, 0.1)
+
+
+class VelocityNoiseOfFixedStep(NoiseOfFixedStep, ConstantVelocity):
+    pass
+
+
+class TurningNoiseOfFixedStep(NoiseOfFixedStep, ConstantTurnRateVelocity):
+    pass
+
+
+class CourseNotWrapped(ConstantTurnRateVelocity):
+    """Each course is in (-pi, pi], and differences of courses are taken as they are."""
+
+    angular: ClassVar[tuple[int, ...]] = ()
+
+    def transition(self, x: Array, dt: float) -> Array:
+        later = super().transition(x, dt)
+        return linalg.vector([*later[:3], wrap_angle(later[3]), later[4]])
+
+
 class TurnNotGuarded(ConstantTurnRateVelocity):
     """Divides by the yaw rate, which is zero on a straight path."""
 
@@ -135,18 +161,17 @@ class CourseByArctan(ConstantTurnRateVelocity):
 
 
 @dataclass(frozen=True)
-class Corrected:
+class Corrected(SingleModelFilter):
     """A filter whose corrections are changed: ``change(before, after, scan)`` gives the belief in place of after."""
 
-    filter: Filter
+    filter: SingleModelFilter
     change: Callable[[Belief, Belief, Scan], Belief]
-
-    @property
-    def motion(self) -> MotionModel:
-        return self.filter.motion
 
     def predict(self, belief: Belief, dt: float) -> Belief:
         return self.filter.predict(belief, dt)
+
+    def cross_covariance(self, belief: Belief, dt: float) -> Array:
+        return self.filter.cross_covariance(belief, dt)
 
     def measured(self, scan: Scan) -> Measured:
         return self.filter.measured(scan)
@@ -173,3 +198,22 @@ def subtracts_too_much(before: Belief, after: Belief, _scan: Scan) -> Belief:
 def mean_kept(kind: str) -> Callable[[Belief, Belief, Scan], Belief]:
     """A sensor's correction narrows the covariance, and the corrected mean is thrown away."""
     return lambda before, after, scan: Belief(before.mean, after.covariance) if scan.kind == kind else after
+
+
+def covariance_kept(before: Belief, after: Belief, _scan: Scan) -> Belief:
+    return Belief(after.mean, before.covariance)
+
+
+def velocity_shrunk(_before: Belief, after: Belief, scan: Scan) -> Belief:
+    """By a fiftieth; of a state with a speed, the speed."""
+    mean = after.mean.copy()
+    mean[2 : 4 if len(mean) == 4 else 3] *= np.where(scan.valid, 0.98, 1.0)
+    return after._replace(mean=mean, factor=None, points=None)
+
+
+def gated(before: Belief, after: Belief, scan: Scan) -> Belief:
+    """Measurements farther than 5 m from the prediction are rejected, however uncertain it is."""
+    seen = SENSOR_MODELS[scan.kind].position(scan).mean
+    far = np.hypot(*(seen - before.mean[:2])) > 5.0
+    mean = np.where(far, before.mean, after.mean)
+    return Belief(mean, np.where(far, before.covariance, after.covariance))

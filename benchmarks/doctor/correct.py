@@ -8,11 +8,14 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trackbench.trackers import builtin
 from trackbench.trackers.raw import RawTracker
 
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Make
+from .plain import Array, Belief
 from .plain_ekf import PlainEkf
 from .plain_kf import PlainKf
 from .plain_ukf import PlainUkf
@@ -83,7 +86,23 @@ def _plain() -> dict[str, Make]:
     }
 
 
-CORRECT: dict[str, Make] = {**_plain(), **_built_in(), "raw": RawTracker, "alpha_beta": _alpha_beta()}
+CORRECT: dict[str, Make] = {**_plain(), **_built_in(), "alpha_beta": _alpha_beta()}
+
+
+class FadingMemory(PlainEkf):
+    """No process noise: each step multiplies the covariance, here by so little that the memory is several seconds."""
+
+    def predict(self, x: Array, P: Array, dt: float) -> Belief:
+        x, P = super().predict(x, P, dt)
+        return x, 1.01 * P
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        return np.zeros((4, 4))
+
+
+#: Trackers whose covariance does not fit their errors, without a fault that has a name. While measurements are missing,
+#: that of ``raw`` stays.
+UNBELIEVABLE: dict[str, Make] = {"raw": RawTracker, "fading_memory": FadingMemory}
 
 #: By name, the kind of the only sensor that a correct tracker reads, and the tracker: it leaves the other out on
 #: purpose, and a finding is wrong unless it says so. The sensors are to be named after their kind.

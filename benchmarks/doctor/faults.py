@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from . import builtin, wrapper_faults
+from . import builtin, step_faults, wrapper_faults
 from . import method_faults as methods
 from .correct import CORRECT, ONE_SENSOR
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
@@ -56,6 +56,8 @@ def _mutants() -> Iterator[Mutant]:
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
         yield from methods.corrections(subject)
     yield methods.raising(SCALED_UKF)
+    for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF, FILTERPY_EKF, FILTERPY_UKF):
+        yield from step_faults.steps(subject)
 
 
 MUTANTS: list[Mutant] = list(_mutants())

@@ -48,14 +48,15 @@ class PlainTracker:
 
     def step(self, state: Track | None, scan: Any) -> tuple[Any, Belief | None]:
         track = Track(scan.time) if state is None else state
-        if track.mean is None:
-            track = self.begin(track, scan)
-        else:
-            x, P = self.predict(track.mean, track.covariance, scan.time - track.time)
-            if self.usable(scan):
-                x, P = self.update(x, P, scan)
-            track = Track(scan.time, x, P)
+        track = self.begin(track, scan) if track.mean is None else self.advance(track, scan)
         return track, None if track.mean is None else self.output(track.mean, track.covariance)
+
+    def advance(self, track: Track, scan: Any) -> Track:
+        """A track that has started, predicted to the scan and corrected by its measurement."""
+        x, P = self.predict(track.mean, track.covariance, scan.time - track.time)
+        if self.usable(scan):
+            x, P = self.update(x, P, scan)
+        return Track(scan.time, x, P)
 
     def usable(self, scan: Any) -> bool:
         return bool(scan.valid)

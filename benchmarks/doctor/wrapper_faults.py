@@ -11,7 +11,7 @@ from . import altered_estimates as estimates
 from . import altered_scans as scans
 from .altered_scans import AZIMUTH, RANGE, RATE, YAW, X, Y
 from .mutant import Mutant, Subject
-from .wrappers import AlteredEstimates, AlteredScans, WrongClock
+from .wrappers import AlteredEstimates, AlteredScans, MissedSkipped, SecondDropped, WrongClock
 
 ACCELERATION_SIGMA, YAW_ACCELERATION_SIGMA = 3.0, 0.5
 DEGREE = pi / 180
@@ -40,6 +40,10 @@ def measurements(subject: Subject) -> Iterator[Mutant]:
         yield mutant(
             fault, f"azimuth_{degrees}", scans.azimuth(lambda angle, bias=degrees * DEGREE: angle + bias), "radar"
         )
+    fault = "scale_error"
+    for factor in (1.02, 0.97):
+        yield mutant(fault, f"range_{factor}", scans.scaled("radar", RANGE, factor), "radar")
+        yield mutant(fault, f"lidar_{factor}", scans.scaled("lidar", slice(2), factor), "lidar")
     yield mutant("axis_swapped", "lidar", scans.lidar_axes_swapped, "lidar")
     yield mutant("axis_swapped", "azimuth", scans.azimuth(lambda angle: pi / 2 - angle), "radar")
     yield mutant("axis_mirrored", "lidar", scans.component("lidar", Y, np.negative), "lidar")
@@ -81,6 +85,12 @@ def timing(subject: Subject) -> Iterator[Mutant]:
     }
     for variant, clock in clocks.items():
         yield subject.behind("wrong_dt", variant, WrongClock, clock)
+    for kind, seconds in (("radar", 0.05), ("radar", -0.05), ("lidar", 0.05)):
+        alter = scans.stamped(kind, seconds)
+        yield subject.behind("time_offset", f"{kind}_{seconds}", AlteredScans, alter, sensor=kind)
+    yield subject.behind("second_measurement_dropped", "any", SecondDropped)
+    for variant, lost in (("skipped", False), ("skipped_and_lost", True)):
+        yield subject.behind("missed_scan_not_predicted", variant, MissedSkipped, lost)
 
 
 def start(subject: Subject) -> Iterator[Mutant]:

@@ -63,3 +63,48 @@ class AlteredEstimates:
         said = Estimate(*answer)
         altered = self.alter(said.mean, said.covariance)
         return state, Estimate(*altered, innovation=said.innovation, innovation_covariance=said.innovation_covariance)
+
+
+class Single:
+    """Any tracker as one of a single track, so that what wraps it may decide by the scan's one measurement."""
+
+    batched = False
+
+    def __init__(self, tracker: Any) -> None:
+        self.tracker = tracker
+
+    def inner_step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        if not getattr(self.tracker, "batched", False):
+            return self.tracker.step(state, scan)
+        given = scan._replace(measurement=scan.measurement[:, None], valid=np.array([bool(scan.valid)]))
+        state, answer = self.tracker.step(state, given)
+        if answer is None or np.isnan(answer[0]).all():
+            return state, None
+        return state, (answer[0][..., 0], answer[1][..., 0])
+
+
+class SecondDropped(Single):
+    """A measurement at the time of the one before is taken as missed."""
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        inner, last = (None, None) if state is None else state
+        if scan.time == last:
+            scan = scan._replace(valid=np.zeros_like(scan.valid))
+        inner, answer = self.inner_step(inner, scan)
+        return (inner, scan.time if scan.valid else last), answer
+
+
+class MissedSkipped(Single):
+    """At a missed scan the last answer is given again; its time counts at the next measurement, or is lost."""
+
+    def __init__(self, tracker: Any, lost: bool) -> None:
+        super().__init__(tracker)
+        self.lost = lost
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Any]:
+        inner, behind, time, answer = (None, 0.0, scan.time, None) if state is None else state
+        if not scan.valid and answer is not None:
+            behind += self.lost * (scan.time - time)
+        else:
+            inner, answer = self.inner_step(inner, scan._replace(time=scan.time - behind))
+        return (inner, behind, scan.time, answer), answer

@@ -35,6 +35,8 @@ class DriveConfig(Config):
     detection_probability: Probability = 1
     silent_s: list[NonNegative] | None = None
     """Start and end of an interval without measurements."""
+    mismatch: float = Field(1.0, ge=1.0)
+    """How many times larger the NEES may be than elsewhere, for sound motion models that do not have its manoeuvre."""
 
 
 @cache

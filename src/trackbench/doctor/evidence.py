@@ -46,7 +46,7 @@ class SensorInnovations:
 
 @dataclass(frozen=True, eq=False)
 class EvidenceRun:
-    """The first run of a test drive."""
+    """A run of a test drive."""
 
     drive: str
     description: str
@@ -72,15 +72,16 @@ class EvidenceRun:
 def evidence_run(
     make: Callable[[], Tracker], drive: TestDrive, reference: Rollout, findings: list[Finding]
 ) -> EvidenceRun:
-    """Step a fresh tracker through the first run of a drive, and compute the innovation of every measurement.
+    """Step a fresh tracker through a run of a drive, and compute the innovation of every measurement.
 
     Args:
         make: gives a fresh tracker.
         drive: the test drive.
         reference: the estimates of the reference in it.
-        findings: those that the drive shows.
+        findings: those that the drive shows; the run is that of the first one.
     """
-    scans = [one_run(scan, 0) for scan in drive.scans]
+    run = findings[0].run if findings else 0
+    scans = [one_run(scan, run) for scan in drive.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
     innovations: dict[str, list[_Innovation]] = {}
     session = TrackerSession(make)
@@ -109,11 +110,11 @@ def evidence_run(
         findings,
         scans,
         drive.time,
-        drive.target[..., 0],
+        drive.target[..., min(run, drive.target.shape[-1] - 1)],
         mean,
         covariance,
-        reference.mean[..., 0],
-        reference.covariance[..., 0],
+        reference.mean[..., run],
+        reference.covariance[..., run],
         [_series(last[name], parts) for name, parts in innovations.items()],
     )
 

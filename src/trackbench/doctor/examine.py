@@ -13,10 +13,14 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from trackbench.doctor.checks.covariance_update import covariance_update
 from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
 from trackbench.doctor.checks.gain import gain
+from trackbench.doctor.checks.gate import gate
 from trackbench.doctor.checks.innovations import innovations
+from trackbench.doctor.checks.instants import instants
+from trackbench.doctor.checks.integers import integers
 from trackbench.doctor.checks.late import late
 from trackbench.doctor.checks.models import models
 from trackbench.doctor.checks.output import output
@@ -24,6 +28,7 @@ from trackbench.doctor.checks.prediction import prediction, spreading
 from trackbench.doctor.checks.process_noise import process_noise
 from trackbench.doctor.checks.start import confidence, first_position
 from trackbench.doctor.checks.validity import repeatability, validity
+from trackbench.doctor.checks.velocity import velocity
 from trackbench.doctor.checks.wrapping import wrapping
 from trackbench.doctor.drives import TestDrive, simulate_drives
 from trackbench.doctor.evidence import EvidenceRun, evidence_run
@@ -48,13 +53,18 @@ PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
     output,
     first_position,
     confidence,
+    integers,
     prediction,
+    velocity,
     spreading,
     expectation,
     gain,
+    covariance_update,
+    instants,
     models,
     wrapping,
     process_noise,
+    gate,
     innovations,
     late,
     drives,
@@ -62,7 +72,18 @@ PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
 )
 
 #: These need a tracker that predicts and updates; one that returns the last measurement does not.
-FOR_FILTERS = (prediction, spreading, expectation, gain, wrapping, process_noise, innovations)
+FOR_FILTERS = (
+    prediction,
+    velocity,
+    spreading,
+    expectation,
+    gain,
+    covariance_update,
+    instants,
+    wrapping,
+    process_noise,
+    innovations,
+)
 
 #: The evidence of a healthy tracker, and of a fault that no drive shows.
 DEFAULT_DRIVE = "azimuth_crossing"

@@ -51,6 +51,8 @@ class Finding:
     """The tracker's value over the right one, if the fault is a wrong size; for noise, of its variances."""
     shown_by: str | None = None
     """The probe or test drive that shows it best."""
+    run: int = 0
+    """Of that test drive."""
     consequence_of: str | None = None
     """The fault that causes this one."""
 

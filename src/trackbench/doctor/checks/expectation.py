@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trackbench.doctor.checks.systematic import systematic_error
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
@@ -18,8 +19,6 @@ from trackbench.types import Array
 ZERO = 0.75
 #: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
-#: Differences between trials that a constant bias may have, in standard deviations of the measurement.
-CONSTANT = 0.5
 
 
 def expectation(tracker: TrackerUnderTest) -> PartResult:
@@ -45,7 +44,7 @@ def _examine(sensor: str, trials: Sequence[Trial], result: PartResult) -> None:
         text = f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma"
         result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), True, text))
         return
-    found = _wrong_model(sensor, kind, trials) or _bias(sensor, trials)
+    found = _wrong_model(sensor, kind, trials) or systematic_error(sensor, trials)
     worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
     text = (
         f"in {np.sum(~(innovations < ZERO))} of {len(trials)} trials the predicted measurement has an innovation, of "
@@ -79,43 +78,6 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial]) -> Finding | N
         f"{len(trials)} trials, the latter has one"
     )
     return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name)
-
-
-def _bias(sensor: str, trials: Sequence[Trial]) -> Finding | None:
-    """A constant error of the measurements."""
-    offsets = np.array([offset for trial in trials if (offset := _offset(trial)) is not None])
-    if len(offsets) < MOST * len(trials):
-        return None
-    sigma = trials[0].sigma
-    middle = np.median(offsets, axis=0)
-    spread = np.median(np.abs(offsets - middle), axis=0) / sigma
-    biased = np.abs(middle) > ZERO * sigma
-    if not biased.any() or np.any(spread > CONSTANT + 0.1 * np.abs(middle) / sigma):
-        return None
-    model = SENSOR_MODELS[trials[0].scan.kind]
-    parts = [
-        f"{model.components[i].replace('_', ' ')} {middle[i]:+.3g} {'rad' if i in model.angular else 'm or m/s'}"
-        for i in np.flatnonzero(biased)
-    ]
-    text = (
-        f"the predicted measurement has a constant bias: {', '.join(parts)} "
-        f"(spread {np.max(spread[biased]):.2g} sigma over {len(offsets)} trials)"
-    )
-    return Finding("sensor_bias", 0.9, text, sensor=sensor, shown_by=trials[0].name)
-
-
-def _offset(trial: Trial) -> Array | None:
-    """``(m,)`` the measurement without an innovation, minus the predicted measurement."""
-    measurement = trial.predicted_measurement.copy()
-    for _ in range(6):
-        update = trial.update(measurement)
-        if update is None or not update.used.any():
-            return None
-        step = np.nan_to_num(update.innovation) * trial.sigma
-        measurement = measurement - step
-        if np.max(np.abs(step) / trial.sigma) < 0.02:
-            return measurement - trial.predicted_measurement
-    return None
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench import linalg
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, probe_rate
 from trackbench.doctor.session import TrackerSession, finite
@@ -23,6 +24,11 @@ SHORT = 0.01
 NEAR_UNIT = 0.3
 #: Factors by which a time in another unit is off, and that unit.
 UNITS = {1e3: "milliseconds", 1e-3: "milliseconds", 1e6: "microseconds", 1e-6: "microseconds", 1e9: "nanoseconds"}
+#: Longest time of motion of an estimate that does not move, s.
+STILL = 1e-3
+#: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
+#: which the estimate may be off then.
+LATER, MISSED = 0.4, 0.25
 #: Bounds of the growth of the position's covariance, relative to constant velocity. Correct trackers have 0.67 to 1.5,
 #: because their models turn or accelerate.
 GROWTH = (0.45, 2.2)
@@ -66,6 +72,13 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
         text = "the tracker uses the previous time step: after steps of "
         text += " and ".join(f"{b:g}" for b in np.unique(previous))
         text += f" s, a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
+    elif (error := _error_at_measurements(tracker)) is not None and float(np.abs(moved).max()) < STILL:
+        text = (
+            f"a missed scan {step.max():g} s later leaves the estimate where it is, while after a measurement "
+            f"{LATER:g} s later it is at the target (error {error:.2g} m)"
+        )
+        result.findings.append(Finding("missed_scan_not_predicted", 0.98, text, shown_by="uneven_steps"))
+        return result
     elif np.ptp(moved) < TOLERANCE * float(np.abs(moved).max()) + 1e-6:
         text = f"the estimate moves by {np.median(moved):.3g} s times its velocity, whether the step is "
         text += f"{step.min():g} or {step.max():g} s long"
@@ -86,6 +99,25 @@ def _unit(ratio: float) -> tuple[float, str] | None:
     """The factor between two units of time that a ratio is near, and the unit's name."""
     near = ((size, name) for size, name in UNITS.items() if ratio > 0.0 and abs(np.log(ratio / size)) < NEAR_UNIT)
     return next(near, None)
+
+
+def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
+    """The position error after a measurement without noise some time later, m; None unless it was predicted to it."""
+    errors = []
+    sensor_set = tracker.sensor_sets()[-1]
+    for probe in tracker.probes.general[:2]:
+        session = tracker.session_at(probe, sensor_set)
+        scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], LATER)
+        estimate = None if session is None else session.peek(scan)
+        if estimate is None or not finite(estimate):
+            return None
+        away = estimate.mean - probe.truth(LATER)
+        speed = float(np.hypot(*probe.target[2:]))
+        # Without a prediction the position lags, and the lag is taken for speed.
+        if np.hypot(*away[:2]) > MISSED * LATER * speed or np.hypot(*away[2:]) > MISSED * speed:
+            return None
+        errors.append(float(np.hypot(*away[:2])))
+    return max(errors)
 
 
 def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedStep]:
@@ -158,7 +190,8 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
 
 def _known(estimate: Estimate) -> bool:
     """Whether the direction of motion is known well enough for a turning model to be nearly linear."""
-    return float(np.sqrt(np.abs(np.trace(estimate.covariance[2:, 2:])))) < KNOWN * float(np.hypot(*estimate.mean[2:]))
+    variances = np.abs(np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance[2:, 2:])))
+    return variances.min() > 0.0 and float(np.sqrt(variances.sum())) < KNOWN * float(np.hypot(*estimate.mean[2:]))
 
 
 def _ratios(now: Estimate, then: Estimate, step: float) -> tuple[float, float]:

@@ -21,6 +21,12 @@ BAND = (0.115, 4.0)
 REFERENCE = 3.0 * np.sqrt(0.05)
 #: s
 STEP = 0.05
+#: Two steps whose process noises are compared, s, and the share of the long one's that the short one's may have.
+STEPS, CONSTANT = (0.002, 0.2), 0.3
+#: Growth of the variance of the velocity over the long step that is one, relative to it.
+LEAST_GROWTH = 1e-6
+#: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory.
+ONLY = 0.2
 
 
 def process_noise(tracker: TrackerUnderTest) -> PartResult:
@@ -39,6 +45,9 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
         f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
     )
     result = PartResult([CheckResult("process_noise", question, BAND[0] <= growth <= BAND[1], text)])
+    per_step = _per_step(tracker)
+    result.checks += per_step.checks
+    result.findings += per_step.findings
     if not BAND[0] <= growth <= BAND[1]:
         fault = "q_too_small" if growth < BAND[0] else "q_too_large"
         excess = BAND[0] / max(growth, 1e-9) if growth < BAND[0] else growth / BAND[1]
@@ -52,6 +61,48 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
             )
         )
     return result
+
+
+def _per_step(tracker: TrackerUnderTest) -> PartResult:
+    """Predict over a short and over a long step: with any white noise the variance grows with the step."""
+    question = "Does the process noise of a step depend on its length?"
+    sensor_set = tracker.sensor_sets()[-1]
+    pairs = []
+    for probe in tracker.probes.general[:3]:
+        session = tracker.session_at(probe, sensor_set)
+        if session is None:
+            continue
+        with tracker.recording_failures(probe.name):
+            scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], 0.0)
+            first = session.copy()
+            now = first.step(masked(scan))
+            short, long = (first.peek(masked(scan._replace(time=step))) for step in STEPS)
+            if now is None or short is None or long is None or not all(map(finite, (now, short, long))):
+                continue
+            variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
+            if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short):
+                pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
+    if not pairs:
+        return PartResult(
+            [CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")]
+        )
+    share = float(np.median([short / long for short, long in pairs]))
+    text = (
+        f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over "
+        f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the "
+        f"step it were {STEPS[0] / STEPS[1]:g}"
+    )
+    result = PartResult([CheckResult("noise_per_step", question, share < CONSTANT, text)])
+    if share >= CONSTANT:
+        result.findings.append(Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps"))
+    return result
+
+
+def _faded(before: Estimate, after: Estimate) -> bool:
+    """Whether the covariance has only been multiplied, as at each step of a filter with a fading memory."""
+    p, grown = before.covariance, after.covariance - before.covariance
+    share = float(np.trace(grown) / np.trace(p))
+    return float(np.linalg.norm(grown - share * p)) < ONLY * float(np.linalg.norm(grown))
 
 
 def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[float]:

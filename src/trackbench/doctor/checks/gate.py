@@ -1,0 +1,91 @@
+"""Does a tracker that rejects a measurement take the target up again?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.probes import Probe
+from trackbench.doctor.session import finite
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.stepping.steppers import masked
+
+#: Time without a measurement, and time of measurements after it, s: with a white acceleration of 1.5 m/s^2 the standard
+#: deviation of the position is 4 m after 7 s of these, so that a gate of four opens.
+GAP, AFTER = 3.0, 10.0
+#: Least distance of the target from its prediction after the gap, m, and the same in the standard deviations of the
+#: prediction: a target that braked or turned is as far.
+LEAST, FAR = 15.0, 8.0
+#: Share of that distance by which the estimate has to come nearer.
+TAKEN_UP = 0.3
+
+
+class Return(NamedTuple):
+    """A target that is elsewhere after a gap."""
+
+    probe: Probe
+    away: float
+    """m from the prediction."""
+    sigma: float
+    """Standard deviation of the predicted position, m."""
+    left: float
+    """Least distance of the estimate in the time after the gap, m."""
+
+
+def gate(tracker: TrackerUnderTest) -> PartResult:
+    """Let targets be elsewhere after a gap, and measure them there."""
+    question = "Is a target that is elsewhere after a gap taken up again?"
+    returns = [one for probe in tracker.probes.general[:2] if (one := _return(tracker, probe)) is not None]
+    if not returns:
+        return PartResult([CheckResult("gate", question, None, "there was no estimate")])
+    worst = max(returns, key=lambda one: one.left / one.away)
+    text = (
+        f"of {worst.probe.description}, {worst.away:.3g} m from its prediction after {GAP:g} s without a measurement, "
+        f"the estimate is {worst.left:.3g} m away at the nearest in {AFTER:g} s of measurements"
+    )
+    lost = worst.left > (1.0 - TAKEN_UP) * worst.away
+    result = PartResult([CheckResult("gate", question, not lost, text)])
+    if lost:
+        text += f"; its prediction stated a standard deviation of {worst.sigma:.3g} m"
+        result.findings.append(Finding("gate_never_reopens", 0.95, text, shown_by="gap_in_a_turn"))
+    return result
+
+
+def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
+    sensor_set = tracker.sensor_sets()[-1]
+    session = tracker.session_at(probe, sensor_set)
+    if session is None:
+        return None
+    session = session.copy()
+    with tracker.recording_failures(probe.name):
+        asked = sensor_set[0]
+        predicted = None
+        for k in range(int(GAP * 10) + 1):
+            predicted = session.step(masked(probe.scan(asked, tracker.sensors[asked], 0.1 * k)))
+        if predicted is None or not finite(predicted):
+            return None
+        sigma = float(np.sqrt(max(0.0, np.trace(predicted.covariance[:2, :2]))))
+        away = max(LEAST, FAR * sigma)
+        elsewhere = _moved(probe, predicted.mean[:2] - probe.truth(GAP)[:2], away)
+        left = away
+        for k in range(1, int(AFTER * 10) + 1):
+            time = GAP + 0.1 * k
+            for name in sensor_set:
+                estimate = session.step(elsewhere.scan(name, tracker.sensors[name], time))
+            if estimate is not None and finite(estimate):
+                left = min(left, float(np.hypot(*(estimate.mean - elsewhere.truth(time))[:2])))
+            if left < (1.0 - TAKEN_UP) * away:
+                break
+        return Return(probe, away, sigma, left)
+    return None
+
+
+def _moved(probe: Probe, error: np.ndarray, away: float) -> Probe:
+    """The target with the same velocity, at a distance from its prediction, outward from the sensor."""
+    px, py, vx, vy = probe.target
+    outward = np.array([px + GAP * vx, py + GAP * vy])
+    outward = outward / max(float(np.hypot(*outward)), 1e-9)
+    shift = error + away * outward
+    return probe._replace(target=(px + shift[0], py + shift[1], vx, vy))

@@ -1,0 +1,90 @@
+"""Does the velocity stay as it is where nothing says that it changed?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.session import finite
+from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.stepping.steppers import masked
+from trackbench.types import Estimate
+
+#: A step so short that no motion model changes the velocity, s, and the change of the speed from which on one does.
+SHORT, CHANGED = 0.002, 0.004
+#: Change of the speed over 1 s of a target that moved straight and at one speed before. An estimated acceleration that
+#: is not quite zero, and a velocity that decays over half a minute, stay below.
+CHANGED_IN_A_SECOND = 0.1
+#: Speed below which a target says nothing, m/s.
+MOVING = 2.0
+
+
+def velocity(tracker: TrackerUnderTest) -> PartResult:
+    """Follow targets of constant velocity, and predict them; then measure them where they are predicted."""
+    question = "Does the velocity stay as it is where nothing says that it changed?"
+    over = {step: _predicted(tracker, step) for step in (SHORT, 1.0)}
+    updated = _updated(tracker)
+    if len(over[1.0]) < 3:
+        return PartResult([CheckResult("velocity", question, None, "there was no moving estimate to predict")])
+    text = f"the speed is {np.median(over[1.0]):.4g} times the one before after 1 s"
+    if updated:
+        text += f", and {np.median(updated):.4g} times after a measurement where the target was predicted"
+    wrong = None
+    for ratios, changed, when in (
+        (over[SHORT], CHANGED, f"a prediction over {SHORT * 1e3:g} ms without a measurement"),
+        (updated, CHANGED, "a measurement where the target was predicted"),
+        (over[1.0], CHANGED_IN_A_SECOND, "a prediction over 1 s without a measurement"),
+    ):
+        if _alike(ratios, changed):
+            wrong = (float(np.median(ratios)), when, len(ratios))
+            break
+    result = PartResult([CheckResult("velocity", question, wrong is None, text)])
+    if wrong is not None:
+        ratio, when, count = wrong
+        words = f"after {when} the speed is {ratio:.4g} times the one before (median of {count} trials; 1 is right)"
+        result.findings.append(Finding("velocity_not_kept", 0.95, words, factor=ratio, shown_by="tangential_pass"))
+    return result
+
+
+def _alike(ratios: Sequence[float], changed: float) -> bool:
+    """Whether the speed changes by much the same share in nearly all trials."""
+    if len(ratios) < 3:
+        return False
+    change = np.array(ratios) - 1.0
+    middle = float(np.median(change))
+    return abs(middle) > changed and float(np.mean(np.abs(change - middle) < 0.5 * abs(middle))) > 0.8
+
+
+def _predicted(tracker: TrackerUnderTest, step: float) -> list[float]:
+    found = []
+    sensor_set = tracker.sensor_sets()[-1]
+    name = sensor_set[0]
+    for probe in tracker.probes.general:
+        session = tracker.session_at(probe, sensor_set)
+        if session is None:
+            continue
+        with tracker.recording_failures(probe.name):
+            before = session.copy()
+            now = before.step(masked(probe.scan(name, tracker.sensors[name], 0.0)))
+            then = before.peek(masked(probe.scan(name, tracker.sensors[name], step)))
+            if now is not None and then is not None:
+                found += _ratio(now, then)
+    return found
+
+
+def _updated(tracker: TrackerUnderTest) -> list[float]:
+    found = []
+    for trials in tracker.trials.values():
+        for trial in trials:
+            update = trial.update(trial.predicted_measurement)
+            if update is not None:
+                found += _ratio(trial.prediction, update.estimate)
+    return found
+
+
+def _ratio(before: Estimate, after: Estimate) -> list[float]:
+    if not (finite(before) and finite(after)) or np.hypot(*before.mean[2:]) < MOVING:
+        return []
+    return [float(np.hypot(*after.mean[2:]) / np.hypot(*before.mean[2:]))]
