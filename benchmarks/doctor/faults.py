@@ -32,6 +32,7 @@ SUBJECTS = {
     PLAIN_UKF: (
         methods.predictions,
         methods.unscented,
+        methods.sigma_points,
         methods.innovation,
         methods.starts,
         methods.divisions,
@@ -39,7 +40,7 @@ SUBJECTS = {
     PLAIN_KF: (methods.starts, methods.divisions),
     # FilterPy's EKF refuses to invert what is not finite, so that it raises where the others answer.
     FILTERPY_EKF: (methods.predictions, methods.linearised, methods.starts),
-    FILTERPY_UKF: (methods.predictions, methods.unscented, methods.starts, methods.divisions),
+    FILTERPY_UKF: (methods.predictions, methods.unscented, methods.sigma_points, methods.starts, methods.divisions),
     builtin.EKF: (builtin.any_filter, builtin.predictions, builtin.linearised),
     builtin.UKF: (builtin.any_filter, builtin.predictions, builtin.turning),
     builtin.KF: (builtin.any_filter,),

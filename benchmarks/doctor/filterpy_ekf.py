@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from .plain import Array, Belief, Track, symmetric, wrap
 from .plain_ekf import PlainEkf
-from .plain_ukf import SIZE, PlainUkf, root
+from .plain_ukf import SIZE, PlainUkf
 
 
 class Held:
@@ -55,7 +56,9 @@ class FilterPyUkf(Held, PlainUkf):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        points = MerweScaledSigmaPoints(SIZE, alpha=1.0, beta=2.0, kappa=0.0, sqrt_method=lambda P: root(P).T)
+        points = MerweScaledSigmaPoints(
+            SIZE, alpha=np.sqrt(self.spread / SIZE), beta=2.0, kappa=0.0, sqrt_method=self.factor
+        )
         self.kalman = UnscentedKalmanFilter(
             dim_x=SIZE,
             dim_z=3,
@@ -66,9 +69,7 @@ class FilterPyUkf(Held, PlainUkf):
             x_mean_fn=self.mean_state,
             residual_x=self.state_residual,
         )
-
-    def mean_state(self, points: Array, weights: Array) -> Array:
-        return points[0] + weights @ self.state_spread(points, points[0])
+        self.kalman.Wm, self.kalman.Wc = self.mean_weights, self.covariance_weights
 
     def state_residual(self, a: Array, b: Array) -> Array:
         return self.state_spread(a[None], b)[0]
@@ -82,12 +83,10 @@ class FilterPyUkf(Held, PlainUkf):
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
         kalman = self.kalman
         kalman.residual_z = lambda a, b: self.residual(scan.kind, a, b)
-        kalman.z_mean = lambda points, weights: (
-            points[0] + weights @ self.measurement_spread(scan.kind, points, points[0])
-        )
+        kalman.z_mean = lambda points, weights: self.mean_measurement(scan.kind, points, weights)
         kalman.update(
             scan.measurement,
-            R=self.noise(scan),
+            R=self.added_noise(scan),
             hx=lambda point: self.predicted_measurement(self.cartesian(point), scan),
         )
         mean = kalman.x.copy()

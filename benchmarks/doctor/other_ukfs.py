@@ -21,10 +21,6 @@ class ScaledUkf(PlainUkf):
         self.mean_weights = np.array([first, *side])
         self.covariance_weights = np.array([first + 1 - alpha**2 + beta, *side])
 
-    def sigma_points(self, x: Array, P: Array) -> Array:
-        columns = np.sqrt(self.spread) * root(P).T
-        return np.vstack([x, x + columns, x - columns])
-
 
 class CubatureFilter(PlainUkf):
     """Points on either side alone, with equal weights (Arasaratnam and Haykin 2009)."""
@@ -43,13 +39,12 @@ class SquareRootUkf(PlainUkf):
     def output(self, x: Array, P: Array) -> Belief:
         return super().output(x, P @ P.T)
 
-    def sigma_points(self, x: Array, P: Array) -> Array:
-        columns = np.sqrt(SIZE) * P.T
-        return np.vstack([x, x + columns, x - columns])
+    def factor(self, P: Array) -> Array:
+        return P.T
 
     def predict(self, x: Array, P: Array, dt: float) -> Belief:
         moved = np.array([self.transition(point, dt) for point in self.sigma_points(x, P)])
-        mean = moved[0] + self.mean_weights @ self.state_spread(moved, moved[0])
+        mean = self.mean_state(moved, self.mean_weights)
         apart = np.sqrt(self.covariance_weights)[:, None] * self.state_spread(moved, mean)
         mean[3] = wrap(mean[3])
         return mean, lower(np.vstack([apart, root(self.process_noise(x, dt)).T]))
