@@ -130,5 +130,3 @@ def mixture(weights: Array, beliefs: tuple[Belief, Belief]) -> Belief:
     mean = weights @ np.array([x for x, _ in beliefs])
     apart = [(x - mean, P) for x, P in beliefs]
     return mean, symmetric(sum(w * (P + np.outer(d, d)) for w, (d, P) in zip(weights, apart, strict=True)))
-
-

@@ -38,9 +38,7 @@ class SampledTracker(PlainTracker):
 
     def predict(self, x: Array, P: Array, dt: float) -> Belief:
         a = self.acceleration_sigma * self.draw(ACCELERATIONS, self.count)
-        self.samples = np.vstack(
-            [self.samples[:2] + dt * self.samples[2:] + dt**2 / 2 * a, self.samples[2:] + dt * a]
-        )
+        self.samples = np.vstack([self.samples[:2] + dt * self.samples[2:] + dt**2 / 2 * a, self.samples[2:] + dt * a])
         return self.moments()
 
     def moments(self) -> Belief:

@@ -22,6 +22,7 @@ from trackbench.doctor.checks.models import models
 from trackbench.doctor.checks.output import output
 from trackbench.doctor.checks.prediction import prediction, spreading
 from trackbench.doctor.checks.process_noise import process_noise
+from trackbench.doctor.checks.sigma_points import no_time
 from trackbench.doctor.checks.start import confidence, first_position
 from trackbench.doctor.checks.validity import repeatability, validity
 from trackbench.doctor.checks.wrapping import wrapping
@@ -47,6 +48,7 @@ PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
     output,
     first_position,
     confidence,
+    no_time,
     prediction,
     spreading,
     expectation,
@@ -61,7 +63,7 @@ PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
 )
 
 #: These need a tracker that predicts and updates; one that returns the last measurement does not.
-FOR_FILTERS = (prediction, spreading, expectation, gain, wrapping, process_noise, innovations)
+FOR_FILTERS = (no_time, prediction, spreading, expectation, gain, wrapping, process_noise, innovations)
 
 #: The evidence of a healthy tracker, and of a fault that no drive shows.
 DEFAULT_DRIVE = "azimuth_crossing"

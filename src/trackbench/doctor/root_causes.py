@@ -11,7 +11,12 @@ from trackbench.doctor.findings import Finding, faults_of
 SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias")
 #: Consequences of a covariance that is not positive definite.
 NUMERICAL = ("covariance_not_psd", "nonfinite")
-_MODEL = ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL)
+#: What wrong sums over sigma points look like besides.
+_SUMS = (
+    *("jacobian_wrong", "gain_inconsistent", "sigma_points_not_redrawn", "measurement_noise_twice"),
+    *("measurement_noise_omitted", "azimuth_not_wrapped", "angle_mean_not_circular", *SIZES, *NUMERICAL),
+)
+_MODEL = (*_SUMS, "sigma_spread_wrong", "sigma_points_misdrawn")
 
 #: Confidence from which on a finding can be the cause of others.
 SURE = 0.8
@@ -26,11 +31,21 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "arctan_quadrant": _MODEL,
     "doppler_sign": _MODEL,
     "speed_for_range_rate": _MODEL,
-    "wrong_dt": ("jacobian_wrong", *SIZES, *NUMERICAL),
+    "sigma_weights_wrong": (*_MODEL, "wrong_dt", "velocity_unit", "arctan_quadrant", "process_noise_omitted"),
+    "measurement_noise_omitted": (*_MODEL, "polar_start", "process_noise_omitted", "wrong_dt"),
+    "wrong_dt": (*_MODEL, "process_noise_omitted"),
+    "velocity_unit": (*_MODEL, "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", "wrong_dt"),
+    "sigma_points_misdrawn": (*_SUMS, "sigma_spread_wrong", "process_noise_omitted"),
+    "sigma_spread_wrong": (*_SUMS, "process_noise_omitted"),
+    "angle_mean_not_circular": (*_SUMS,),
     "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "covariance_not_psd": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, "nonfinite"),
     "azimuth_not_wrapped": NUMERICAL,
     "sensor_bias": ("jacobian_wrong", "overconfident_start", "covariance_not_psd"),
+    "process_noise_omitted": ("q_too_small", *NUMERICAL, "overconfident_start"),
+    "sigma_points_not_redrawn": ("gain_inconsistent", "jacobian_wrong", *SIZES, *NUMERICAL),
+    "gain_inconsistent": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
+    "measurement_noise_twice": NUMERICAL,
     "jacobian_wrong": ("azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "measurement_ignored": ("nonfinite",),
     "polar_start": ("overconfident_start", "sensor_bias"),

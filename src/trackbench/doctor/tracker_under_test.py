@@ -8,12 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from trackbench.doctor import kind_of_filter
 from trackbench.doctor.drives import TestDrive
 from trackbench.doctor.output_checks import OutputChecks
 from trackbench.doctor.probes import Probe, Probes, probe_rate
 from trackbench.doctor.rollout import Rollout
 from trackbench.doctor.session import StepFailed, TrackerSession
-from trackbench.doctor.trial import Trial
+from trackbench.doctor.trial import Trial, averaged
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
@@ -21,6 +22,8 @@ from trackbench.types import Scan
 
 #: How long a probe's target is followed before time 0, s.
 WARM_UP = 3.0
+#: How often a tracker is asked whose copies draw different random numbers.
+REPEATS = 16
 
 
 class TrackerUnderTest:
@@ -53,7 +56,7 @@ class TrackerUnderTest:
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
         """Each with the name of the probe, drive or check where it happened."""
-        self._sessions: dict[tuple[Probe, tuple[str, ...]], TrackerSession | None] = {}
+        self._sessions: dict[tuple[Probe, tuple[str, ...], bool], TrackerSession | None] = {}
 
     @contextmanager
     def recording_failures(self, where: str) -> Iterator[None]:
@@ -68,51 +71,94 @@ class TrackerUnderTest:
         alone: list[tuple[str, ...]] = [(name,) for name in self.sensors]
         return alone if len(alone) == 1 else [*alone, tuple(self.sensors)]
 
-    def session_at(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
-        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed."""
-        key = (probe, sensor_set)
+    def session_at(self, probe: Probe, sensor_set: tuple[str, ...], *, replica: bool = False) -> TrackerSession | None:
+        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed.
+
+        Args:
+            probe: where.
+            sensor_set: with what.
+            replica: with one prediction more, so that a tracker that draws random numbers has others.
+        """
+        key = (probe, sensor_set, replica)
         if key not in self._sessions:
-            self._sessions[key] = self._follow(probe, sensor_set)
+            self._sessions[key] = self._follow(*key)
         return self._sessions[key]
 
-    def _follow(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
+    def _follow(self, probe: Probe, sensor_set: tuple[str, ...], replica: bool) -> TrackerSession | None:
         session = TrackerSession(self.make)
+        scans = self.approach(probe, sensor_set)
         with self.recording_failures(probe.name):
-            for scan in self.approach(probe, sensor_set):
+            for scan in kind_of_filter.with_additional_step(scans) if replica else scans:
                 self.output_checks.add(session.step(scan), scan, probe.name)
             return session
         return None
 
-    def approach(self, probe: Probe, sensor_set: tuple[str, ...]) -> list[Scan]:
+    def approach(self, probe: Probe, sensor_set: tuple[str, ...], duration: float = WARM_UP) -> list[Scan]:
         """The scans without noise before time 0, ordered by time and then by sensor."""
         scans = []
         for name in sensor_set:
             rate = probe_rate(self.sensors[name])
-            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-int(WARM_UP * rate), 0)]
+            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-int(duration * rate), 0)]
         return sorted(scans, key=lambda scan: scan.time)
 
-    def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...]) -> Trial | None:
+    def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], *, replica: bool = False) -> Trial | None:
         """A trial of one sensor at a probe; None where the tracker failed or has no estimate."""
-        session = self.session_at(probe, sensor_set)
+        session = self.session_at(probe, sensor_set, replica=replica)
         if session is None:
             return None
         scan = probe.scan(sensor, self.sensors[sensor], 0.0)
         with self.recording_failures(probe.name):
-            prediction = session.peek(masked(scan))
-            return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
+            prediction = averaged(session, masked(scan), self.repeats)
+            if prediction is not None:
+                return Trial(probe.name, probe.description, scan, prediction, session, self.repeats, sensor_set)
         return None
 
     @cached_property
     def trials(self) -> dict[str, list[Trial]]:
         """By sensor: the usable trials at the regular probes."""
+        return self._regular_trials(replica=False)
+
+    @cached_property
+    def replicas(self) -> dict[str, list[Trial]]:
+        """The same with other samples."""
+        return self._regular_trials(replica=True)
+
+    def _regular_trials(self, *, replica: bool) -> dict[str, list[Trial]]:
         found: dict[str, list[Trial]] = {name: [] for name in self.sensors}
         for probe in self.probes.regular:
             for sensor_set in self.sensor_sets():
                 for name in self.sensors:
-                    trial = self.trial(probe, name, sensor_set)
+                    trial = self.trial(probe, name, sensor_set, replica=replica)
                     if trial is not None and trial.usable:
                         found[name].append(trial)
         return found
+
+    @cached_property
+    def repeats(self) -> int:
+        """How often an answer is asked for: once, unless copies of the tracker draw different random numbers."""
+        probe, sensor_set = self.probes.general[0], self.sensor_sets()[0]
+        session = self.session_at(probe, sensor_set)
+        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        with self.recording_failures(probe.name):
+            answers = [None if session is None else session.peek(scan) for _ in range(2)]
+            if answers[0] is not None and answers[1] is not None:
+                return 1 if np.array_equal(answers[0].mean, answers[1].mean, equal_nan=True) else REPEATS
+        return 1
+
+    @cached_property
+    def stochastic(self) -> bool:
+        """Whether the tracker says that it draws random numbers, by an attribute ``stochastic = True``."""
+        return bool(getattr(self.make(), "stochastic", False))
+
+    @cached_property
+    def sampling_noise(self) -> float:
+        """As :func:`kind_of_filter.sampling_noise`."""
+        return kind_of_filter.sampling_noise(self)
+
+    @cached_property
+    def linearises(self) -> bool | None:
+        """As :func:`kind_of_filter.linearises`."""
+        return kind_of_filter.linearises(self)
 
     @cached_property
     def memoryless(self) -> bool:

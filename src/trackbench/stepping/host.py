@@ -97,7 +97,8 @@ class Host:
         """What a fresh tracker can do."""
         tracker = self._alone(number)
         methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        return {"batched": bool(getattr(tracker, "batched", False)), "methods": methods}, {}
+        said = {name: bool(getattr(tracker, name, False)) for name in ("batched", "stochastic")}
+        return {**said, "methods": methods}, {}
 
     def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
         """The estimate after a scan."""

@@ -16,6 +16,8 @@ from trackbench.types import Array
 #: Innovation that counts as zero, in standard deviations of the measurement. The second-order terms of a sigma-point
 #: filter stay below a third of one.
 ZERO = 0.75
+#: Standard errors of a tracker's own samples by which it is larger.
+ERRORS = 3.0
 #: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
 #: Differences between trials that a constant bias may have, in standard deviations of the measurement.
@@ -29,11 +31,11 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
         if not trials:
             result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
             continue
-        _examine(sensor, trials, result)
+        _examine(sensor, trials, ZERO + ERRORS * tracker.sampling_noise, result)
     return result
 
 
-def _examine(sensor: str, trials: Sequence[Trial], result: PartResult) -> None:
+def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResult) -> None:
     kind = trials[0].scan.kind
     if not any(_moves(trial, kind) for trial in trials):
         text = f"no measurement of {sensor} moves the estimate, in any of {len(trials)} trials"
@@ -41,14 +43,14 @@ def _examine(sensor: str, trials: Sequence[Trial], result: PartResult) -> None:
         result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
         return
     innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
-    if float(np.mean(innovations < ZERO)) >= MOST:
+    if float(np.mean(innovations < zero)) >= MOST:
         text = f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma"
         result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), True, text))
         return
-    found = _wrong_model(sensor, kind, trials) or _bias(sensor, trials)
+    found = _wrong_model(sensor, kind, trials, zero) or _bias(sensor, trials, zero)
     worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
     text = (
-        f"in {np.sum(~(innovations < ZERO))} of {len(trials)} trials the predicted measurement has an innovation, of "
+        f"in {np.sum(~(innovations < zero))} of {len(trials)} trials the predicted measurement has an innovation, of "
         f"{np.nanmedian(innovations):.3g} sigma in the median (largest: {worst.description})"
     )
     result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
@@ -56,12 +58,12 @@ def _examine(sensor: str, trials: Sequence[Trial], result: PartResult) -> None:
         result.findings.append(found)
 
 
-def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial]) -> Finding | None:
+def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
     best: tuple[float, WrongModel] | None = None
     for model in wrong_models(kind):
-        zero = np.mean([_innovation(trial, _measured(trial, model)) < ZERO for trial in trials])
-        if best is None or zero > best[0] + 1e-9:
-            best = (float(zero), model)
+        share = np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials])
+        if best is None or share > best[0] + 1e-9:
+            best = (float(share), model)
     assert best is not None
     share, model = best
     if share < MOST:
@@ -81,15 +83,15 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial]) -> Finding | N
     return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name)
 
 
-def _bias(sensor: str, trials: Sequence[Trial]) -> Finding | None:
+def _bias(sensor: str, trials: Sequence[Trial], zero: float) -> Finding | None:
     """A constant error of the measurements."""
-    offsets = np.array([offset for trial in trials if (offset := _offset(trial)) is not None])
+    offsets = np.array([offset for trial in trials if (offset := trial.offset()) is not None])
     if len(offsets) < MOST * len(trials):
         return None
     sigma = trials[0].sigma
     middle = np.median(offsets, axis=0)
     spread = np.median(np.abs(offsets - middle), axis=0) / sigma
-    biased = np.abs(middle) > ZERO * sigma
+    biased = np.abs(middle) > zero * sigma
     if not biased.any() or np.any(spread > CONSTANT + 0.1 * np.abs(middle) / sigma):
         return None
     model = SENSOR_MODELS[trials[0].scan.kind]
@@ -102,20 +104,6 @@ def _bias(sensor: str, trials: Sequence[Trial]) -> Finding | None:
         f"(spread {np.max(spread[biased]):.2g} sigma over {len(offsets)} trials)"
     )
     return Finding("sensor_bias", 0.9, text, sensor=sensor, shown_by=trials[0].name)
-
-
-def _offset(trial: Trial) -> Array | None:
-    """``(m,)`` the measurement without an innovation, minus the predicted measurement."""
-    measurement = trial.predicted_measurement.copy()
-    for _ in range(6):
-        update = trial.update(measurement)
-        if update is None or not update.used.any():
-            return None
-        step = np.nan_to_num(update.innovation) * trial.sigma
-        measurement = measurement - step
-        if np.max(np.abs(step) / trial.sigma) < 0.02:
-            return measurement - trial.predicted_measurement
-    return None
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:

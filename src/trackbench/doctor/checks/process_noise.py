@@ -19,6 +19,8 @@ from trackbench.types import Estimate
 BAND = (0.115, 4.0)
 #: The same of the reference, a white acceleration of 3 m/s^2.
 REFERENCE = 3.0 * np.sqrt(0.05)
+#: A growth below this is the rounding of the difference of two variances, m/s.
+NONE = 1e-6
 #: s
 STEP = 0.05
 
@@ -32,6 +34,10 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
     if not found:
         return PartResult([CheckResult("process_noise", question, None, "there was no estimate to predict")])
     growth = float(np.median(found))
+    if growth < NONE:
+        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {max(found):.2g} m/s)"
+        finding = Finding("process_noise_omitted", 0.97, text, shown_by=tracker.probes.general[0].name)
+        return PartResult([CheckResult("process_noise", question, False, text)], [finding])
     equal = growth / np.sqrt(STEP)
     text = (
         f"in 1 s without a measurement the standard deviation of the speed grows by {growth:.3g} m/s (root of the "
