@@ -1,4 +1,4 @@
-"""Faults of an unscented filter's weights, points and noise, as methods and attributes that override the correct ones."""
+"""Faults of the weights, points and noise of an unscented filter: methods and attributes that override correct ones."""
 
 from __future__ import annotations
 

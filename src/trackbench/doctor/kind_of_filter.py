@@ -21,11 +21,15 @@ ADDITIONAL_STEP = 1e-3
 #: Difference by it from which on a tracker has samples, in standard deviations of its estimate. Filters without samples
 #: differ by less, because nearly the same motion is predicted in one step or in two.
 SAMPLED = 3e-3
-#: Gaps after which the predictions are uncertain enough for the second order, s.
-GAPS = (0.5, 1.0, 2.0)
-#: Second-order term that shows the kind, in standard deviations of the measurement, and its share that a sigma-point
-#: filter with wrong points may have; an EKF has none of it.
-CLEAR, SHARE = 0.5, 0.1
+#: Difference beyond that of any useful number of samples: an estimate that diverges.
+DIVERGED = 0.5
+#: Gap after which the predictions are uncertain enough for the second order, s.
+GAP = 1.0
+#: Second-order term that is large enough to be looked for, in standard deviations of the measurement.
+CLEAR = 0.3
+#: Difference of the predicted measurement from that of the predicted mean which an EKF does not have, in standard
+#: deviations: 0.00 with linearisation, 0.1 and more with sigma points or samples, however wrong their weights are.
+NONE = 0.03
 #: Offset of the measurements for a tracker that may learn it, in their standard deviations; and for how long, s.
 OFFSET, LEARNING = 3.0, 4.0
 
@@ -52,25 +56,25 @@ def sampling_noise(tracker: TrackerUnderTest) -> float:
             answers.append(estimate)
     sigma = np.sqrt(np.abs(np.diag(answers[0].covariance)))
     noise = float(np.max(np.abs(answers[0].mean - answers[1].mean) / np.maximum(sigma, 1e-12)))
-    return noise if SAMPLED < noise < np.inf else 0.0
+    return noise if SAMPLED < noise < DIVERGED else 0.0
 
 
 def linearises(tracker: TrackerUnderTest) -> bool | None:
     """Whether the predicted measurement is that of the predicted mean, as an EKF has it; None where unknown.
 
-    Sigma points and samples add the second-order term ``tr(A P) / 2`` with the second derivative A of the model
-    (Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2).
+    Sigma points and samples add a term of second order, ``tr(A P) / 2`` with the second derivative A of the model from
+    the filter's own state (Bar-Shalom, Li and Kirubarajan 2001, section 10.3.2).
     """
-    shares = []
+    offsets = []
     for probe in (*tracker.probes.general, tracker.probes.tangential):
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         for name in (name for name, sensor in tracker.sensors.items() if sensor.type != "lidar"):
-            for gap in GAPS:
-                trial = None if session is None else after_gap(tracker, probe, name, session, gap)
-                share = None if trial is None or not trial.usable else _second_order_share(trial)
-                if share is not None:
-                    shares.append(share)
-    return float(np.median(shares)) < SHARE if len(shares) >= 3 else None
+            trial = None if session is None else after_gap(tracker, probe, name, session, GAP)
+            if trial is not None and trial.usable and np.abs(trial.second_order / trial.sigma).max() > CLEAR:
+                offset = trial.offset()
+                if offset is not None:
+                    offsets.append(float(np.linalg.norm(offset / trial.sigma)))
+    return float(np.median(offsets)) < NONE if len(offsets) >= 3 else None
 
 
 def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: TrackerSession, gap: float) -> Trial | None:
@@ -80,12 +84,6 @@ def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: Track
         prediction = session.peek(masked(scan))
         return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
     return None
-
-
-def _second_order_share(trial: Trial) -> float | None:
-    term = trial.second_order / trial.sigma
-    offset = trial.offset() if CLEAR < np.abs(term).max() < 10 * CLEAR else None
-    return None if offset is None else float(offset / trial.sigma @ term / (term @ term))
 
 
 def learned_offsets(tracker: TrackerUnderTest, sensor: str) -> list[str]:

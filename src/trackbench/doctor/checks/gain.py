@@ -14,8 +14,8 @@ from trackbench.doctor.kind_of_filter import learned_offsets
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
 from trackbench.doctor.units_ratio import LEAST, conversion
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.types import Array, Indices
 
 #: Ratio of the implied to the stated variance that still is a reasonable tuning.
 NOISE_BAND = 2.0
@@ -204,20 +204,24 @@ def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) ->
         )
         text = (
             f"the gains imply a variance {max(factor, 1 / factor):.3g} times {words} than the one that {sensor} states "
-            f"(standard deviations: {parts}){_unit_of_noise(noise[:, wrong], sigma[wrong])}"
+            f"(standard deviations: {parts}){_unit_of_noise(noise, sigma, np.flatnonzero(wrong), model)}"
         )
         confidence = min(0.98, 0.6 + 0.2 * abs(np.log(factor)) / np.log(4))
         found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor))
     return found
 
 
-def _unit_of_noise(noise: Array, sigma: Array) -> str:
+def _unit_of_noise(noise: Array, sigma: Array, wrong: Indices, model: type[Sensor]) -> str:
     """That variances are wrong by a unit, or are standard deviations, if all of them are."""
-    columns = [column[np.isfinite(column)] for column in noise.T]
+    columns = [noise[np.isfinite(noise[:, i]), i] for i in wrong]
     medians, errors = np.array([np.median(of) for of in columns]), max(_uncertainty(of) for of in columns)
-    if np.all(np.abs(np.log(medians * sigma)) < max(errors, LEAST)):
+    if np.all(np.abs(np.log(medians * sigma[wrong])) < max(errors, LEAST)):
         return ": standard deviations used as variances"
-    units = {conversion(one, errors, power=2, quantities=("speed", "length")) for one in medians}
+    quantities = ["speed" if model.components[i] == "range_rate" else "length" for i in wrong]
+    units = {
+        conversion(float(one), errors, power=2, quantities=[quantity])
+        for one, quantity in zip(medians, quantities, strict=True)
+    }
     unit = units.pop()
     return "" if units or unit is None else f": {unit.words}"
 

@@ -146,7 +146,7 @@ def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | Non
     """A variance grows where another shrinks: a process noise only adds, and a factor changes all alike."""
     limit = COVARIANCE + 3.0 * tracker.sampling_noise
     mixed = [one for one in found if one.least < -limit and one.most > limit and one.still]
-    if len(mixed) < 0.7 * len(found) or tracker.sampling_noise > COVARIANCE:
+    if len(mixed) < 0.7 * len(found):
         return None
     one = max(mixed, key=lambda each: min(-each.least, each.most))
     ratio = np.diag(one.after.covariance) / np.diag(one.before.covariance)
@@ -204,7 +204,7 @@ def _omitted(gains: Sequence[tuple[Trial, Array, Array]]) -> Finding | None:
         return None
     trial, applied, right = off[0]
     text = (
-        f"a measurement of {trial.scan.sensor} moves the predicted measurement by {applied.min():.4g} of the innovation, "
+        f"a measurement of {trial.scan.sensor} moves the predicted one by {applied.min():.4g} of the innovation, "
         f"where {right.min():.3g} to {right.max():.3g} is right with the stated noise: as if there were no noise"
     )
     return Finding("measurement_noise_omitted", 0.97, text, shown_by=trial.name)
@@ -227,7 +227,7 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
     if not (at_once < SMALL and later > LARGE):
         return None
     text = (
-        f"the gain is that of the predicted covariance at {AT_ONCE:g} s after a measurement (within {at_once:.1%}), and "
-        f"off by {later:.0%} at {LATER:g} s: the update goes on with points in which the process noise is missing"
+        f"the gain is that of the predicted covariance at {AT_ONCE:g} s after a measurement (within {at_once:.1%}) "
+        f"and off by {later:.0%} at {LATER:g} s: the update goes on with points in which the process noise is missing"
     )
     return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=tracker.probes.general[0].name)

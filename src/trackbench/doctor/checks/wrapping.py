@@ -6,6 +6,8 @@ not where an angle at pi is not wrapped.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
@@ -18,6 +20,8 @@ from trackbench.units import wrap_angle
 
 #: Difference from the estimate of the turned target that is a fault, in standard deviations of the prediction.
 FAR = 3.0
+#: Innovation that counts as none, in standard deviations of the measurement, as for the second-order terms elsewhere.
+UNMOVED = 0.75
 #: The gain counts as lost where the difference is more than the share `LOST` of the turned target's update, if that is
 #: more than `CLEAR` standard deviations.
 LOST, CLEAR = 0.5, 0.6
@@ -37,6 +41,8 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         ("course", (tracker.probes.course_axis,), tracker.sensors),
     ):
         question = f"Is the update of a target with the {angle} pi the same as with any other?"
+        if angle == "azimuth":
+            result.findings += _uncentred(tracker, probes, sensors)
         jumps = [
             jump
             for probe in probes
@@ -54,6 +60,31 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             finding = Finding("azimuth_not_wrapped", confidence, text, sensor=sensor, shown_by=probes[0].name)
             result.findings.append(finding)
     return result
+
+
+def _uncentred(tracker: TrackerUnderTest, probes: Sequence[Probe], sensors: Sequence[str]) -> list[Finding]:
+    """Means of azimuths that are not those of the points: the predicted measurement has an innovation at pi alone."""
+    for probe in probes:
+        for name in sensors:
+            for sensor_set in tracker.sensor_sets():
+                here = tracker.trial(probe, name, sensor_set)
+                turned = tracker.trial(probe.turned(TURN), name, sensor_set)
+                applied, other = _azimuth_innovation(here), _azimuth_innovation(turned)
+                if here is None or not abs(applied) > FAR or not abs(other) < UNMOVED:
+                    continue
+                text = (
+                    f"predicted azimuth {here.predicted_measurement[1]:+.4f} rad: a measurement equal to it has an "
+                    f"innovation of {applied:+.3g} sigma, and {other:+.2g} sigma with the same target turned away from "
+                    "pi: the predicted measurement is not the mean of points whose azimuths jump by 2 pi"
+                )
+                return [Finding("angle_mean_not_circular", 0.95, text, sensor=name, shown_by=probe.name)]
+    return []
+
+
+def _azimuth_innovation(trial: Trial | None) -> float:
+    """Applied to the predicted measurement, in standard deviations; NaN where unknown."""
+    update = trial.update(trial.predicted_measurement) if trial is not None and trial.usable else None
+    return np.nan if update is None else float(update.innovation[1])
 
 
 def _jumps(
