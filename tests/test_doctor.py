@@ -25,6 +25,18 @@ from trackbench.trackers.builtin import ekf
 from trackbench.types import Estimate
 
 REPOSITORY = Path(__file__).parents[1]
+#: Faults that are injected into unscented filters.
+UNSCENTED = [
+    "gain_inconsistent",
+    "sigma_weights_wrong",
+    "sigma_spread_wrong",
+    "sigma_points_misdrawn",
+    "sigma_points_not_redrawn",
+    "angle_mean_not_circular",
+    "measurement_noise_omitted",
+    "measurement_noise_twice",
+    "process_noise_omitted",
+]
 NAMES = [
     "azimuth_not_wrapped",
     "arctan_quadrant",
@@ -49,6 +61,8 @@ NAMES = [
     "late_processed_as_new",
     "nonfinite",
     "not_deterministic",
+    "velocity_unit",
+    *UNSCENTED,
 ]
 
 
@@ -61,8 +75,8 @@ def _first(fault: str, kind: str):
     return next(mutant for mutant in MUTANTS if mutant.fault == fault and mutant.subject == kind)
 
 
-# A late scan needs a scenario that has one: test_doctor_late.py.
-@pytest.mark.parametrize("fault", [name for name in NAMES if name != "late_processed_as_new"])
+# A late scan needs a scenario that has one: test_doctor_late.py; sigma points: test_doctor_sigma_points.py.
+@pytest.mark.parametrize("fault", [name for name in NAMES if name not in ("late_processed_as_new", *UNSCENTED)])
 def test_an_injected_fault_has_the_right_name_first(doctor: Doctor, fault: str) -> None:
     mutant = _first(fault, "plain_ekf")
     found = doctor.examine(mutant.name, mutant.make)

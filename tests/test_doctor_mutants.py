@@ -12,6 +12,7 @@ import pytest
 from benchmarks.doctor.builtin import ekf_cv, kf_cv, ukf_ctrv
 from benchmarks.doctor.faults import CORRECT, MUTANTS, ONE_SENSOR, SUBJECTS, Mutant
 from benchmarks.doctor.filterpy_ekf import FilterPyEkf, FilterPyUkf
+from benchmarks.doctor.method_faults import SIGMA_POINTS
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_kf import PlainKf
 from benchmarks.doctor.plain_ukf import PlainUkf
@@ -23,10 +24,12 @@ from trackbench.types import Array, Scan
 
 pytestmark = pytest.mark.slow
 
+SIGMA_POINT_FAULTS = {fault for fault, *_ in SIGMA_POINTS} | {"sigma_points_not_redrawn"}
 FAULTS = {
     *("azimuth_not_wrapped", "arctan_quadrant", "jacobian_wrong", "doppler_sign", "speed_for_range_rate"),
     *("degrees_for_radians", "wrong_dt", "q_too_small", "q_too_large", "r_too_small", "r_too_large"),
     *("overconfident_start", "polar_start", "covariance_asymmetric", "covariance_not_psd", "sensor_bias"),
+    *("velocity_unit", *SIGMA_POINT_FAULTS),
     *("axis_swapped", "axis_mirrored", "ego_motion_ignored", "measurement_ignored", "nonfinite", "not_deterministic"),
 }
 RADAR_FAULTS = {"azimuth_not_wrapped", "arctan_quadrant", "doppler_sign", "speed_for_range_rate", "jacobian_wrong"}
@@ -98,9 +101,11 @@ def test_every_fault_is_there_in_all_that_can_have_it() -> None:
     for name in SUBJECT_NAMES:
         missing = FAULTS - {mutant.fault for mutant in of(name)}
         if name.endswith("_kf"):
-            assert missing == RADAR_FAULTS
+            assert missing == RADAR_FAULTS | SIGMA_POINT_FAULTS
+        elif "ekf" in name:
+            assert missing == SIGMA_POINT_FAULTS
         else:
-            assert missing == (set() if "ekf" in name else {"jacobian_wrong"})
+            assert missing == {"jacobian_wrong", *(SIGMA_POINT_FAULTS if name == "builtin_ukf" else ())}
     for mutant in MUTANTS:
         assert (mutant.factor is not None) == mutant.fault.startswith("r_too_")
 

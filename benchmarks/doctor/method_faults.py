@@ -20,6 +20,7 @@ PREDICTIONS = [
 JACOBIANS = [
     ("azimuth_sign", jacobian.AzimuthSign, "radar"),
     ("azimuth_over_range", jacobian.AzimuthOverRange, "radar"),
+    ("azimuth_in_degrees", jacobian.AzimuthInDegrees, "radar"),
     ("azimuth_swapped", jacobian.AzimuthSwapped, "radar"),
     ("rate_without_position", jacobian.RateWithoutPosition, "radar"),
     ("rate_term_missing", jacobian.RateTermMissing, "radar"),

@@ -34,7 +34,7 @@ UNITS = (
     Unit(3.6, "km/h", "m/s", "speed"),
     Unit(3600 / 1609.344, "miles per hour", "m/s", "speed"),
     Unit(1 / 0.3048, "feet", "metres", "length"),
-    Unit(1e-3, "km", "metres", "length"),
+    Unit(1e3, "millimetres", "metres", "length"),
     Unit(1 / 1609.344, "miles", "metres", "length"),
 )
 
@@ -53,7 +53,8 @@ class Conversion(NamedTuple):
         first, second = (self.unit.name, self.unit.si)
         if (self.exact > 1.0) != (self.unit.size > 1.0):
             first, second = second, first
-        return f"{first} for {second} ({self.formula} = {self.exact:.4g})"
+        exact = "" if self.formula == f"{self.exact:.4g}" else f" = {self.exact:.4g}"
+        return f"{first} for {second} ({self.formula}{exact})"
 
 
 def conversion(
