@@ -10,7 +10,7 @@ from benchmarks.doctor.correct import CORRECT, OTHERS
 from benchmarks.doctor.faults import MUTANTS
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_ukf import PlainUkf
-from benchmarks.doctor.sampling_filters import ParticleFilter
+from benchmarks.doctor.sampling_filters import EnsembleFilter, ParticleFilter
 
 from trackbench.doctor.checks.gain import gain
 from trackbench.doctor.checks.prediction import prediction
@@ -78,6 +78,7 @@ def test_nothing_happens_over_no_time_to_any_sound_tracker(name: str) -> None:
     assert no_time(_under_test(CORRECT[name])).findings == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "fault"),
     [
@@ -134,7 +135,7 @@ def test_a_constant_error_that_a_tracker_estimates_is_known(name: str, learned: 
 
 
 def test_a_filter_that_says_that_it_draws_may_draw() -> None:
-    few = type("Few", (ParticleFilter,), {"count": 500})
+    few = type("Few", (EnsembleFilter,), {"count": 200})
     silent = type("Silent", (few,), {"stochastic": False})
     assert repeatability(_under_test(few)).findings == []
     (finding,) = repeatability(_under_test(silent)).findings

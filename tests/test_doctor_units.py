@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import pi
 
 import pytest
@@ -44,7 +45,7 @@ def test_no_ratio_is_two_units_within_the_largest_uncertainty() -> None:
     sizes = sorted(
         size for unit in UNITS for size in (unit.size, 1 / unit.size) if unit.quantity in ("speed", "length")
     )
-    apart = [b / a for a, b in zip(sizes, sizes[1:], strict=False)]
+    apart = [b / a for a, b in pairwise(sizes)]
     assert min(apart) > (1 + SURE) ** 2
 
 
