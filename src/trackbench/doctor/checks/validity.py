@@ -122,7 +122,7 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
     text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements"
     if tracker.stochastic:
         noise = _noise(runs, sigmas)
-        text += f", {noise:.2g} of their standard deviations (RMS, median over the scans); they are said to draw random numbers"
+        text += f", {noise:.2g} of their standard deviations in the median; they are said to draw random numbers"
         if noise < SAMPLES:
             return PartResult([CheckResult("repeatable", question, True, text)])
     return PartResult(
