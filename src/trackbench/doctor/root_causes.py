@@ -11,10 +11,12 @@ from trackbench.doctor.findings import Finding, faults_of
 SIZES = ("r_too_small", "r_too_large", "q_too_small", "q_too_large", "overconfident_start", "sensor_bias")
 #: Consequences of a covariance that is not positive definite.
 NUMERICAL = ("covariance_not_psd", "nonfinite")
+#: What a wrong gain is called, with a Jacobian or with sigma points.
+_GAIN = ("jacobian_wrong", "gain_inconsistent", "sigma_points_not_redrawn")
 #: What wrong sums over sigma points look like besides.
 _SUMS = (
-    *("jacobian_wrong", "gain_inconsistent", "sigma_points_not_redrawn", "measurement_noise_twice"),
-    *("measurement_noise_omitted", "azimuth_not_wrapped", "angle_mean_not_circular", *SIZES, *NUMERICAL),
+    *(*_GAIN, "measurement_noise_twice", "measurement_noise_omitted"),
+    *("azimuth_not_wrapped", "angle_mean_not_circular", *SIZES, *NUMERICAL),
 )
 _MODEL = (*_SUMS, "sigma_spread_wrong", "sigma_points_misdrawn")
 
@@ -37,14 +39,14 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "velocity_unit": (*_MODEL, "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", "wrong_dt"),
     "sigma_points_misdrawn": (*_SUMS, "sigma_spread_wrong", "process_noise_omitted"),
     "sigma_spread_wrong": (*_SUMS, "process_noise_omitted"),
-    "angle_mean_not_circular": (*_SUMS,),
-    "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
-    "covariance_not_psd": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, "nonfinite"),
-    "azimuth_not_wrapped": NUMERICAL,
-    "sensor_bias": ("jacobian_wrong", "overconfident_start", "covariance_not_psd"),
+    "angle_mean_not_circular": _SUMS,
+    "covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", *SIZES, *NUMERICAL),
+    "covariance_not_psd": (*_GAIN, "azimuth_not_wrapped", *SIZES, "nonfinite"),
+    "azimuth_not_wrapped": ("angle_mean_not_circular", *NUMERICAL),
+    "sensor_bias": (*_GAIN, "overconfident_start", "covariance_not_psd"),
     "process_noise_omitted": ("q_too_small", *NUMERICAL, "overconfident_start"),
     "sigma_points_not_redrawn": ("gain_inconsistent", "jacobian_wrong", *SIZES, *NUMERICAL),
-    "gain_inconsistent": ("jacobian_wrong", "azimuth_not_wrapped", *SIZES, *NUMERICAL),
+    "gain_inconsistent": ("azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "measurement_noise_twice": NUMERICAL,
     "jacobian_wrong": ("azimuth_not_wrapped", *SIZES, *NUMERICAL),
     "measurement_ignored": ("nonfinite",),

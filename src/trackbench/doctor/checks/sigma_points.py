@@ -36,6 +36,8 @@ SCANS, ENOUGH = 12, 4
 KNOWN = 0.35
 #: Change that is a fault: of the mean, relative to it, and of the covariance.
 MEAN, COVARIANCE = 0.01, 0.05
+#: Least eigenvalue of a covariance that is positive definite, scaled to unit variances.
+DEFINITE = 1e-6
 #: Growth up to which it may be a memory that fades on purpose.
 FADING = 1.25
 #: The same diagonal entry of H K where the noise is left out, and where it is not, at the most.
@@ -55,6 +57,8 @@ class Unmoved(NamedTuple):
     """The rest of the change, relative to the position."""
     covariance: float
     """The covariance's factor."""
+    covariance_apart: float
+    """The rest of its change, relative to it."""
     least: float
     most: float
     """Extreme eigenvalues of the change of the covariance, scaled to unit variances."""
@@ -108,8 +112,14 @@ def _unmoved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[Unm
 
 def _known(estimate: Estimate) -> bool:
     variances = np.diag(estimate.covariance)
+    if not variances.min() > 0.0:
+        return False
+    spread = np.sqrt(variances)
+    # Points cannot have an indefinite covariance.
+    if np.linalg.eigvalsh(linalg.symmetrise(estimate.covariance) / np.outer(spread, spread))[0] < DEFINITE:
+        return False
     sigma, speed = np.sqrt(np.abs(variances[2:].sum())), np.hypot(*estimate.mean[2:])
-    return bool(variances.min() > 0.0 and sigma < KNOWN * speed)
+    return bool(sigma < KNOWN * speed)
 
 
 def _compared(before: Estimate, after: Estimate, probe: Probe) -> Unmoved:
@@ -119,16 +129,9 @@ def _compared(before: Estimate, after: Estimate, probe: Probe) -> Unmoved:
     sigma = np.sqrt(np.diag(before.covariance))
     was, now = (linalg.symmetrise(one.covariance) / np.outer(sigma, sigma) for one in (before, after))
     values = np.linalg.eigvalsh(now - was)
-    return Unmoved(
-        mean,
-        rest,
-        float(np.sum(now * was) / np.sum(was * was)),
-        float(values[0]),
-        float(values[-1]),
-        before,
-        after,
-        probe,
-    )
+    factor = float(np.sum(now * was) / np.sum(was * was))
+    apart = float(np.linalg.norm(now - factor * was) / np.linalg.norm(now))
+    return Unmoved(mean, rest, factor, apart, float(values[0]), float(values[-1]), before, after, probe)
 
 
 def _weights(found: Sequence[Unmoved], text: str) -> Finding | None:
@@ -170,7 +173,7 @@ def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> F
     error = float(np.std(factors) / np.sqrt(len(factors)))
     if not (factor < 1 - COVARIANCE - 3 * error or factor > FADING + 3 * error) or tracker.linearises:
         return None
-    if np.ptp(factors) > COVARIANCE * len(factors) * factor:
+    if not all(one.still for one in found) or np.median([one.covariance_apart for one in found]) > 2 * COVARIANCE:
         return None
     words = f"{text}: the points lie {np.sqrt(factor):.3g} times as far from their mean as their weights are made for"
     return Finding("sigma_spread_wrong", 0.95, words, factor=factor, shown_by=found[0].probe.name)

@@ -41,8 +41,6 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         ("course", (tracker.probes.course_axis,), tracker.sensors),
     ):
         question = f"Is the update of a target with the {angle} pi the same as with any other?"
-        if angle == "azimuth":
-            result.findings += _uncentred(tracker, probes, sensors)
         jumps = [
             jump
             for probe in probes
@@ -59,6 +57,9 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             confidence = 0.97 if size > 5 * FAR else 0.85
             finding = Finding("azimuth_not_wrapped", confidence, text, sensor=sensor, shown_by=probes[0].name)
             result.findings.append(finding)
+            # Where the innovation is not wrapped, which is clear, the points are probably not wrapped either.
+            if angle == "azimuth" and size <= 5 * FAR:
+                result.findings += _uncentred(tracker, probes, sensors)
     return result
 
 
