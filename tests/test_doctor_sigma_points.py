@@ -21,6 +21,7 @@ from trackbench.doctor.checks.wrapping import wrapping
 from trackbench.doctor.expected_gain import gain_error, gaussian_gain, linearised_gain
 from trackbench.doctor.kind_of_filter import learned_offsets
 from trackbench.doctor.probes import GENERAL, Probes
+from trackbench.doctor.root_causes import rank
 from trackbench.doctor.session import TrackerSession
 from trackbench.doctor.subject import SENSORS
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -93,9 +94,12 @@ def test_a_wrong_gain_of_sigma_points_is_no_wrong_jacobian(name: str, fault: str
     assert "jacobian_wrong" not in {one.fault for one in found}
 
 
-def test_a_mean_of_azimuths_by_a_plain_sum_is_found() -> None:
-    found = wrapping(_under_test(_mutant("angle_mean_not_circular/plain_ukf/azimuth"))).findings
-    assert found[0].fault == "angle_mean_not_circular"
+@pytest.mark.parametrize(
+    "name", ["angle_mean_not_circular/plain_ukf/azimuth", "azimuth_not_wrapped/plain_ukf/residual"]
+)
+def test_a_plain_mean_of_azimuths_is_told_from_a_plain_innovation(name: str) -> None:
+    found = rank(wrapping(_under_test(_mutant(name))).findings)
+    assert found[0].fault == name.split("/")[0]
 
 
 def test_process_noise_that_is_left_out_is_not_just_small() -> None:
