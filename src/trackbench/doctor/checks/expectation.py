@@ -61,9 +61,9 @@ def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResu
 def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
     best: tuple[float, WrongModel] | None = None
     for model in wrong_models(kind):
-        share = np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials])
-        if best is None or share > best[0] + 1e-9:
-            best = (float(share), model)
+        quiet = float(np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials]))
+        if best is None or quiet > best[0] + 1e-9:
+            best = (quiet, model)
     assert best is not None
     share, model = best
     if share < MOST:

@@ -75,15 +75,16 @@ class Unmoved(NamedTuple):
 def no_time(tracker: TrackerUnderTest) -> PartResult:
     """Predict over no time, early in a track, and update at once after its first measurements."""
     question = "Does a prediction over no time leave the estimate as it is?"
-    found, gains = [], []
+    found: list[Unmoved] = []
+    gains: list[tuple[Trial, Array, Array]] = []
     for probe in FAST:
         for name in tracker.sensors:
             found += list(_unmoved(tracker, probe, name))
             gains += list(_first_gains(tracker, probe, name))
     if not found:
         return PartResult([CheckResult("no_time", question, None, "there was no moving estimate to predict")])
-    mean = np.median([one.mean for one in found])
-    factor = np.median([one.covariance for one in found])
+    mean = float(np.median([one.mean for one in found]))
+    factor = float(np.median([one.covariance for one in found]))
     text = (
         f"over {NO_TIME:g} s the position is multiplied by {mean:.4g} and the covariance by {factor:.3g} (medians of "
         f"{len(found)} predictions)"

@@ -89,7 +89,7 @@ def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> Non
 
 
 def _sigma(estimate: Estimate) -> Array:
-    return np.sqrt(np.abs(np.diag(estimate.covariance)))
+    return np.asarray(np.sqrt(np.abs(np.diag(estimate.covariance))))
 
 
 def _noise(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
@@ -107,12 +107,13 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
     random = np.random.default_rng([tracker.seed, 1])
     scans = [with_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
     try:
-        runs, sigmas = [], []
+        runs: list[Array] = []
+        sigmas: list[Array] = []
         for _ in range(3):
             session = TrackerSession(tracker.make)
             estimates = [session.step(scan) for scan in scans]
             runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
-            sigmas.append([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates])
+            sigmas.append(np.array([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates]))
     except StepFailed as failure:
         tracker.failures.append((probe.name, failure))
         return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])

@@ -59,7 +59,7 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
             result.findings.append(finding)
             # Where the innovation is not wrapped, which is clear, the points are probably not wrapped either.
             if angle == "azimuth" and size <= 5 * FAR:
-                result.findings += _uncentred(tracker, probes, sensors)
+                result.findings += _uncentred(tracker, probes, polar)
     return result
 
 
