@@ -27,13 +27,19 @@ from trackbench.types import Estimate
 REPOSITORY = Path(__file__).parents[1]
 NAMES = [
     "azimuth_not_wrapped",
-    "azimuth_mean_not_circular",
+    "angle_mean_not_circular",
     "course_not_wrapped",
     "arctan_quadrant",
     "jacobian_wrong",
+    "gain_inconsistent",
+    "sigma_weights_wrong",
+    "sigma_spread_wrong",
+    "sigma_points_misdrawn",
+    "sigma_points_not_redrawn",
     "doppler_sign",
     "speed_for_range_rate",
     "degrees_for_radians",
+    "velocity_unit",
     "wrong_dt",
     "missed_scan_not_predicted",
     "time_offset",
@@ -43,9 +49,12 @@ NAMES = [
     "q_too_small",
     "q_too_large",
     "q_constant_per_step",
+    "process_noise_omitted",
     "process_noise_twice",
     "r_too_small",
     "r_too_large",
+    "measurement_noise_omitted",
+    "measurement_noise_twice",
     "overconfident_start",
     "polar_start",
     "covariance_asymmetric",
@@ -69,11 +78,19 @@ NAMES = [
     "too_far_off",
     "covariance_unbelievable",
 ]
-#: In other trackers: test_doctor_late.py and test_doctor_failures.py.
-ELSEWHERE = ("late_processed_as_new", "azimuth_mean_not_circular", "invalid_estimate", "process_ended")
-#: A late scan needs a scenario that has one (test_doctor_late.py), a course a filter that has one
-#: (test_doctor_steps.py); the last two are of trackers whose fault has no name (test_doctor_drives.py).
-ELSEWHERE = ("late_processed_as_new", "course_not_wrapped", "too_far_off", "covariance_unbelievable")
+#: Found in other trackers.
+ELSEWHERE = (
+    "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_late.py
+    *("invalid_estimate", "process_ended"),  # test_doctor_failures.py
+    *("too_far_off", "covariance_unbelievable"),  # of no other name: test_doctor_drives.py
+    *(
+        "course_not_wrapped",
+        "angle_mean_not_circular",
+    ),  # of sigma points: test_doctor_steps.py, test_doctor_failures.py
+    *("sigma_weights_wrong", "sigma_spread_wrong", "sigma_points_misdrawn"),  # test_doctor_sigma_points.py
+    *("sigma_points_not_redrawn", "gain_inconsistent"),
+    *("measurement_noise_omitted", "measurement_noise_twice", "process_noise_omitted"),
+)
 
 
 @pytest.fixture(scope="module")

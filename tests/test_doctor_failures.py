@@ -75,7 +75,7 @@ def test_a_mean_of_azimuths_across_pi_is_named_by_the_failed_factor() -> None:
     assert failure.fault.cause == "LinAlgError: Matrix is not positive definite"
     found = jumping_angle(CrossNotWrapped, failure)
     assert found is not None
-    assert (found.fault, found.sensor) == ("azimuth_mean_not_circular", "radar")
+    assert (found.fault, found.sensor) == ("angle_mean_not_circular", "radar")
 
 
 def test_an_innovation_across_pi_is_named_by_the_error() -> None:

@@ -12,6 +12,7 @@ import pytest
 from benchmarks.doctor.builtin import ekf_cv, kf_cv, ukf_ctrv
 from benchmarks.doctor.faults import CORRECT, MUTANTS, ONE_SENSOR, SUBJECTS, Mutant
 from benchmarks.doctor.filterpy_ekf import FilterPyEkf, FilterPyUkf
+from benchmarks.doctor.method_faults import SIGMA_POINTS
 from benchmarks.doctor.plain_ekf import PlainEkf
 from benchmarks.doctor.plain_kf import PlainKf
 from benchmarks.doctor.plain_ukf import PlainUkf
@@ -23,10 +24,11 @@ from trackbench.types import Array, Scan
 
 pytestmark = pytest.mark.slow
 
+SIGMA_POINT_FAULTS = {fault for fault, *_ in SIGMA_POINTS} | {"sigma_points_not_redrawn"}
 FAULTS = {
     *(
         "azimuth_not_wrapped",
-        "azimuth_mean_not_circular",
+        "angle_mean_not_circular",
         "exception_raised",
         "arctan_quadrant",
         "jacobian_wrong",
@@ -36,6 +38,7 @@ FAULTS = {
     *("degrees_for_radians", "wrong_dt", "q_too_small", "q_too_large", "r_too_small", "r_too_large"),
     *("overconfident_start", "polar_start", "covariance_asymmetric", "covariance_not_psd", "sensor_bias"),
     *("predicted_covariance_asymmetric", "predicted_covariance_not_psd"),
+    *("velocity_unit", *SIGMA_POINT_FAULTS),
     *("axis_swapped", "axis_mirrored", "ego_motion_ignored", "measurement_ignored", "nonfinite", "not_deterministic"),
     *("covariance_not_reduced", "velocity_not_kept", "course_not_wrapped", "second_measurement_dropped"),
     *("gate_never_reopens", "missed_scan_not_predicted", "time_offset", "process_noise_twice", "q_constant_per_step"),
@@ -43,7 +46,7 @@ FAULTS = {
 }
 #: In an update that is written out in plain NumPy.
 PLAIN_FAULTS = {"predicted_covariance_asymmetric", "predicted_covariance_not_psd", "exception_raised"}
-MEAN_FAULTS = {"azimuth_mean_not_circular"}
+MEAN_FAULTS = {"angle_mean_not_circular"}
 RADAR_FAULTS = {"azimuth_not_wrapped", "arctan_quadrant", "doppler_sign", "speed_for_range_rate", "jacobian_wrong"}
 LIDAR_FIRST = drive(["lidar", "radar"] * 60, [0.05 * i for i in range(120)], missed=[7, 40, 41])
 LIDAR_ALONE = drive(["lidar"] * 60, [0.05 * i for i in range(60)])
@@ -121,9 +124,11 @@ def test_every_fault_is_there_in_all_that_can_have_it() -> None:
         if name.startswith("builtin"):
             missing -= {"process_noise_twice", "integer_state_matrix"}
         if name.endswith("_kf"):
-            assert missing == RADAR_FAULTS | {"course_not_wrapped"}
+            assert missing == {"course_not_wrapped"} | RADAR_FAULTS | SIGMA_POINT_FAULTS
+        elif "ekf" in name:
+            assert missing == {"course_not_wrapped"} | SIGMA_POINT_FAULTS
         else:
-            assert missing == ({"course_not_wrapped"} if "ekf" in name else {"jacobian_wrong"})
+            assert missing == {"jacobian_wrong", *(SIGMA_POINT_FAULTS if name == "builtin_ukf" else ())}
     for mutant in MUTANTS:
         assert (mutant.factor is not None) == mutant.fault.startswith("r_too_")
 

@@ -16,6 +16,11 @@ def velocity_beside_position(mean: Array, covariance: Array) -> tuple[Array, Arr
     return mean[order], covariance[order][:, order]
 
 
+def velocity_in_kmh(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    scale = np.array([1.0, 1.0, 3.6, 3.6])
+    return mean * linalg.expand(scale, mean), covariance * linalg.expand(np.outer(scale, scale), covariance)
+
+
 def upper_triangle_scaled(mean: Array, covariance: Array) -> tuple[Array, Array]:
     upper = np.triu(np.full((4, 4), 1e-3), 1)
     return mean, covariance * linalg.expand(1.0 + upper, covariance)

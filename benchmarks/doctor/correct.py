@@ -13,13 +13,16 @@ import numpy as np
 from trackbench.trackers import builtin
 from trackbench.trackers.raw import RawTracker
 
+from .cholesky_ukf import CholeskyUkf
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Make
+from .other_ekfs import AdaptiveEkf, BiasEkf, InformationFilter, PlainImm
+from .other_ukfs import CubatureFilter, ScaledUkf, SquareRootUkf
 from .plain import Array, Belief
 from .plain_ekf import PlainEkf
 from .plain_kf import PlainKf
 from .plain_ukf import PlainUkf
-from .scaled_ukf import ScaledUkf
+from .sampling_filters import EnsembleFilter, ParticleFilter, SquareRootEnsemble
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "alpha_beta.py"
 STARTS = ("first_reading", "two_readings")
@@ -80,13 +83,31 @@ def _built_in() -> dict[str, Make]:
 
 
 def _plain() -> dict[str, Make]:
-    trackers = (PlainEkf, PlainUkf, PlainKf, ScaledUkf, FilterPyEkf, FilterPyUkf)
+    trackers = (PlainEkf, PlainUkf, PlainKf, CholeskyUkf, FilterPyEkf, FilterPyUkf)
     return {
         f"{tracker.__name__} {start}": partial(tracker, start=start) for tracker, start in product(trackers, STARTS)
     }
 
 
-CORRECT: dict[str, Make] = {**_plain(), **_built_in(), "alpha_beta": _alpha_beta()}
+#: Filters of other kinds: with samples, with a hidden state, with a noise or a mode that adapts itself.
+OTHERS: dict[str, Make] = {
+    "particles": ParticleFilter,
+    "particles, seeded": partial(ParticleFilter, seed=3),
+    "ensemble": EnsembleFilter,
+    "ensemble, seeded": partial(EnsembleFilter, seed=3),
+    "square-root ensemble": SquareRootEnsemble,
+    "range bias": BiasEkf,
+    "azimuth bias": partial(BiasEkf, component=1, bias_sigma=0.02),
+    "adaptive process noise": AdaptiveEkf,
+    "information filter": InformationFilter,
+    "imm": PlainImm,
+    "ukf alpha 0.001": ScaledUkf,
+    "ukf alpha 1, kappa 1": partial(ScaledUkf, alpha=1.0, kappa=1.0),
+    "cubature filter": CubatureFilter,
+    "square-root ukf": SquareRootUkf,
+}
+
+CORRECT: dict[str, Make] = {**_plain(), **_built_in(), **OTHERS, "alpha_beta": _alpha_beta()}
 
 
 class FadingMemory(PlainEkf):

@@ -6,20 +6,20 @@ from collections.abc import Iterator
 
 from . import builtin, step_faults, wrapper_faults
 from . import method_faults as methods
+from .cholesky_ukf import CholeskyUkf
 from .correct import CORRECT, ONE_SENSOR
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
 from .mutant import Mutant, Subject
 from .plain_ekf import PlainEkf
 from .plain_kf import PlainKf
 from .plain_ukf import PlainUkf
-from .scaled_ukf import ScaledUkf
 
 __all__ = ["CORRECT", "MUTANTS", "ONE_SENSOR", "Mutant"]
 
 PLAIN_EKF = Subject("plain_ekf", PlainEkf)
 PLAIN_UKF = Subject("plain_ukf", PlainUkf, turning=True)
 PLAIN_KF = Subject("plain_kf", PlainKf, uses_rate=False)
-SCALED_UKF = Subject("scaled_ukf", ScaledUkf)
+CHOLESKY_UKF = Subject("cholesky_ukf", CholeskyUkf)
 FILTERPY_EKF = Subject("filterpy_ekf", FilterPyEkf)
 FILTERPY_UKF = Subject("filterpy_ukf", FilterPyUkf, turning=True)
 
@@ -34,6 +34,7 @@ SUBJECTS = {
     PLAIN_UKF: (
         methods.predictions,
         methods.unscented,
+        methods.sigma_points,
         methods.innovation,
         methods.starts,
         methods.divisions,
@@ -41,7 +42,7 @@ SUBJECTS = {
     PLAIN_KF: (methods.starts, methods.divisions),
     # FilterPy's EKF refuses to invert what is not finite, so that it raises where the others answer.
     FILTERPY_EKF: (methods.predictions, methods.linearised, methods.starts),
-    FILTERPY_UKF: (methods.predictions, methods.unscented, methods.starts, methods.divisions),
+    FILTERPY_UKF: (methods.predictions, methods.unscented, methods.sigma_points, methods.starts, methods.divisions),
     builtin.EKF: (builtin.any_filter, builtin.predictions, builtin.linearised),
     builtin.UKF: (builtin.any_filter, builtin.predictions, builtin.turning),
     builtin.KF: (builtin.any_filter,),
@@ -55,7 +56,7 @@ def _mutants() -> Iterator[Mutant]:
             yield from part(subject)
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF):
         yield from methods.corrections(subject)
-    yield methods.raising(SCALED_UKF)
+    yield methods.raising(CHOLESKY_UKF)
     for subject in (PLAIN_EKF, PLAIN_UKF, PLAIN_KF, FILTERPY_EKF, FILTERPY_UKF):
         yield from step_faults.steps(subject)
 

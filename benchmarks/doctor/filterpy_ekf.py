@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from .plain import Array, Belief, Track, symmetric, wrap
 from .plain_ekf import PlainEkf
-from .plain_ukf import SIZE, PlainUkf, root
+from .plain_ukf import SIZE, PlainUkf
 
 
 class Held:
@@ -55,7 +56,9 @@ class FilterPyUkf(Held, PlainUkf):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        points = MerweScaledSigmaPoints(SIZE, alpha=1.0, beta=2.0, kappa=0.0, sqrt_method=lambda P: root(P).T)
+        points = MerweScaledSigmaPoints(
+            SIZE, alpha=np.sqrt(self.spread / SIZE), beta=2.0, kappa=0.0, sqrt_method=self.factor
+        )
         self.kalman = UnscentedKalmanFilter(
             dim_x=SIZE,
             dim_z=3,
@@ -63,12 +66,10 @@ class FilterPyUkf(Held, PlainUkf):
             hx=self.predicted_measurement,
             fx=self.transition,
             points=points,
-            x_mean_fn=self.mean_state,
+            x_mean_fn=self.state_mean,
             residual_x=self.state_residual,
         )
-
-    def mean_state(self, points: Array, weights: Array) -> Array:
-        return points[0] + weights @ self.state_spread(points, points[0])
+        self.kalman.Wm, self.kalman.Wc = self.mean_weights, self.covariance_weights
 
     def state_residual(self, a: Array, b: Array) -> Array:
         return self.state_spread(a[None], b)[0]
@@ -85,7 +86,7 @@ class FilterPyUkf(Held, PlainUkf):
         kalman.z_mean = lambda points, weights: self.measurement_mean(scan.kind, points, weights)
         kalman.update(
             scan.measurement,
-            R=self.noise(scan),
+            R=self.added_noise(scan),
             hx=lambda point: self.predicted_measurement(self.cartesian(point), scan),
         )
         mean = kalman.x.copy()

@@ -36,6 +36,13 @@ class AzimuthOverRange(RadarRow):
         H[1] *= np.hypot(*offset)
 
 
+class AzimuthRowInDegrees(RadarRow):
+    """The azimuth's row in degrees per metre."""
+
+    def change(self, H: Array, offset: Array, velocity: Array) -> None:
+        H[1] *= 180 / np.pi
+
+
 class AzimuthSwapped(RadarRow):
     """The two entries of the azimuth in each other's place."""
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from . import filter_faults as filtering
 from . import jacobian_faults as jacobian
 from . import sensor_faults as sensing
+from . import sigma_point_faults as points
 from .mutant import Mutant, Subject
 
 PREDICTIONS = [
@@ -19,6 +20,7 @@ PREDICTIONS = [
 JACOBIANS = [
     ("azimuth_sign", jacobian.AzimuthSign, "radar"),
     ("azimuth_over_range", jacobian.AzimuthOverRange, "radar"),
+    ("azimuth_in_degrees", jacobian.AzimuthRowInDegrees, "radar"),
     ("azimuth_swapped", jacobian.AzimuthSwapped, "radar"),
     ("rate_without_position", jacobian.RateWithoutPosition, "radar"),
     ("rate_term_missing", jacobian.RateTermMissing, "radar"),
@@ -26,6 +28,19 @@ JACOBIANS = [
     ("lidar_not_turned", jacobian.LidarNotTurned, "lidar"),
 ]
 MOTION_JACOBIANS = [("dt_missing", jacobian.TimeStepMissing), ("dt_misplaced", jacobian.TimeStepMisplaced)]
+SIGMA_POINTS = [
+    ("sigma_weights_wrong", "equal", points.EqualWeights, None),
+    ("sigma_weights_wrong", "centre_left_out", points.CentreLeftOut, None),
+    ("sigma_weights_wrong", "covariance_weights_for_mean", points.CovarianceWeightsForMean, None),
+    ("sigma_spread_wrong", "other_kappa", points.OtherKappa, None),
+    ("sigma_spread_wrong", "root_forgotten", points.RootForgotten, None),
+    ("sigma_spread_wrong", "spread_forgotten", points.SpreadForgotten, None),
+    ("sigma_points_misdrawn", "rows_for_columns", points.RowsForColumns, None),
+    ("gain_inconsistent", "other_kappa_in_update", points.OtherKappaInUpdate, None),
+    ("measurement_noise_omitted", "update", points.NoiseOmitted, None),
+    ("measurement_noise_twice", "update", points.NoiseTwice, None),
+    ("process_noise_omitted", "prediction", points.ProcessNoiseOmitted, None),
+]
 CORRECTIONS = [
     ("covariance_asymmetric", "update", filtering.UnsymmetricUpdate, None),
     ("predicted_covariance_asymmetric", "one_sided_noise", filtering.OneSidedNoise, None),
@@ -84,8 +99,8 @@ def divisions(subject: Subject) -> Iterator[Mutant]:
 
 
 def unscented(subject: Subject) -> Iterator[Mutant]:
-    yield subject.mixed("azimuth_mean_not_circular", "spread", sensing.BareSpread, "radar")
-    yield subject.mixed("azimuth_mean_not_circular", "mean", sensing.BareMean, "radar")
+    yield subject.mixed("angle_mean_not_circular", "spread", sensing.BareSpread, "radar")
+    yield subject.mixed("angle_mean_not_circular", "mean", sensing.BareMean, "radar")
     yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_readings")
 
 
@@ -95,4 +110,11 @@ def innovation(subject: Subject) -> Iterator[Mutant]:
 
 def raising(subject: Subject) -> Mutant:
     """Its Cholesky factor fails after an update at the azimuth pi."""
-    return subject.mixed("azimuth_mean_not_circular", "cross_covariance", sensing.BareCross, "radar")
+    return subject.mixed("angle_mean_not_circular", "cross_covariance", sensing.BareCross, "radar")
+
+
+def sigma_points(subject: Subject) -> Iterator[Mutant]:
+    for fault, variant, mixin, kind in SIGMA_POINTS:
+        yield subject.mixed(fault, variant, mixin, kind)
+    kept = points.NotRedrawnInFilterPy if subject.name.startswith("filterpy") else points.NotRedrawn
+    yield subject.mixed("sigma_points_not_redrawn", "update", kept)

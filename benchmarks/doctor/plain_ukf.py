@@ -89,32 +89,45 @@ class ConstantTurnRate(PlainTracker):
 class PlainUkf(ConstantTurnRate):
     """Radar and lidar of one target; scaled sigma points with alpha 1, beta 2, kappa 0, drawn anew for the update."""
 
+    spread = float(SIZE)
     mean_weights = np.array([0, *[0.5 / SIZE] * 2 * SIZE])
     covariance_weights = np.array([2, *[0.5 / SIZE] * 2 * SIZE])
 
     def predict(self, x: Array, P: Array, dt: float) -> Belief:
         moved = np.array([self.transition(point, dt) for point in self.sigma_points(x, P)])
-        apart = self.state_spread(moved, moved[0])
-        mean = moved[0] + self.mean_weights @ apart
+        mean = self.state_mean(moved, self.mean_weights)
         apart = self.state_spread(moved, mean)
         P = symmetric(apart.T * self.covariance_weights @ apart) + self.process_noise(x, dt)
         mean[3] = wrap(mean[3])
         return mean, P
 
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
-        points = self.sigma_points(x, P)
+        points = self.points_for_update(x, P)
         seen = np.array([self.predicted_measurement(self.cartesian(point), scan) for point in points])
         mean = self.measurement_mean(scan.kind, seen, self.mean_weights)
         apart = self.measurement_spread(scan.kind, seen, mean)
-        S = symmetric(apart.T * self.covariance_weights @ apart) + self.noise(scan)
+        S = symmetric(apart.T * self.covariance_weights @ apart) + self.added_noise(scan)
         cross = self.state_spread(points, x).T * self.covariance_weights @ apart
         K = np.linalg.solve(S, cross.T).T
         return self.corrected(x, P, K, self.innovation(scan, mean), S)
 
+    def points_for_update(self, x: Array, P: Array) -> Array:
+        return self.sigma_points(x, P)
+
+    def added_noise(self, scan: Any) -> Array:
+        return self.noise(scan)
+
     def sigma_points(self, x: Array, P: Array) -> Array:
         """``(11, 5)``: the centre, then the points on either side."""
-        columns = np.sqrt(SIZE) * root(P).T
-        return np.vstack([x, x + columns, x - columns])
+        rows = np.sqrt(self.spread) * self.factor(P)
+        return np.vstack([x, x + rows, x - rows])
+
+    def factor(self, P: Array) -> Array:
+        """``(5, 5)`` A with A^T A = P, in whose rows the points lie."""
+        return root(P).T
+
+    def state_mean(self, points: Array, weights: Array) -> Array:
+        return points[0] + weights @ self.state_spread(points, points[0])
 
     def state_spread(self, points: Array, centre: Array) -> Array:
         apart = points - centre

@@ -135,7 +135,7 @@ class NoiseAlsoInUpdate:
         return super().update(x, P + self.last_noise, scan)
 
 
-class NoiseOfFixedStep:
+class NoiseOfTenth:
     """The process noise of a tenth of a second at every step."""
 
     period = 0.1
@@ -144,7 +144,7 @@ class NoiseOfFixedStep:
         return super().process_noise(x, self.period)
 
 
-class NoiseOfShortStep(NoiseOfFixedStep):
+class NoiseOfTwentieth(NoiseOfTenth):
     """... of a twentieth."""
 
     period = 0.05
@@ -183,8 +183,8 @@ STEPS = [
     ("missed_scan_not_predicted", "time_kept", MissedScanIsNothing, None),
     ("missed_scan_not_predicted", "time_stored", MissedScanTakesNoTime, None),
     ("process_noise_twice", "update", NoiseAlsoInUpdate, None),
-    ("q_constant_per_step", "0.1", NoiseOfFixedStep, None),
-    ("q_constant_per_step", "0.05", NoiseOfShortStep, None),
+    ("q_constant_per_step", "0.1", NoiseOfTenth, None),
+    ("q_constant_per_step", "0.05", NoiseOfTwentieth, None),
     ("integer_state_matrix", "state", IntegerState, None),
     ("integer_state_matrix", "covariance", IntegerCovariance, None),
     ("integer_state_matrix", "start", IntegerStart, None),

@@ -108,6 +108,7 @@ def chance(subject: Subject) -> Iterator[Mutant]:
 
 def answers(subject: Subject) -> Iterator[Mutant]:
     alterations = [
+        ("velocity_unit", "kmh", estimates.velocity_in_kmh),
         ("axis_swapped", "output_order", estimates.velocity_beside_position),
         ("covariance_asymmetric", "upper_triangle", estimates.upper_triangle_scaled),
         ("covariance_asymmetric", "one_entry", estimates.one_entry_left),

@@ -26,6 +26,7 @@ from trackbench.doctor.checks.models import models
 from trackbench.doctor.checks.output import output
 from trackbench.doctor.checks.prediction import prediction, spreading
 from trackbench.doctor.checks.process_noise import process_noise
+from trackbench.doctor.checks.sigma_points import no_time
 from trackbench.doctor.checks.start import confidence, first_position
 from trackbench.doctor.checks.validity import repeatability, validity
 from trackbench.doctor.checks.velocity import velocity
@@ -47,23 +48,25 @@ from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, no_progress
 
-#: In this order: `validity` comes last, because it reports on the estimates of all others.
+#: In this order: first estimates, predictions, single measurements, whole tracks; `validity` comes last, because it
+#: reports on the estimates of all others.
 PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
     repeatability,
     output,
     first_position,
     confidence,
     integers,
+    no_time,
     prediction,
     velocity,
     spreading,
+    process_noise,
     expectation,
     gain,
     covariance_update,
     instants,
     models,
     wrapping,
-    process_noise,
     gate,
     innovations,
     late,
@@ -73,15 +76,16 @@ PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
 
 #: These need a tracker that predicts and updates; one that returns the last measurement does not.
 FOR_FILTERS = (
+    no_time,
     prediction,
     velocity,
     spreading,
+    process_noise,
     expectation,
     gain,
     covariance_update,
     instants,
     wrapping,
-    process_noise,
     innovations,
 )
 

@@ -94,7 +94,7 @@ def _azimuth(make: Make, scans: Sequence[Scan], other: Sequence[Scan], k: int, a
     if _same(with_jump, _after(make, other[:k], turned_mounting(expected, angle)), np.eye(2)):
         return JumpingAngle("azimuth_not_wrapped", text, scan.sensor)
     text += "; the update by its own predicted measurement, without an innovation, is wrong too"
-    return JumpingAngle("azimuth_mean_not_circular", text, scan.sensor)
+    return JumpingAngle("angle_mean_not_circular", text, scan.sensor)
 
 
 def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingAngle | None:

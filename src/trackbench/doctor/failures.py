@@ -14,6 +14,7 @@ from trackbench.doctor.session import StepFailed, finite, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import TrackbenchError
 from trackbench.stepping.alone import NOT_COPIED
+from trackbench.trackers.answers import TOO_LARGE
 from trackbench.types import Estimate
 
 #: In the messages of NumPy and SciPy, where there is no Cholesky factor.
@@ -60,7 +61,11 @@ def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
         tracker: after all checks.
     """
     groups: dict[tuple[str, str | None, bool], list[tuple[str, StepFailed]]] = {}
+    driven = any(_overflows(failure) and _in_drive(tracker, where) for where, failure in tracker.failures)
     for where, failure in tracker.failures:
+        if driven and _overflows(failure) and not _in_drive(tracker, where):
+            # The drive shows how the estimate goes astray.
+            continue
         if where not in SINGULAR or _named(failure) != "covariance_not_psd":
             key = (failure.fault.cause.partition(":")[0], failure.fault.place, bool(failure.scan.valid.any()))
             groups.setdefault(key, []).append((where, failure))
@@ -78,7 +83,10 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
     named: set[str] = set()
     for where, failure in tried:
-        fault, because, sensor = _cause(tracker, where, failure) or (_named(failure), "", only)
+        if _overflows(failure) and _in_drive(tracker, where):
+            fault, because, sensor = "too_far_off", "", None
+        else:
+            fault, because, sensor = _cause(tracker, where, failure) or (_named(failure), "", only)
         if fault in named:
             continue
         named.add(fault)
@@ -90,6 +98,14 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
         # A track that has diverged may fail for that alone.
         confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
         yield Finding(fault, confidence, "; ".join(filter(None, parts)), sensor=sensor, shown_by=where)
+
+
+def _overflows(failure: StepFailed) -> bool:
+    return failure.fault.cause == TOO_LARGE
+
+
+def _in_drive(tracker: TrackerUnderTest, where: str) -> bool:
+    return any(drive.name == where for drive, _ in tracker.drives)
 
 
 def _named(failure: StepFailed) -> str:

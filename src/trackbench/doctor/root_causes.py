@@ -12,7 +12,8 @@ NUMERICAL = ("covariance_not_psd", "predicted_covariance_not_psd", "nonfinite", 
 #: Found without a model of the tracker, or by one that fits it exactly, so that no other fault looks like them.
 EXACT = (
     "azimuth_not_wrapped",
-    "azimuth_mean_not_circular",
+    "angle_mean_not_circular",
+    "course_not_wrapped",
     "arctan_quadrant",
     "axis_swapped",
     "axis_mirrored",
@@ -21,21 +22,32 @@ EXACT = (
     "speed_for_range_rate",
     "ego_motion_ignored",
     "measurement_ignored",
+    "second_measurement_dropped",
+    "missed_scan_not_predicted",
+    "integer_state_matrix",
+    "sigma_weights_wrong",
     "exception_raised",
     "process_ended",
     *NUMERICAL,
 )
 #: Found without a measurement: the use of one sensor's measurements does not change them.
-MOTION = ("wrong_dt", "q_too_small", "q_too_large")
+MOTION = (*("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted"),)
+#: What the estimates of drives show of any fault.
+DRIVEN = ("too_far_off", "covariance_unbelievable")
 
 #: What is not exact after all beside such a cause: y / x is not a number at the sensor, an indefinite covariance has
-#: no square root, and what a prediction does to the covariance is there after the update.
+#: no square root, what a prediction does to the covariance is there after the update, measurements do not move whole
+#: numbers, and a position or velocity with a factor has other angles and range rates.
 DIRECT = (
     ("arctan_quadrant", "nonfinite"),
     ("covariance_not_psd", "nonfinite"),
     ("predicted_covariance_not_psd", "nonfinite"),
     ("predicted_covariance_not_psd", "covariance_not_psd"),
-    ("azimuth_mean_not_circular", "azimuth_not_wrapped"),
+    ("angle_mean_not_circular", "azimuth_not_wrapped"),
+    ("integer_state_matrix", "measurement_ignored"),
+    ("second_measurement_dropped", "measurement_ignored"),
+    ("sigma_weights_wrong", "arctan_quadrant"),
+    *(("velocity_unit", fault) for fault in ("ego_motion_ignored", "doppler_sign", "speed_for_range_rate")),
 )
 
 #: Confidence from which on a finding can be the cause of others.
@@ -43,39 +55,68 @@ SURE = 0.8
 #: Confidence from which on an exact finding is the consequence of no other.
 CERTAIN = 0.9
 
-_NOISE = ("r_too_small", "r_too_large")
-_COVARIANCE = ("jacobian_wrong", "azimuth_not_wrapped", *_NOISE, "q_too_small", "q_too_large", "overconfident_start")
-_AXES = ("arctan_quadrant", "azimuth_not_wrapped", "ego_motion_ignored", "jacobian_wrong", *_NOISE, *MOTION)
+#: What a wrong gain is called, with a Jacobian, with sigma points, and by what its update adds.
+_GAIN = ("jacobian_wrong", "gain_inconsistent", "sigma_points_not_redrawn", "process_noise_twice")
+_NOISE = ("r_too_small", "r_too_large", "measurement_noise_omitted", "measurement_noise_twice")
+_GROWTH = ("q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted", "process_noise_twice")
+_OFFSET = ("sensor_bias", "scale_error", "time_offset")
+#: What a wrong mean or covariance can look like after a step, or after many.
+_STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced")
+_POINTS = ("sigma_spread_wrong", "sigma_points_misdrawn")
+_ANGLE = ("azimuth_not_wrapped", "angle_mean_not_circular", "course_not_wrapped")
+#: Of measurements that are predicted or read wrongly.
+_MEASURED = (*_GAIN, "overconfident_start", *_STEP, *_POINTS, *NUMERICAL)
+#: Of a wrong step of the state, after which the innovations of all measurements are wrong too.
+_STEPPED = (*_GAIN, *_NOISE, *_GROWTH, *_OFFSET, *_STEP, *_POINTS, *_ANGLE, "overconfident_start", *NUMERICAL)
+_COVARIANCE = (*_GAIN, "azimuth_not_wrapped", *_NOISE, *_GROWTH, *_STEP, "overconfident_start")
+_AXES = ("arctan_quadrant", *_ANGLE, "ego_motion_ignored", *_MEASURED, *_NOISE, *_GROWTH, "wrong_dt", "velocity_unit")
 
 #: The consequences that each fault can have; causes are tried in this order.
 CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "not_deterministic": tuple(fault for fault in faults_of("trackbench.doctor") if fault != "exception_raised"),
-    "axis_swapped": (*_AXES, "overconfident_start", *NUMERICAL),
-    "axis_mirrored": (*_AXES, "overconfident_start", *NUMERICAL),
-    "degrees_for_radians": (
-        *("arctan_quadrant", "azimuth_not_wrapped", "jacobian_wrong", *_NOISE, "overconfident_start"),
-        *NUMERICAL,
-    ),
-    "ego_motion_ignored": ("arctan_quadrant", "jacobian_wrong", *_NOISE, "overconfident_start", *NUMERICAL),
-    "arctan_quadrant": ("azimuth_not_wrapped", "jacobian_wrong", "overconfident_start", *NUMERICAL),
+    "integer_state_matrix": ("wrong_dt", "measurement_ignored", *_STEPPED),
+    "axis_swapped": _AXES,
+    "axis_mirrored": _AXES,
+    "degrees_for_radians": ("arctan_quadrant", *_ANGLE, *_NOISE, *_MEASURED),
+    "ego_motion_ignored": ("arctan_quadrant", *_NOISE, *_MEASURED),
+    "arctan_quadrant": (*_ANGLE, *_MEASURED),
     # Their third row of the Jacobian is wrong too, unless it is left right.
-    "doppler_sign": ("jacobian_wrong", "overconfident_start", *NUMERICAL),
-    "speed_for_range_rate": ("jacobian_wrong", "overconfident_start", *NUMERICAL),
-    "azimuth_mean_not_circular": ("azimuth_not_wrapped", "jacobian_wrong", *NUMERICAL),
-    "wrong_dt": ("jacobian_wrong", "q_too_small", "q_too_large", "overconfident_start", *NUMERICAL),
-    "predicted_covariance_not_psd": (*_COVARIANCE, "covariance_not_psd", "nonfinite"),
-    "predicted_covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
-    "covariance_asymmetric": ("jacobian_wrong", "azimuth_not_wrapped", *NUMERICAL),
+    "doppler_sign": _MEASURED,
+    "speed_for_range_rate": _MEASURED,
+    "sigma_weights_wrong": ("wrong_dt", "velocity_unit", "arctan_quadrant", *_STEPPED),
+    "measurement_noise_omitted": ("polar_start", "wrong_dt", *_STEPPED),
+    "covariance_not_reduced": ("wrong_dt", *_STEPPED),
+    "missed_scan_not_predicted": _STEPPED,
+    "angle_mean_not_circular": (*_ANGLE, *_MEASURED, *_NOISE),
+    "course_not_wrapped": (*_ANGLE, *_MEASURED, *_NOISE, *_GROWTH, *_OFFSET),
+    "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
+    "velocity_unit": ("wrong_dt", "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", *_STEPPED),
+    "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
+    "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
+    "sigma_points_misdrawn": ("sigma_spread_wrong", *_STEPPED),
+    "sigma_spread_wrong": _STEPPED,
+    "q_constant_per_step": (*_GAIN, *_POINTS, *_GROWTH, "overconfident_start"),
+    "velocity_not_kept": ("wrong_dt", *_STEPPED),
+    "time_offset": (*_ANGLE, *_MEASURED, *_GROWTH, "sensor_bias", "scale_error"),
+    "second_measurement_dropped": ("measurement_ignored",),
+    "covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", *NUMERICAL),
     "covariance_not_psd": (*_COVARIANCE, "nonfinite"),
     "azimuth_not_wrapped": NUMERICAL,
-    "sensor_bias": ("jacobian_wrong", "overconfident_start", *NUMERICAL),
-    "jacobian_wrong": ("azimuth_not_wrapped", *_NOISE, "q_too_small", "q_too_large", *NUMERICAL),
+    "sensor_bias": (*_GAIN, "overconfident_start", *NUMERICAL),
+    "scale_error": (*_GAIN, "overconfident_start", *NUMERICAL),
+    "process_noise_omitted": ("q_too_small", "overconfident_start", *NUMERICAL),
+    "sigma_points_not_redrawn": ("gain_inconsistent", "jacobian_wrong", *_NOISE, *_GROWTH, *NUMERICAL),
+    "process_noise_twice": ("gain_inconsistent", "q_too_large"),
+    "gain_inconsistent": ("azimuth_not_wrapped", *_NOISE, *_GROWTH, "overconfident_start", *NUMERICAL),
+    "jacobian_wrong": ("azimuth_not_wrapped", *_NOISE, *_GROWTH, *NUMERICAL),
+    "measurement_noise_twice": NUMERICAL,
     "measurement_ignored": ("nonfinite",),
     "polar_start": ("overconfident_start", "sensor_bias"),
     "r_too_small": ("overconfident_start", *NUMERICAL),
     "r_too_large": NUMERICAL,
     "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
+    "too_far_off": ("covariance_unbelievable",),
 }
 
 
@@ -89,7 +130,11 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
     order = list(CONSEQUENCES)
     ordered = sorted(
         unique.values(),
-        key=lambda one: (one.confidence < SURE, order.index(one.fault) if one.fault in order else len(order)),
+        key=lambda one: (
+            one.confidence < SURE,
+            one.fault in DRIVEN,
+            order.index(one.fault) if one.fault in order else len(order),
+        ),
     )
     ranked: list[Finding] = []
     for finding in ordered:
@@ -101,7 +146,11 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
 
 def _causes(root: Finding, finding: Finding) -> bool:
     """Whether a finding can be the consequence of a root cause, in its sensor and place."""
-    if root.confidence < SURE or root.fault == finding.fault or finding.fault not in CONSEQUENCES.get(root.fault, ()):
+    if root.confidence < SURE or root.fault == finding.fault:
+        return False
+    if finding.fault in DRIVEN and root.fault not in DRIVEN:
+        return True
+    if finding.fault not in CONSEQUENCES.get(root.fault, ()):
         return False
     if (root.fault, finding.fault) in DIRECT or root.fault == "not_deterministic":
         return True

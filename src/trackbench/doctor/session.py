@@ -45,8 +45,6 @@ class TrackerSession:
         self._own = Alone(make)
         self._batched = bool(getattr(self._own.tracker, "batched", False))
         self._started = False
-        self.time: float | None = None
-        """Of the last scan, s."""
 
     @property
     def given(self) -> list[Scan]:
@@ -78,7 +76,6 @@ class TrackerSession:
         if estimate is not None and self._batched:
             estimate = self._of_one(estimate)
         self._started = self._started or estimate is not None
-        self.time = scan.time
         return estimate
 
     def peek(self, scan: Scan) -> Estimate | None:

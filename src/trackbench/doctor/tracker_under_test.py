@@ -8,12 +8,13 @@ from functools import cached_property
 
 import numpy as np
 
+from trackbench.doctor import kind_of_filter
 from trackbench.doctor.drives import TestDrive
 from trackbench.doctor.output_checks import OutputChecks
 from trackbench.doctor.probes import Probe, Probes, probe_rate
 from trackbench.doctor.rollout import Rollout
-from trackbench.doctor.session import StepFailed, TrackerSession
-from trackbench.doctor.trial import Trial
+from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.doctor.trial import Trial, averaged
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
@@ -21,6 +22,8 @@ from trackbench.types import Estimate, Scan
 
 #: How long a probe's target is followed before time 0, s.
 WARM_UP = 3.0
+#: How often a tracker is asked whose copies draw different random numbers.
+REPEATS = 16
 
 
 class TrackerUnderTest:
@@ -53,7 +56,10 @@ class TrackerUnderTest:
         self.output_checks = OutputChecks()
         self.failures: list[tuple[str, StepFailed]] = []
         """Each with the name of the probe, drive or check where it happened."""
-        self._sessions: dict[tuple[Probe, tuple[str, ...]], TrackerSession | None] = {}
+        self._sessions: dict[tuple[Probe, tuple[str, ...], bool], TrackerSession | None] = {}
+        self._trials: dict[tuple[Probe, str, tuple[str, ...], bool], Trial | None] = {}
+        self._at_zero: dict[Probe, tuple[TrackerSession, Estimate] | None] = {}
+        self._predictions: dict[tuple[Probe, float], Estimate | None] = {}
 
     @contextmanager
     def recording_failures(self, where: str) -> Iterator[None]:
@@ -68,17 +74,24 @@ class TrackerUnderTest:
         alone: list[tuple[str, ...]] = [(name,) for name in self.sensors]
         return alone if len(alone) == 1 else [*alone, tuple(self.sensors)]
 
-    def session_at(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
-        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed."""
-        key = (probe, sensor_set)
+    def session_at(self, probe: Probe, sensor_set: tuple[str, ...], *, replica: bool = False) -> TrackerSession | None:
+        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed.
+
+        Args:
+            probe: where.
+            sensor_set: with what.
+            replica: with one prediction more, so that a tracker that draws random numbers has others.
+        """
+        key = (probe, sensor_set, replica)
         if key not in self._sessions:
-            self._sessions[key] = self._follow(probe, sensor_set)
+            self._sessions[key] = self._follow(*key)
         return self._sessions[key]
 
-    def _follow(self, probe: Probe, sensor_set: tuple[str, ...]) -> TrackerSession | None:
+    def _follow(self, probe: Probe, sensor_set: tuple[str, ...], replica: bool) -> TrackerSession | None:
         session = TrackerSession(self.make)
+        scans = self.approach(probe, sensor_set)
         with self.recording_failures(probe.name):
-            scans = self.approach(probe, sensor_set)
+            scans = kind_of_filter.with_additional_step(scans) if replica else scans
             for k, scan in enumerate(scans, start=1):
                 self.output_checks.add(session.step(scan), scan, probe.name, scans[:k])
             return session
@@ -91,34 +104,106 @@ class TrackerUnderTest:
                 return session.peek(scan)
         return None
 
-    def approach(self, probe: Probe, sensor_set: tuple[str, ...]) -> list[Scan]:
+    def approach(self, probe: Probe, sensor_set: tuple[str, ...], duration: float = WARM_UP) -> list[Scan]:
         """The scans without noise before time 0, ordered by time and then by sensor."""
         scans = []
         for name in sensor_set:
             rate = probe_rate(self.sensors[name])
-            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-int(WARM_UP * rate), 0)]
+            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-int(duration * rate), 0)]
         return sorted(scans, key=lambda scan: scan.time)
 
-    def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...]) -> Trial | None:
+    def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], *, replica: bool = False) -> Trial | None:
         """A trial of one sensor at a probe; None where the tracker failed or has no estimate."""
-        session = self.session_at(probe, sensor_set)
+        key = (probe, sensor, sensor_set, replica)
+        if key not in self._trials:
+            self._trials[key] = self._tried(*key)
+        return self._trials[key]
+
+    def _tried(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], replica: bool) -> Trial | None:
+        session = self.session_at(probe, sensor_set, replica=replica)
         if session is None:
             return None
         scan = probe.scan(sensor, self.sensors[sensor], 0.0)
-        prediction = self.peek(session, masked(scan), probe.name)
-        return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
+        with self.recording_failures(probe.name):
+            prediction = averaged(session, masked(scan), self.repeats)
+            if prediction is not None:
+                return Trial(probe.name, probe.description, scan, prediction, session, self.repeats, sensor_set)
+        return None
+
+    def predicted(self, probe: Probe, step: float) -> tuple[Estimate, Estimate] | None:
+        """The estimates at a missed scan at time 0 and at one ``step`` s later, after measurements of all sensors.
+
+        None where the tracker failed, or one of them is none or not finite.
+        """
+        name = next(iter(self.sensors))
+        if probe not in self._at_zero:
+            self._at_zero[probe] = self._stepped_to_zero(probe, name)
+        at_zero = self._at_zero[probe]
+        if at_zero is None:
+            return None
+        session, now = at_zero
+        if (probe, step) not in self._predictions:
+            self._predictions[probe, step] = self.peek(
+                session, masked(probe.scan(name, self.sensors[name], step)), probe.name
+            )
+        then = self._predictions[probe, step]
+        return None if then is None or not finite(then) else (now, then)
+
+    def _stepped_to_zero(self, probe: Probe, name: str) -> tuple[TrackerSession, Estimate] | None:
+        session = self.session_at(probe, self.sensor_sets()[-1])
+        if session is not None:
+            with self.recording_failures(probe.name):
+                session = session.copy()
+                now = session.step(masked(probe.scan(name, self.sensors[name], 0.0)))
+                return None if now is None or not finite(now) else (session, now)
+        return None
 
     @cached_property
     def trials(self) -> dict[str, list[Trial]]:
         """By sensor: the usable trials at the regular probes."""
+        return self._regular_trials(replica=False)
+
+    @cached_property
+    def replicas(self) -> dict[str, list[Trial]]:
+        """The same with other samples."""
+        return self._regular_trials(replica=True)
+
+    def _regular_trials(self, *, replica: bool) -> dict[str, list[Trial]]:
         found: dict[str, list[Trial]] = {name: [] for name in self.sensors}
         for probe in self.probes.regular:
             for sensor_set in self.sensor_sets():
                 for name in self.sensors:
-                    trial = self.trial(probe, name, sensor_set)
+                    trial = self.trial(probe, name, sensor_set, replica=replica)
                     if trial is not None and trial.usable:
                         found[name].append(trial)
         return found
+
+    @cached_property
+    def repeats(self) -> int:
+        """How often an answer is asked for: once, unless copies of the tracker draw different random numbers."""
+        probe, sensor_set = self.probes.general[0], self.sensor_sets()[0]
+        session = self.session_at(probe, sensor_set)
+        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        with self.recording_failures(probe.name):
+            answers = [None if session is None else session.peek(scan) for _ in range(2)]
+            if answers[0] is not None and answers[1] is not None:
+                return 1 if np.array_equal(answers[0].mean, answers[1].mean, equal_nan=True) else REPEATS
+        return 1
+
+    @cached_property
+    def stochastic(self) -> bool:
+        """Whether the tracker says that it draws random numbers, by an attribute ``stochastic = True``."""
+        return bool(getattr(self.make(), "stochastic", False))
+
+    @cached_property
+    def sampling_noise(self) -> float:
+        """As :func:`kind_of_filter.sampling_noise`."""
+        return kind_of_filter.sampling_noise(self)
+
+    @cached_property
+    def linearises(self) -> bool | None:
+        """As :func:`kind_of_filter.linearises`."""
+        return kind_of_filter.linearises(self)
 
     @cached_property
     def memoryless(self) -> bool:

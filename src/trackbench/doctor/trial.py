@@ -14,6 +14,8 @@ from trackbench.types import Array, Estimate, Mask, Scan
 
 #: Change of a measurement for the finite differences of a gain, in its standard deviations.
 GAIN_STEP = 0.05
+#: The same where answers are averaged over different random numbers.
+DRAWN_STEP = 1.5
 #: A gain below this, relative to the largest, counts as zero.
 NO_GAIN = 1e-6
 
@@ -31,6 +33,11 @@ class Trial:
     prediction: Estimate
     """The tracker's, at the time of the scan."""
     session: TrackerSession
+    repeats: int = 1
+    """How many answers are averaged."""
+    sensor_set: tuple[str, ...] = ()
+    """The sensors with which the target was followed before."""
+    _posteriors: dict[tuple[float, ...], Estimate | None] = field(default_factory=dict)
     _updates: dict[tuple[float, ...], TrialUpdate | None] = field(default_factory=dict)
 
     @property
@@ -70,6 +77,17 @@ class Trial:
         ``sqrt(tr(A P A P) / 2)`` with the second derivative ``A`` (Bar-Shalom, Li and Kirubarajan 2001, section
         10.3.2). Where it is large, correct sigma-point filters and correct EKFs differ.
         """
+        product = np.einsum("iab,bc->iac", self._second_derivative, linalg.symmetrise(self.prediction.covariance))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", product, product), 0.0) / 2) / self.sigma)
+
+    @cached_property
+    def second_order(self) -> Array:
+        """``(m,)`` ``tr(A P) / 2``: by how much the mean of the measurement differs from that of the predicted mean."""
+        return np.asarray(0.5 * np.einsum("iab,ba->i", self._second_derivative, self.prediction.covariance))
+
+    @cached_property
+    def _second_derivative(self) -> Array:
+        """``(m, 4, 4)`` by differences of the Jacobian."""
         model, scan = SENSOR_MODELS[self.scan.kind], self.scan
         steps = np.diag(1e-3 * np.maximum(self.state_sigma, 1e-3))
         ahead, behind = (
@@ -79,9 +97,7 @@ class Trial:
             ]
             for side in (1, -1)
         )
-        second = (np.stack(ahead, axis=-1) - np.stack(behind, axis=-1)) / (2 * np.diag(steps))
-        product = np.einsum("iab,bc->iac", second, linalg.symmetrise(self.prediction.covariance))
-        return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", product, product), 0.0) / 2) / self.sigma)
+        return np.asarray((np.stack(ahead, axis=-1) - np.stack(behind, axis=-1)) / (2 * np.diag(steps)))
 
     def posterior(self, measurement: Array) -> Estimate | None:
         """The estimate after a measurement; None where the tracker fails or its estimate is not finite.
@@ -89,13 +105,32 @@ class Trial:
         Raises:
             StepFailed: its process ended.
         """
+        key = tuple(float(value) for value in measurement)
+        if key not in self._posteriors:
+            self._posteriors[key] = self._asked(np.array(key))
+        return self._posteriors[key]
+
+    def _asked(self, measurement: Array) -> Estimate | None:
         try:
-            estimate = self.session.peek(self.scan._replace(measurement=np.asarray(measurement, dtype=float)))
+            estimate = averaged(self.session, self.scan._replace(measurement=measurement), self.repeats)
         except StepFailed as failure:
             if failure.fault.kind == "died":
                 raise
             return None
         return estimate if estimate is not None and finite(estimate) else None
+
+    def offset(self) -> Array | None:
+        """``(m,)`` the measurement without an innovation, minus the predicted measurement; None where unknown."""
+        measurement = self.predicted_measurement.copy()
+        for _ in range(6):
+            update = self.update(measurement)
+            if update is None or not update.used.any():
+                return None
+            step = np.nan_to_num(update.innovation) * self.sigma
+            measurement = measurement - step
+            if np.max(np.abs(step) / self.sigma) < 0.02:
+                return measurement - self.predicted_measurement
+        return None
 
     def update(self, measurement: Array) -> TrialUpdate | None:
         """The estimate and the gain at a measurement; None where ``posterior`` is."""
@@ -109,7 +144,7 @@ class Trial:
         if centre is None:
             return None
         columns = []
-        for i, size in enumerate(GAIN_STEP * self.sigma):
+        for i, size in enumerate((GAIN_STEP if self.repeats == 1 else DRAWN_STEP) * self.sigma):
             slopes = []
             for step in (size, -size):
                 changed = measurement.copy()
@@ -119,8 +154,20 @@ class Trial:
                     return None
                 slopes.append((estimate.mean - centre.mean) / step)
             # An angle may jump on one side.
-            columns.append(min(slopes, key=lambda slope: float(np.abs(slope).max())))
+            one_sided = min(slopes, key=lambda slope: float(np.abs(slope).max()))
+            columns.append(one_sided if self.repeats == 1 else (slopes[0] + slopes[1]) / 2)
         return TrialUpdate(centre, np.stack(columns, axis=1), self)
+
+
+def averaged(session: TrackerSession, scan: Scan, repeats: int) -> Estimate | None:
+    """What the session would return after a scan: the mean of so many answers."""
+    first = session.peek(scan)
+    if first is None or repeats == 1:
+        return first
+    answers = [first, *(one for _ in range(repeats - 1) if (one := session.peek(scan)) is not None)]
+    return Estimate(
+        np.mean([one.mean for one in answers], axis=0), np.mean([one.covariance for one in answers], axis=0)
+    )
 
 
 @dataclass(frozen=True, eq=False)

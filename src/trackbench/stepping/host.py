@@ -83,8 +83,8 @@ class Host:
         alone = self._alone(number)
         tracker = alone.tracker
         methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
-        batched = bool(getattr(tracker, "batched", False))
-        return {"batched": batched, "methods": methods, "not_copied": alone.not_copied}, {}
+        said = {name: bool(getattr(tracker, name, False)) for name in ("batched", "stochastic")}
+        return {**said, "methods": methods, "not_copied": alone.not_copied}, {}
 
     def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
         """The estimate after a scan."""

@@ -194,10 +194,12 @@ class RemoteTracks(_Remote):
 class RemoteTracker:
     """A tracker in a process of its own, which also has its state. A copy of it is one with the state of now."""
 
-    def __init__(self, process: TrackerProcess, number: int, batched: bool, methods: frozenset[str]) -> None:
+    def __init__(
+        self, process: TrackerProcess, number: int, batched: bool, stochastic: bool, methods: frozenset[str]
+    ) -> None:
         self._process = process
         self._number = number
-        self.batched = batched
+        self.batched, self.stochastic = batched, stochastic
         self._methods = methods
 
     @classmethod
@@ -205,7 +207,8 @@ class RemoteTracker:
         """A fresh one."""
         number = process.start("fresh", **named)
         about, _ = process.ask("about", number=number)
-        return cls(process, number, bool(about.get("batched")), frozenset(map(str, about.get("methods", ()))))
+        said = bool(about.get("batched")), bool(about.get("stochastic"))
+        return cls(process, number, *said, frozenset(map(str, about.get("methods", ()))))
 
     def step(self, state: str | None, scan: Scan) -> tuple[str, Estimate | None]:
         """What stands for its state, and the estimate."""
@@ -219,7 +222,7 @@ class RemoteTracker:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> RemoteTracker:
         number = self._process.start("copy", number=self._number)
-        return RemoteTracker(self._process, number, self.batched, self._methods)
+        return RemoteTracker(self._process, number, self.batched, self.stochastic, self._methods)
 
     def __getattr__(self, name: str) -> Callable[..., Array]:
         if name.startswith("_") or name not in self._methods:

@@ -9,7 +9,10 @@ from trackbench.types import Array, Estimate, Scan
 
 
 class Tracker(Protocol):
-    """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its measurements."""
+    """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its measurements.
+
+    One that draws random numbers, such as a particle filter, says so by a class attribute ``stochastic = True``.
+    """
 
     def step(self, state: Any, scan: Scan) -> tuple[Any, Estimate | tuple[Array, Array] | None]:
         """The state and the estimate after a scan.

@@ -34,11 +34,11 @@ def covariance_update(tracker: TrackerUnderTest) -> PartResult:
     for name, trials in tracker.trials.items():
         question = f"Does a measurement of {name} reduce the predicted covariance?"
         updates = [update for trial in trials if (update := _clear(trial)) is not None]
-        if len(updates) < 3 or not any(_grows(update.trial) for update in updates):
+        if len(updates) < 3 or not any(_grows(tracker, update.trial) for update in updates):
             text = "no measurement moves the estimate" if len(updates) < 3 else "its covariance does not grow with time"
             result.checks.append(CheckResult(f"covariance_update.{name}", question, None, text))
             continue
-        finding = _kept(name, updates) or _noise_again(name, updates)
+        finding = _kept(name, updates) or _noise_again(tracker, name, updates)
         ratios = [_position_sigma(update) / _predicted_sigma(update) for update in updates]
         text = (
             f"the standard deviation of the position after a measurement is {min(ratios):.3g} to {max(ratios):.3g} of "
@@ -59,8 +59,8 @@ def _replaced(update: TrialUpdate) -> float:
     return float(np.trace(update.gain @ update.trial.jacobian))
 
 
-def _grows(trial: Trial) -> bool:
-    later = trial.session.peek(masked(trial.scan._replace(time=trial.scan.time + GROWN)))
+def _grows(tracker: TrackerUnderTest, trial: Trial) -> bool:
+    later = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.scan.time + GROWN)), trial.name)
     before = float(np.trace(trial.prediction.covariance[:2, :2]))
     return later is not None and float(np.trace(later.covariance[:2, :2])) > (1.0 + SAME) * before
 
@@ -86,9 +86,9 @@ def _change(update: TrialUpdate) -> float:
     return float(np.abs(change / np.outer(spread, spread)).max())
 
 
-def _noise_again(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
+def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     """The update starts from a covariance that is larger than the predicted one by a step's process noise."""
-    shares = np.array([share for update in updates if (share := _noise_share(update)) is not None])
+    shares = np.array([share for update in updates if (share := _noise_share(tracker, update)) is not None])
     if len(shares) < 3:
         return None
     middle = float(np.median(shares))
@@ -102,12 +102,12 @@ def _noise_again(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     return Finding("process_noise_twice", 0.9, text, factor=1 + middle, shown_by="own_model")
 
 
-def _noise_share(update: TrialUpdate) -> float | None:
+def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None:
     """What the update adds to the variance of the velocity, over what the last step added."""
     trial, used = update.trial, update.used
-    if trial.curvature.max() > CURVED or trial.session.time is None:
+    if trial.curvature.max() > CURVED:
         return None
-    last = trial.session.peek(masked(trial.scan._replace(time=trial.session.time)))
+    last = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.session.given[-1].time)), trial.name)
     if last is None:
         return None
     remaining = np.eye(4) - update.gain[:, used] @ trial.jacobian[used]

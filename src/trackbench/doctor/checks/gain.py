@@ -1,23 +1,21 @@
-"""Do the tracker's gains and covariances imply the right Jacobian and measurement noise?
-
-In a Kalman filter ``P^-1 K = H^T R^-1``, and a measurement adds the information ``P^-1 - P_predicted^-1 = H^T R^-1 H``
-(Bar-Shalom, Li and Kirubarajan 2001, section 5.2.3). H and R follow from the two.
-"""
+"""Do the tracker's gains and covariances imply the right Jacobian and measurement noise?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.doctor.checks.sigma_points import not_redrawn
+from trackbench.doctor.expected_gain import gain_error
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.implied_models import ImpliedModel, SamplingErrors, averaged_models, implied
+from trackbench.doctor.kind_of_filter import learned_offsets
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.doctor.trial import Trial, TrialUpdate
-from trackbench.doctor.wrong_models import DEGREE
-from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Mask
+from trackbench.doctor.trial import Trial
+from trackbench.doctor.units_ratio import LEAST, conversion
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.types import Array, Indices
 
 #: Ratio of the implied to the stated variance that still is a reasonable tuning.
 NOISE_BAND = 2.0
@@ -27,24 +25,11 @@ DIRECTION = 0.08
 SIZE = 1.7
 #: Curvature of the measurement model from which on a correct gain may differ from that of the Jacobian, in sigma.
 CURVED = 0.3
-#: Share of the change of the covariance outside the column space of the gain: up to 0.01 with sigma points, 0.08 and
-#: more with fixed gains.
-OUTSIDE = 0.05
-
-
-class ImpliedModel(NamedTuple):
-    """The measurement model and noise that one update implies, for each component of the measurement."""
-
-    trial: Trial
-    used: Mask
-    noise: Array
-    """``(m,)`` implied over stated variance; NaN where the row points away from the right one."""
-    direction: Array
-    """``(m,)`` distance between the unit vectors along the implied and the right row."""
-    size: Array
-    """``(m,)`` length of the implied row along the right one, over the right length."""
-    jacobian: Array
-    """``(m, 4)`` the implied Jacobian."""
+#: Standard errors of a tracker's own samples by which a threshold is wider; 3 are exceeded by chance in 0.3 % of cases.
+ERRORS = 3.0
+#: Distance of a ratio from two within which the noise is taken to be added twice. Sigma points move it by 0.04.
+TWICE = 0.08
+STATES = ("px", "py", "vx", "vy")
 
 
 def gain(tracker: TrackerUnderTest) -> PartResult:
@@ -53,55 +38,43 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
     for sensor, trials in tracker.trials.items():
         name, question = f"gain.{sensor}", f"Do the gains for {sensor} fit its geometry and its stated noise?"
         linear = [trial for trial in trials if trial.curvature.max() < CURVED]
-        rows = [row for trial in linear if (row := _implied(trial)) is not None]
+        rows, errors = _implied(tracker, sensor, linear)
         if len(rows) < 3 or len(rows) < 0.5 * len(linear):
             why = (
                 "the predictions are too uncertain" if len(linear) < 3 else "the gains are not those of a Kalman filter"
             )
             result.checks.append(CheckResult(name, question, None, why))
             continue
-        result.findings += _jacobian(sensor, rows)
-        result.findings += _noise(sensor, rows)
-        result.checks.append(CheckResult(name, question, not result.findings, _result(rows)))
+        findings = [*_jacobian(tracker, sensor, rows, errors), *_noise(sensor, rows, errors)]
+        passed: bool | None = not findings
+        text = _result(rows)
+        if findings and (learned := learned_offsets(tracker, sensor)):
+            passed, findings = None, []
+            text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
+        elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
+            passed = None
+            text = f"{_sampling(errors)}: a smaller error of a row cannot be told from it; {text}"
+        result.findings += findings
+        result.checks.append(CheckResult(name, question, passed, text))
     return result
 
 
-def _implied(trial: Trial) -> ImpliedModel | None:
-    update = trial.update(trial.predicted_measurement)
-    if update is None or update.information is None or not update.used.any() or not _is_kalman(update):
-        return None
-    h, spread, sigma = trial.jacobian, trial.state_sigma, trial.sigma
-    scaled, implied = h * spread, update.information.T * spread
-    along, length = np.einsum("ij,ij->i", implied, scaled), np.einsum("ij,ij->i", scaled, scaled)
-    noise = np.full(len(sigma), np.nan)
-    direction, size = np.full(len(sigma), np.nan), np.full(len(sigma), np.nan)
-    before = linalg.symmetrise(trial.prediction.covariance)
-    if not np.linalg.eigvalsh(before)[0] > 0.0:
-        return None
-    added = np.linalg.inv(linalg.symmetrise(update.estimate.covariance)) - np.linalg.inv(before)
-    jacobian = np.full_like(h, np.nan)
-    used = update.used
-    jacobian[used] = np.linalg.pinv(update.information[:, used], rcond=1e-9) @ added
-    for i in np.flatnonzero(used):
-        unit = implied[i] / np.linalg.norm(implied[i])
-        direction[i] = np.linalg.norm(unit - scaled[i] / np.sqrt(length[i]))
-        size[i] = float((jacobian[i] * spread) @ scaled[i] / length[i])
-        if along[i] > 0.0:
-            noise[i] = length[i] / along[i] / sigma[i] ** 2
-    return ImpliedModel(trial, used, noise, direction, size, jacobian)
+def _implied(
+    tracker: TrackerUnderTest, sensor: str, linear: Sequence[Trial]
+) -> tuple[list[ImpliedModel], SamplingErrors]:
+    """The implied models of the trials; of a tracker with samples, averaged over two sets of them."""
+    rows = [implied(trial) for trial in linear]
+    if tracker.sampling_noise == 0.0:
+        found = [row for row in rows if row is not None]
+        return found, SamplingErrors(*np.zeros((3, len(SENSOR_MODELS[tracker.sensors[sensor].type].components))))
+    others = {(one.name, one.sensor_set): one for one in tracker.replicas[sensor]}
+    paired = [others.get((trial.name, trial.sensor_set)) for trial in linear]
+    return averaged_models(rows, [None if other is None else implied(other) for other in paired])
 
 
-def _is_kalman(update: TrialUpdate) -> bool:
-    """Whether the covariance changes only in the column space of the gain; with a fixed gain it does not."""
-    spread = update.trial.state_sigma
-    change = (update.trial.prediction.covariance - update.estimate.covariance) / np.outer(spread, spread)
-    base = np.linalg.qr(update.relative_gain[:, update.used])[0]
-    outside = change - base @ (base.T @ change)
-    size = float(np.linalg.norm(change))
-    return size > 1e-9 and float(np.linalg.norm(outside)) < OUTSIDE * size
-
-
-def _jacobian(sensor: str, rows: Sequence[ImpliedModel]) -> list[Finding]:
+def _jacobian(
+    tracker: TrackerUnderTest, sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors
+) -> list[Finding]:
     model = SENSOR_MODELS[rows[0].trial.scan.kind]
     found = []
     for i, component in enumerate(model.components):
@@ -113,23 +86,72 @@ def _jacobian(sensor: str, rows: Sequence[ImpliedModel]) -> list[Finding]:
         # The second-order terms of sigma points have a larger share where the variance is far from the stated one.
         noise = float(np.nanmedian([row.noise[i] for row in of]))
         tolerance = max(noise, 1.0 / noise) ** 0.5 if noise > 0.0 else 1.0
-        turned = direction > DIRECTION * tolerance
-        scaled = (size > SIZE * tolerance) | (size < 1 / (SIZE * tolerance))
+        turned = direction > DIRECTION * tolerance + ERRORS * errors.direction[i]
+        band = SIZE * tolerance * np.exp(ERRORS * errors.size[i])
+        scaled = (size > band) | (size < 1 / band)
         if np.mean(turned) < 0.12 and np.mean(scaled) < 0.4:
             continue
         worst = max(of, key=lambda row: _apart(row, i))
-        gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
-        j = int(np.argmax(np.abs(gap)))
-        state = ("px", "py", "vx", "vy")[j]
-        at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
-        text = (
-            f"the gain implies d {component} / d {state} = {worst.jacobian[i, j]:.3g}, where "
-            f"{worst.trial.jacobian[i, j]:.3g} is right (px, py, vx, vy = {at}); its row is off by "
-            f"{np.median(direction):.0%} in direction and {np.median(size):.3g} in length (medians of {len(of)} trials)"
-        )
         share = max(float(np.mean(turned)), float(np.mean(scaled)))
-        found.append(Finding("jacobian_wrong", 0.8 + 0.15 * share, text, sensor=sensor, shown_by=worst.trial.name))
-    return sorted(found, key=lambda finding: finding.confidence, reverse=True)[:1]
+        text = f"the row of {component.replace('_', ' ')} is off by {np.median(direction):.0%} in direction and "
+        text += f"{np.median(size):.3g} in length (medians of {len(of)} trials)"
+        if np.mean(turned) < 0.12:
+            text += _unit_of_row(size)
+        found.append((share, worst, i, text))
+    if not found:
+        return []
+    share, worst, i, text = max(found, key=lambda one: one[0])
+    confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
+    if tracker.linearises is False:
+        return [not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
+    gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
+    j = int(np.argmax(np.abs(gap)))
+    at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
+    entry = (
+        f"the gain implies d {model.components[i]} / d {STATES[j]} = {worst.jacobian[i, j]:.3g}, where "
+        f"{worst.trial.jacobian[i, j]:.3g} is right (px, py, vx, vy = {at}); {text}"
+    )
+    return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
+
+
+def _unit_of_row(size: Array) -> str:
+    """That a row is too long by a unit, if it is."""
+    known = size[size > 0.0]
+    ratio = float(np.median(known)) if len(known) else 0.0
+    unit = conversion(ratio, _uncertainty(known), quantities=("angle", "speed", "length")) if len(known) else None
+    return "" if unit is None else f": {unit.words}"
+
+
+def _uncertainty(ratios: Array) -> float:
+    """Standard error of the median, relative to it, by the median deviation of a normal distribution."""
+    logs = np.log(ratios)
+    return float(1.25 * 1.48 * np.median(np.abs(logs - np.median(logs))) / np.sqrt(len(logs)))
+
+
+def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confidence: float) -> Finding:
+    """The gain that is furthest from that of the tracker's own prediction."""
+    worst: tuple[float, ImpliedModel, Array, Array] | None = None
+    for row in rows:
+        update = row.trial.update(row.trial.predicted_measurement)
+        assert update is not None
+        error, right = gain_error(row.trial, update.gain)
+        if worst is None or error > worst[0]:
+            worst = (error, row, update.gain, right)
+    assert worst is not None
+    error, row, applied, right = worst
+    scale = row.trial.sigma / row.trial.state_sigma[:, None]
+    components = SENSOR_MODELS[row.trial.scan.kind].components
+    numbers = []
+    for i, component in enumerate(components):
+        j = int(np.argmax(np.abs((applied - right) * scale)[:, i]))
+        numbers.append(f"{STATES[j]} by {component.replace('_', ' ')} {applied[j, i]:.3g} instead of {right[j, i]:.3g}")
+    at = ", ".join(f"{value:.1f}" for value in row.trial.prediction.mean)
+    words = (
+        f"the gain is off by {error:.0%} from the one that the tracker's own predicted covariance, the geometry and "
+        f"the stated noise give, linearised or by the moments of the Gaussian, whichever is nearer: "
+        f"{', '.join(numbers)} (px, py, vx, vy = {at}); as a Jacobian, {text}"
+    )
+    return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name)
 
 
 def _apart(row: ImpliedModel, i: int) -> float:
@@ -137,46 +159,75 @@ def _apart(row: ImpliedModel, i: int) -> float:
     return float(np.max(np.abs(gap)) / np.linalg.norm(row.trial.jacobian[i] * row.trial.state_sigma))
 
 
+def _noises(rows: Sequence[ImpliedModel]) -> Array:
+    """``(n, m)`` implied over stated variances; NaN where a row points elsewhere."""
+    return np.array([np.where(row.direction < 2 * DIRECTION, row.noise, np.nan) for row in rows])
+
+
 def _factors(rows: Sequence[ImpliedModel]) -> Array:
     """``(m,)`` medians of the implied over the stated variances; NaN where there are too few."""
-    noise = np.array([np.where(row.direction < 2 * DIRECTION, row.noise, np.nan) for row in rows])
+    noise = _noises(rows)
     known = np.isfinite(noise).sum(axis=0) >= 3
     return np.array([np.nanmedian(noise[:, i]) if known[i] else np.nan for i in range(noise.shape[1])])
 
 
-def _noise(sensor: str, rows: Sequence[ImpliedModel]) -> list[Finding]:
-    model = SENSOR_MODELS[rows[0].trial.scan.kind]
-    factors = _factors(rows)
-    found = []
+def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) -> list[Finding]:
+    model, sigma = SENSOR_MODELS[rows[0].trial.scan.kind], rows[0].trial.sigma
+    factors, noise = _factors(rows), _noises(rows)
+    band = NOISE_BAND * np.exp(ERRORS * np.nan_to_num(errors.noise))
+    off = (factors < 1 / band) | (factors > band)
     for i in model.angular:
-        for words, factor in (("in degrees", DEGREE**2), ("converted to radians twice", DEGREE**-2)):
-            others = np.delete(factors, i)
-            alone = np.all((others < NOISE_BAND) & (others > 1 / NOISE_BAND) | ~np.isfinite(others))
-            if alone and 0.7 < factors[i] / factor < 1.4:
-                text = (
-                    f"the gains imply {factors[i]:.4g} times the stated variance of the {model.components[i]}, near "
-                    f"{'(180/pi)^2' if factor > 1 else '(pi/180)^2'} = {factor:.4g}: a standard deviation {words}"
-                )
-                return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=float(factors[i]))]
-    for fault, off, words in (
-        ("r_too_small", factors < 1 / NOISE_BAND, "smaller"),
-        ("r_too_large", factors > NOISE_BAND, "larger"),
+        unit = conversion(factors[i], 0.35, power=2, quantities=("angle",)) if np.isfinite(factors[i]) else None
+        if unit is not None and not np.delete(off, i).any():
+            words = "in degrees" if unit.exact > 1.0 else "converted to radians twice"
+            text = (
+                f"the gains imply {factors[i]:.4g} times the stated variance of the {model.components[i]}, near "
+                f"{unit.formula} = {unit.exact:.4g}: a standard deviation {words}"
+            )
+            return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=float(factors[i]))]
+    known = factors[np.isfinite(factors)]
+    if len(known) > 1 and np.all(np.abs(known - 2.0) < TWICE):
+        text = f"the gains imply {', '.join(f'{one:.3g}' for one in known)} times the stated variances of {sensor}: "
+        text += "the measurement noise is added to the innovation covariance twice"
+        return [Finding("measurement_noise_twice", 0.9, text, sensor=sensor, factor=2.0)]
+    found = []
+    for fault, wrong, words in (
+        ("r_too_small", factors < 1 / band, "smaller"),
+        ("r_too_large", factors > band, "larger"),
     ):
-        if not off.any():
+        if not wrong.any():
             continue
-        factor = float(np.exp(np.mean(np.log(factors[off]))))
+        factor = float(np.exp(np.mean(np.log(factors[wrong]))))
         parts = ", ".join(
-            f"{model.components[i].replace('_', ' ')} {np.sqrt(factors[i]) * rows[0].trial.sigma[i]:.3g} instead of "
-            f"{rows[0].trial.sigma[i]:.3g}"
-            for i in np.flatnonzero(off)
+            f"{model.components[i].replace('_', ' ')} {np.sqrt(factors[i]) * sigma[i]:.3g} instead of {sigma[i]:.3g}"
+            for i in np.flatnonzero(wrong)
         )
         text = (
             f"the gains imply a variance {max(factor, 1 / factor):.3g} times {words} than the one that {sensor} states "
-            f"(standard deviations: {parts})"
+            f"(standard deviations: {parts}){_unit_of_noise(noise, sigma, np.flatnonzero(wrong), model)}"
         )
         confidence = min(0.98, 0.6 + 0.2 * abs(np.log(factor)) / np.log(4))
         found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor))
     return found
+
+
+def _unit_of_noise(noise: Array, sigma: Array, wrong: Indices, model: type[Sensor]) -> str:
+    """That variances are wrong by a unit, or are standard deviations, if all of them are."""
+    columns = [noise[np.isfinite(noise[:, i]), i] for i in wrong]
+    medians, errors = np.array([np.median(of) for of in columns]), max(_uncertainty(of) for of in columns)
+    if np.all(np.abs(np.log(medians * sigma[wrong])) < max(errors, LEAST)):
+        return ": standard deviations used as variances"
+    quantities = ["speed" if model.components[i] == "range_rate" else "length" for i in wrong]
+    units = {
+        conversion(float(one), errors, power=2, quantities=[quantity])
+        for one, quantity in zip(medians, quantities, strict=True)
+    }
+    unit = units.pop()
+    return "" if units or unit is None else f": {unit.words}"
+
+
+def _sampling(errors: SamplingErrors) -> str:
+    return f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%} (standard error of two answers)"
 
 
 def _result(rows: Sequence[ImpliedModel]) -> str:

@@ -58,8 +58,8 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
     session = tracker.session_at(probe, sensor_set)
     if session is None:
         return None
-    session = session.copy()
     with tracker.recording_failures(probe.name):
+        session = session.copy()
         asked = sensor_set[0]
         predicted = None
         for k in range(int(GAP * 10) + 1):

@@ -16,6 +16,7 @@ import numpy as np
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.doctor.units_ratio import conversion
 from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 
@@ -74,8 +75,18 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
             apart = np.abs(provided - found) / scale
             i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
             text = f"d {name}[{i}] / d x[{j}] = {provided[i, j]:.4g}, where {found[i, j]:.4g} is right "
-            text += f"({probe.description})"
+            text += f"({probe.description})" + _unit(provided[i], found[i])
             yield WorstEntry(float(apart[i, j]), text, sensor if name == "measurement" else None, probe.name)
+
+
+def _unit(provided: Array, found: Array) -> str:
+    """That a row or one of its entries is off by a unit, if it is."""
+    used = np.abs(found) > 1e-6 * np.abs(found).max()
+    off = used & (np.abs(provided - found) > TOLERANCE * np.abs(found).max())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        units = {conversion(float(ratio)) for ratio in (provided / found)[off]}
+    unit = units.pop() if len(units) == 1 else None
+    return "" if unit is None else f", off by a unit: {unit.words}"
 
 
 def _called(model: Callable[..., Any], given: Any, x: Array) -> Array:

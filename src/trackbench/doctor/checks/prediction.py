@@ -11,6 +11,7 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, probe_rate
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.doctor.units_ratio import FAR_APART, conversion
 from trackbench.stepping.steppers import masked
 from trackbench.types import Array, Estimate
 
@@ -20,10 +21,6 @@ STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
 SHORT = 0.01
-#: Distance of a factor from that between two units, as the difference of logarithms.
-NEAR_UNIT = 0.3
-#: Factors by which a time in another unit is off, and that unit.
-UNITS = {1e3: "milliseconds", 1e-3: "milliseconds", 1e6: "microseconds", 1e-6: "microseconds", 1e9: "nanoseconds"}
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
 #: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
@@ -66,7 +63,8 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
         return result
     ratio = float(np.median(ratios))
     # Over a step that is far too long a turning model goes round in circles.
-    unit = _unit(float(np.median(ratios[step <= SHORT])))
+    unit = conversion(float(np.median(ratios[step <= SHORT])), FAR_APART, quantities=("time",))
+    other = conversion(1 / ratio, float(np.std(ratios)) / abs(ratio), quantities=("speed", "length"))
     factor: float | None = None
     if np.allclose(moved, previous, rtol=TOLERANCE, atol=2e-3):
         text = "the tracker uses the previous time step: after steps of "
@@ -83,9 +81,15 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
         text = f"the estimate moves by {np.median(moved):.3g} s times its velocity, whether the step is "
         text += f"{step.min():g} or {step.max():g} s long"
     elif unit is not None:
-        factor, name = unit
-        text = f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: {name} and "
-        text += "seconds are confused"
+        factor = unit.exact
+        text = f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: "
+        text += f"{unit.unit.name} and seconds are confused"
+    elif other is not None:
+        text = f"over {step[-1]:g} s the position moves {ratio:.4g} times as far as the velocity says, which is "
+        text += f"{1 / ratio:.4g} times as large: {other.words}"
+        shown_by = tracker.probes.general[0].name
+        result.findings.append(Finding("velocity_unit", 0.97, text, factor=1 / ratio, shown_by=shown_by))
+        return result
     elif float(np.std(ratios)) < TOLERANCE * abs(ratio):
         factor = ratio
         text = f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
@@ -95,12 +99,6 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
     return result
 
 
-def _unit(ratio: float) -> tuple[float, str] | None:
-    """The factor between two units of time that a ratio is near, and the unit's name."""
-    near = ((size, name) for size, name in UNITS.items() if ratio > 0.0 and abs(np.log(ratio / size)) < NEAR_UNIT)
-    return next(near, None)
-
-
 def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
     """The position error after a measurement without noise some time later, m; None unless it was predicted to it."""
     errors = []
@@ -108,7 +106,7 @@ def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
     for probe in tracker.probes.general[:2]:
         session = tracker.session_at(probe, sensor_set)
         scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], LATER)
-        estimate = None if session is None else session.peek(scan)
+        estimate = tracker.peek(session, scan, probe.name)
         if estimate is None or not finite(estimate):
             return None
         away = estimate.mean - probe.truth(LATER)
@@ -166,9 +164,10 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult([CheckResult("spreading", question, passed, text)])
     if not passed:
         worst = min(off, key=lambda r: r[0])
+        where = "an entry of the transition's Jacobian" if tracker.linearises is not False else "a moved sigma point"
         text = (
             f"the covariance of position and velocity grows {worst[0]:.2g} to {worst[1]:.2g} times as much as the "
-            "uncertain velocity causes: an entry of the transition's Jacobian (d px / d vx = dt) is wrong"
+            f"uncertain velocity causes: {where} (d px / d vx = dt) is wrong"
         )
         result.findings.append(Finding("jacobian_wrong", 0.9, text, shown_by=worst[2].name))
     return result

@@ -19,6 +19,8 @@ from trackbench.types import Estimate
 BAND = (0.115, 4.0)
 #: The same of the reference, a white acceleration of 3 m/s^2.
 REFERENCE = 3.0 * np.sqrt(0.05)
+#: A growth below this is the rounding of the difference of two variances, m/s.
+NONE = 1e-6
 #: s
 STEP = 0.05
 #: Two steps whose process noises are compared, s, and the share of the long one's that the short one's may have.
@@ -38,6 +40,10 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
     if not found:
         return PartResult([CheckResult("process_noise", question, None, "there was no estimate to predict")])
     growth = float(np.median(found))
+    if growth < NONE:
+        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {max(found):.2g} m/s)"
+        finding = Finding("process_noise_omitted", 0.97, text, shown_by=tracker.probes.general[0].name)
+        return PartResult([CheckResult("process_noise", question, False, text)], [finding])
     equal = growth / np.sqrt(STEP)
     text = (
         f"in 1 s without a measurement the standard deviation of the speed grows by {growth:.3g} m/s (root of the "
@@ -66,22 +72,15 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
 def _per_step(tracker: TrackerUnderTest) -> PartResult:
     """Predict over a short and over a long step: with any white noise the variance grows with the step."""
     question = "Does the process noise of a step depend on its length?"
-    sensor_set = tracker.sensor_sets()[-1]
     pairs = []
     for probe in tracker.probes.general[:3]:
-        session = tracker.session_at(probe, sensor_set)
-        if session is None:
+        over = [tracker.predicted(probe, step) for step in STEPS]
+        if over[0] is None or over[1] is None:
             continue
-        with tracker.recording_failures(probe.name):
-            scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], 0.0)
-            first = session.copy()
-            now = first.step(masked(scan))
-            short, long = (first.peek(masked(scan._replace(time=step))) for step in STEPS)
-            if now is None or short is None or long is None or not all(map(finite, (now, short, long))):
-                continue
-            variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
-            if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short):
-                pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
+        now, short, long = over[0][0], over[0][1], over[1][1]
+        variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
+        if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short):
+            pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
     if not pairs:
         return PartResult(
             [CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")]

@@ -13,8 +13,6 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Mask
 from trackbench.units import difference
 
-#: Offset of a component that is one, in standard deviations of the measurement.
-CLEAR = 0.75
 #: Share of the trials in which the measurement without an innovation has to be found.
 MOST = 0.85
 #: Distance from the fitted error in the median of the trials, in standard deviations of the measurement, and besides
@@ -34,20 +32,28 @@ class Fit(NamedTuple):
     """``(m,)`` the bias, the factor less 1, or the time in s of all components."""
 
 
-def systematic_error(sensor: str, trials: Sequence[Trial]) -> Finding | None:
-    """The kind of error that fits best what measurements have no innovation."""
-    pairs = [(trial, offset) for trial in trials if (offset := _offset(trial)) is not None]
+def systematic_error(sensor: str, trials: Sequence[Trial], clear: float) -> Finding | None:
+    """The kind of error that fits best what measurements have no innovation.
+
+    Args:
+        sensor: its name.
+        trials: of that sensor.
+        clear: offset of a component that is one, in standard deviations of the measurement.
+    """
+    pairs = [(trial, offset) for trial in trials if (offset := trial.offset()) is not None]
     if len(pairs) < MOST * len(trials):
         return None
     known, offsets = [trial for trial, _ in pairs], np.array([offset for _, offset in pairs])
     sigma = known[0].sigma
     fits = [
-        fit for fit in (_bias(offsets), _scale(known, offsets), _time(known, offsets)) if _good(fit, offsets, sigma)
+        fit
+        for fit in (_bias(offsets), _scale(known, offsets), _time(known, offsets))
+        if _good(fit, offsets, sigma, clear)
     ]
     if not fits:
         return None
     best = min(fits, key=lambda fit: float(np.sum(_spread(fit, offsets, sigma) ** 2)))
-    return _finding(sensor, known, best, offsets)
+    return _finding(sensor, known, best, offsets, clear)
 
 
 def _bias(offsets: Array) -> Fit:
@@ -86,19 +92,19 @@ def _spread(fit: Fit, offsets: Array, sigma: Array) -> Array:
     return np.asarray(np.median(np.abs(offsets - fit.offsets), axis=0) / sigma)
 
 
-def _clear(fit: Fit, sigma: Array) -> Mask:
+def _off(fit: Fit, sigma: Array, clear: float) -> Mask:
     """``(m,)`` which components are off, in the median of the trials."""
-    return np.asarray(np.median(np.abs(fit.offsets), axis=0) > CLEAR * sigma)
+    return np.asarray(np.median(np.abs(fit.offsets), axis=0) > clear * sigma)
 
 
-def _good(fit: Fit, offsets: Array, sigma: Array) -> bool:
+def _good(fit: Fit, offsets: Array, sigma: Array, clear: float) -> bool:
     allowed = SPREAD + SHARE * np.median(np.abs(fit.offsets), axis=0) / sigma
-    return bool(_clear(fit, sigma).any()) and not np.any(_spread(fit, offsets, sigma) > allowed)
+    return bool(_off(fit, sigma, clear).any()) and not np.any(_spread(fit, offsets, sigma) > allowed)
 
 
-def _finding(sensor: str, trials: Sequence[Trial], fit: Fit, offsets: Array) -> Finding:
+def _finding(sensor: str, trials: Sequence[Trial], fit: Fit, offsets: Array, clear: float) -> Finding:
     model, sigma = SENSOR_MODELS[trials[0].scan.kind], trials[0].sigma
-    off = np.flatnonzero(_clear(fit, sigma))
+    off = np.flatnonzero(_off(fit, sigma, clear))
     names = [model.components[i].replace("_", " ") for i in off]
     around = f"(spread {np.max(_spread(fit, offsets, sigma)[off]):.2g} sigma over {len(offsets)} trials)"
     if fit.fault == "scale_error":
@@ -121,17 +127,3 @@ def _finding(sensor: str, trials: Sequence[Trial], fit: Fit, offsets: Array) -> 
     return Finding(
         "sensor_bias", 0.9, f"the predicted measurement has a constant bias: {parts} {around}", sensor=sensor
     )
-
-
-def _offset(trial: Trial) -> Array | None:
-    """``(m,)`` the measurement without an innovation, minus the predicted measurement."""
-    measurement = trial.predicted_measurement.copy()
-    for _ in range(6):
-        update = trial.update(measurement)
-        if update is None or not update.used.any():
-            return None
-        step = np.nan_to_num(update.innovation) * trial.sigma
-        measurement = measurement - step
-        if np.max(np.abs(step) / trial.sigma) < 0.02:
-            return measurement - trial.predicted_measurement
-    return None

@@ -9,7 +9,6 @@ import numpy as np
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.stepping.steppers import masked
 from trackbench.types import Estimate
 
 #: A step so short that no motion model changes the velocity, s, and the change of the speed from which on one does.
@@ -58,20 +57,8 @@ def _alike(ratios: Sequence[float], changed: float) -> bool:
 
 
 def _predicted(tracker: TrackerUnderTest, step: float) -> list[float]:
-    found = []
-    sensor_set = tracker.sensor_sets()[-1]
-    name = sensor_set[0]
-    for probe in tracker.probes.general:
-        session = tracker.session_at(probe, sensor_set)
-        if session is None:
-            continue
-        with tracker.recording_failures(probe.name):
-            before = session.copy()
-            now = before.step(masked(probe.scan(name, tracker.sensors[name], 0.0)))
-            then = before.peek(masked(probe.scan(name, tracker.sensors[name], step)))
-            if now is not None and then is not None:
-                found += _ratio(now, then)
-    return found
+    pairs = (tracker.predicted(probe, step) for probe in tracker.probes.general)
+    return [ratio for pair in pairs if pair is not None for ratio in _ratio(*pair)]
 
 
 def _updated(tracker: TrackerUnderTest) -> list[float]:

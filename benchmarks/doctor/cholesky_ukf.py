@@ -18,7 +18,7 @@ ALPHA, BETA, KAPPA = 0.1, 2.0, -1.0
 SCALE = ALPHA**2 * (SIZE + KAPPA)
 
 
-class ScaledUkf(ConstantVelocity):
+class CholeskyUkf(ConstantVelocity):
     """Radar and lidar of one target."""
 
     mean_weights = np.array([1 - SIZE / SCALE, *[0.5 / SCALE] * 2 * SIZE])
