@@ -12,7 +12,7 @@ from benchmarks.doctor import filter_faults as filtering
 from benchmarks.doctor import sensor_faults as sensing
 from benchmarks.doctor.pairs import PAIRS
 from benchmarks.doctor.plain_ekf import PlainEkf
-from benchmarks.doctor.scaled_ukf import ScaledUkf
+from benchmarks.doctor.cholesky_ukf import CholeskyUkf
 
 from trackbench.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.doctor.examine import Doctor
@@ -44,7 +44,7 @@ def failure_of(make: Callable[[], Any], scans: list[Scan]) -> StepFailed:
     pytest.fail("no step failed")
 
 
-class CrossNotWrapped(sensing.BareCross, ScaledUkf):
+class CrossNotWrapped(sensing.BareCross, CholeskyUkf):
     """An unscented filter whose mean of azimuths is not circular, and whose gain does not fit its S there."""
 
 

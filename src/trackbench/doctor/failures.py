@@ -67,7 +67,9 @@ def failure_findings(tracker: TrackerUnderTest) -> list[Finding]:
             # The drive shows how the estimate goes astray.
             continue
         if where not in SINGULAR or _named(failure) != "covariance_not_psd":
-            key = (failure.fault.cause.partition(":")[0], failure.fault.place, bool(failure.scan.valid.any()))
+            # A copy fails before any scan.
+            measured_then = bool(failure.scan.valid.any()) and not failure.fault.cause.startswith(NOT_COPIED)
+            key = (failure.fault.cause.partition(":")[0], failure.fault.place, measured_then)
             groups.setdefault(key, []).append((where, failure))
     return [finding for group in groups.values() for finding in _findings(tracker, group)]
 

@@ -58,45 +58,53 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
         "times as far as its velocity says"
     )
     passed = float(np.mean(wrong)) < 0.1
-    result = PartResult([CheckResult("prediction", question, passed, text)])
-    if passed:
-        return result
+    finding = None if passed else _explained(tracker, step, moved, previous)
+    return PartResult([CheckResult("prediction", question, passed, text)], [] if finding is None else [finding])
+
+
+def _explained(tracker: TrackerUnderTest, step: Array, moved: Array, previous: Array) -> Finding | None:
+    """What fits the displacements of all predictions."""
+    ratios, shown_by = moved / step, tracker.probes.general[0].name
     ratio = float(np.median(ratios))
     # Over a step that is far too long a turning model goes round in circles.
-    unit = conversion(float(np.median(ratios[step <= SHORT])), FAR_APART, quantities=("time",))
-    other = conversion(1 / ratio, float(np.std(ratios)) / abs(ratio), quantities=("speed", "length"))
-    factor: float | None = None
+    time = conversion(float(np.median(ratios[step <= SHORT])), FAR_APART, quantities=("time",))
     if np.allclose(moved, previous, rtol=TOLERANCE, atol=2e-3):
-        text = "the tracker uses the previous time step: after steps of "
-        text += " and ".join(f"{b:g}" for b in np.unique(previous))
-        text += f" s, a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
-    elif (error := _error_at_measurements(tracker)) is not None and float(np.abs(moved).max()) < STILL:
+        text = (
+            f"the tracker uses the previous time step: after steps of "
+            f"{' and '.join(f'{b:g}' for b in np.unique(previous))} s, a prediction over {step[-1]:g} s moves the "
+            f"estimate by {moved[-1]:.3g} s times its velocity"
+        )
+        return Finding("wrong_dt", 0.97, text, shown_by=shown_by)
+    error = _error_at_measurements(tracker) if float(np.abs(moved).max()) < STILL else None
+    if error is not None:
         text = (
             f"a missed scan {step.max():g} s later leaves the estimate where it is, while after a measurement "
             f"{LATER:g} s later it is at the target (error {error:.2g} m)"
         )
-        result.findings.append(Finding("missed_scan_not_predicted", 0.98, text, shown_by="uneven_steps"))
-        return result
-    elif np.ptp(moved) < TOLERANCE * float(np.abs(moved).max()) + 1e-6:
-        text = f"the estimate moves by {np.median(moved):.3g} s times its velocity, whether the step is "
-        text += f"{step.min():g} or {step.max():g} s long"
-    elif unit is not None:
-        factor = unit.exact
-        text = f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: "
-        text += f"{unit.unit.name} and seconds are confused"
-    elif other is not None:
-        text = f"over {step[-1]:g} s the position moves {ratio:.4g} times as far as the velocity says, which is "
-        text += f"{1 / ratio:.4g} times as large: {other.words}"
-        shown_by = tracker.probes.general[0].name
-        result.findings.append(Finding("velocity_unit", 0.97, text, factor=1 / ratio, shown_by=shown_by))
-        return result
-    elif float(np.std(ratios)) < TOLERANCE * abs(ratio):
-        factor = ratio
-        text = f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
-    else:
-        return result
-    result.findings.append(Finding("wrong_dt", 0.97, text, factor=factor, shown_by=tracker.probes.general[0].name))
-    return result
+        return Finding("missed_scan_not_predicted", 0.98, text, shown_by="uneven_steps")
+    if np.ptp(moved) < TOLERANCE * float(np.abs(moved).max()) + 1e-6:
+        text = (
+            f"the estimate moves by {np.median(moved):.3g} s times its velocity, whether the step is {step.min():g} or "
+            f"{step.max():g} s long"
+        )
+        return Finding("wrong_dt", 0.97, text, shown_by=shown_by)
+    if time is not None:
+        text = (
+            f"a prediction over {step[0]:g} s moves the estimate by {moved[0]:.3g} s times its velocity: "
+            f"{time.unit.name} and seconds are confused"
+        )
+        return Finding("wrong_dt", 0.97, text, factor=time.exact, shown_by=shown_by)
+    if not float(np.std(ratios)) < TOLERANCE * abs(ratio):
+        return None
+    velocity = conversion(1 / ratio, float(np.std(ratios)) / abs(ratio), quantities=("speed", "length"))
+    if velocity is not None:
+        text = (
+            f"over {step[-1]:g} s the position moves {ratio:.4g} times as far as the velocity says, which is "
+            f"{1 / ratio:.4g} times as large: {velocity.words}"
+        )
+        return Finding("velocity_unit", 0.97, text, factor=1 / ratio, shown_by=shown_by)
+    text = f"a prediction over {step[-1]:g} s moves the estimate by {moved[-1]:.3g} s times its velocity"
+    return Finding("wrong_dt", 0.97, text, factor=ratio, shown_by=shown_by)
 
 
 def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
