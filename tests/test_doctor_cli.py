@@ -21,7 +21,7 @@ from trackbench.doctor.failures import failure_findings
 from trackbench.doctor.findings import CheckResult, Finding, known_faults
 from trackbench.doctor.session import StepFailed
 from trackbench.report.examination.text import text
-from trackbench.trackers.answers import TrackerFault
+from trackbench.trackers.answers import TOO_LARGE, TrackerFault
 from trackbench.types import Scan
 
 pytestmark = pytest.mark.slow
@@ -325,7 +325,8 @@ def _under_test(cause: BaseException, where: str) -> Any:
             return 1, (np.ones(4), np.eye(4))
 
     failure = StepFailed(cause, scan(1.5), [scan(1.0)])
-    return SimpleNamespace(failures=[(where, failure)], make=Failing, sensors={"radar": None})
+    drives = [(SimpleNamespace(name="long_run"), None)]
+    return SimpleNamespace(failures=[(where, failure)], make=Failing, sensors={"radar": None}, drives=drives)
 
 
 @pytest.mark.parametrize(
@@ -339,6 +340,8 @@ def _under_test(cause: BaseException, where: str) -> Any:
         (IndexError("history"), "long_run", "exception_raised"),
         (AssertionError("gate"), "ahead_left", "exception_raised"),
         (TrackerFault("the mean has the shape (3,)"), "long_run", "invalid_estimate"),
+        (TrackerFault(TOO_LARGE), "long_run", "too_far_off"),
+        (TrackerFault(TOO_LARGE), "ahead_left", "invalid_estimate"),
     ],
 )
 def test_every_error_is_a_finding(cause: BaseException, where: str, fault: str) -> None:

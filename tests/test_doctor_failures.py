@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from benchmarks.doctor import filter_faults as filtering
 from benchmarks.doctor import sensor_faults as sensing
+from benchmarks.doctor.cholesky_ukf import CholeskyUkf
 from benchmarks.doctor.pairs import PAIRS
 from benchmarks.doctor.plain_ekf import PlainEkf
-from benchmarks.doctor.cholesky_ukf import CholeskyUkf
 
 from trackbench.doctor.covariance_origin import asymmetric, indefinite, mirrored_entries
 from trackbench.doctor.examine import Doctor
@@ -199,6 +199,12 @@ def test_the_step_that_makes_a_covariance_indefinite() -> None:
         (Finding("ego_motion_ignored", 0.98, ""), Finding("doppler_sign", 0.99, "", sensor="radar")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("exception_raised", 0.97, "", sensor="radar")),
         (Finding("covariance_asymmetric", 0.95, ""), Finding("degrees_for_radians", 0.99, "", sensor="radar")),
+        (Finding("integer_state_matrix", 0.98, ""), Finding("axis_swapped", 0.98, "", sensor="lidar")),
+        (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("q_constant_per_step", 0.96, "")),
+        (
+            Finding("angle_mean_not_circular", 0.95, "", sensor="radar"),
+            Finding("covariance_not_reduced", 0.97, "", sensor="lidar"),
+        ),
     ],
 )
 def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, second: Finding) -> None:
@@ -215,6 +221,11 @@ def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, se
         (Finding("arctan_quadrant", 0.99, "", sensor="radar"), Finding("nonfinite", 0.98, "")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("invalid_estimate", 0.85, "")),
         (Finding("predicted_covariance_not_psd", 0.95, ""), Finding("q_too_small", 0.97, "")),
+        (Finding("angle_mean_not_circular", 0.95, "", sensor="radar"), Finding("azimuth_not_wrapped", 0.97, "")),
+        (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("velocity_not_kept", 0.95, "")),
+        (Finding("velocity_unit", 0.97, ""), Finding("doppler_sign", 0.99, "", sensor="radar")),
+        (Finding("sigma_spread_wrong", 0.95, ""), Finding("invalid_estimate", 0.85, "")),
+        (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("too_far_off", 0.85, "")),
     ],
 )
 def test_a_consequence_is_one_of_the_same_sensor(cause: Finding, effect: Finding) -> None:

@@ -35,9 +35,10 @@ MOTION = (*("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_consta
 #: What the estimates of drives show of any fault.
 DRIVEN = ("too_far_off", "covariance_unbelievable")
 
-#: What is not exact after all beside such a cause: y / x is not a number at the sensor, an indefinite covariance has
-#: no square root, what a prediction does to the covariance is there after the update, measurements do not move whole
-#: numbers, and a position or velocity with a factor has other angles and range rates.
+#: Consequences whatever their sensor, and although they are exact otherwise: y / x is not a number at the sensor, an
+#: indefinite covariance has no square root, what a prediction does to the covariance is there after the update,
+#: measurements do not move whole numbers, a position or velocity with a factor has other angles and range rates, and
+#: the covariance of one sensor's updates is that of the predictions after them.
 DIRECT = (
     ("arctan_quadrant", "nonfinite"),
     ("covariance_not_psd", "nonfinite"),
@@ -48,6 +49,8 @@ DIRECT = (
     ("second_measurement_dropped", "measurement_ignored"),
     ("sigma_weights_wrong", "arctan_quadrant"),
     *(("velocity_unit", fault) for fault in ("ego_motion_ignored", "doppler_sign", "speed_for_range_rate")),
+    ("process_noise_twice", "q_too_large"),
+    *(("covariance_not_reduced", fault) for fault in MOTION),
 )
 
 #: Confidence from which on a finding can be the cause of others.
@@ -75,6 +78,8 @@ _AXES = ("arctan_quadrant", *_ANGLE, "ego_motion_ignored", *_MEASURED, *_NOISE, 
 CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "not_deterministic": tuple(fault for fault in faults_of("trackbench.doctor") if fault != "exception_raised"),
     "integer_state_matrix": ("wrong_dt", "measurement_ignored", *_STEPPED),
+    "sigma_weights_wrong": ("wrong_dt", "velocity_unit", "arctan_quadrant", *_STEPPED),
+    "velocity_unit": ("wrong_dt", "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", *_STEPPED),
     "axis_swapped": _AXES,
     "axis_mirrored": _AXES,
     "degrees_for_radians": ("arctan_quadrant", *_ANGLE, *_NOISE, *_MEASURED),
@@ -83,14 +88,12 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     # Their third row of the Jacobian is wrong too, unless it is left right.
     "doppler_sign": _MEASURED,
     "speed_for_range_rate": _MEASURED,
-    "sigma_weights_wrong": ("wrong_dt", "velocity_unit", "arctan_quadrant", *_STEPPED),
     "measurement_noise_omitted": ("polar_start", "wrong_dt", *_STEPPED),
     "covariance_not_reduced": ("wrong_dt", *_STEPPED),
     "missed_scan_not_predicted": _STEPPED,
     "angle_mean_not_circular": (*_ANGLE, *_MEASURED, *_NOISE),
     "course_not_wrapped": (*_ANGLE, *_MEASURED, *_NOISE, *_GROWTH, *_OFFSET),
     "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
-    "velocity_unit": ("wrong_dt", "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", *_STEPPED),
     "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
     "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
     "sigma_points_misdrawn": ("sigma_spread_wrong", *_STEPPED),
