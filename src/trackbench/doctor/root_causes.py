@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import product
 
 from trackbench.doctor.findings import Finding, faults_of
 
@@ -31,7 +32,9 @@ EXACT = (
     *NUMERICAL,
 )
 #: Found without a measurement: the use of one sensor's measurements does not change them.
-MOTION = (*("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted"),)
+MOTION = ("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted")
+#: What a prediction over no time shows of the sums over sigma points. Wide points have other courses and azimuths.
+_SUMS = ("sigma_weights_wrong", "sigma_points_misdrawn", "sigma_spread_wrong")
 #: What the estimates of drives show of any fault.
 DRIVEN = ("too_far_off", "covariance_unbelievable")
 
@@ -48,6 +51,7 @@ DIRECT = (
     ("integer_state_matrix", "measurement_ignored"),
     ("second_measurement_dropped", "measurement_ignored"),
     ("sigma_weights_wrong", "arctan_quadrant"),
+    *product(_SUMS, ("course_not_wrapped", "angle_mean_not_circular", *NUMERICAL)),
     *(("velocity_unit", fault) for fault in ("ego_motion_ignored", "doppler_sign", "speed_for_range_rate")),
     ("process_noise_twice", "q_too_large"),
     *(("covariance_not_reduced", fault) for fault in MOTION),
@@ -79,6 +83,8 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "not_deterministic": tuple(fault for fault in faults_of("trackbench.doctor") if fault != "exception_raised"),
     "integer_state_matrix": ("wrong_dt", "measurement_ignored", *_STEPPED),
     "sigma_weights_wrong": ("wrong_dt", "velocity_unit", "arctan_quadrant", *_STEPPED),
+    "sigma_points_misdrawn": ("sigma_spread_wrong", "wrong_dt", *_STEPPED),
+    "sigma_spread_wrong": ("wrong_dt", *_STEPPED),
     "velocity_unit": ("wrong_dt", "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", *_STEPPED),
     "axis_swapped": _AXES,
     "axis_mirrored": _AXES,
@@ -96,8 +102,6 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
     "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
     "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
-    "sigma_points_misdrawn": ("sigma_spread_wrong", *_STEPPED),
-    "sigma_spread_wrong": _STEPPED,
     "q_constant_per_step": (*_GAIN, *_POINTS, *_GROWTH, "overconfident_start"),
     "velocity_not_kept": ("wrong_dt", *_STEPPED),
     "time_offset": (*_ANGLE, *_MEASURED, *_GROWTH, "sensor_bias", "scale_error"),

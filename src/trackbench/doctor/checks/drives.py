@@ -143,12 +143,10 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
     nees = worst.nees(part)
     begin, within = _interval(worst, worst.errors.nees[part], worst.scored, largest=nees > 2.0)
     run = int(np.argmax(within.any(axis=0)))
-    words = "smaller" if nees > 2.0 else "larger"
     text = (
         f"in {worst.drive.name} ({worst.drive.config.description}) the NEES of the {part} is {nees:.3g} (2 expected), "
-        f"the reference's {_mean(worst.reference.nees[part][worst.scored]):.3g}: the stated standard deviations are "
-        f"{np.sqrt(max(nees / 2, 2 / max(nees, 1e-12))):.3g} times {words} than the errors; most from {begin:.1f} to "
-        f"{begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
+        f"the reference's {_mean(worst.reference.nees[part][worst.scored]):.3g}: {_compared(nees)}; most from "
+        f"{begin:.1f} to {begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
         f"{_others(len({one.drive.name for one, _ in off}), len(judged))}"
     )
     return [
@@ -156,6 +154,14 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
             "covariance_unbelievable", 0.85, text, factor=2.0 / max(nees, 1e-12), shown_by=worst.drive.name, run=run
         )
     ]
+
+
+def _compared(nees: float) -> str:
+    """The stated standard deviations, held against the errors."""
+    if nees <= 0.0:
+        return "as of no positive definite covariance"
+    ratio, words = (np.sqrt(nees / 2.0), "smaller") if nees > 2.0 else (np.sqrt(2.0 / nees), "larger")
+    return f"the stated standard deviations are {ratio:.3g} times {words} than the errors"
 
 
 def _others(number: int, of: int) -> str:
