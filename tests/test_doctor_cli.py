@@ -230,11 +230,11 @@ def test_one_of_which_nothing_can_be_asked_ends_with_3(
 @pytest.mark.parametrize(
     ("name", "fault", "said"),
     [
-        ("RadarRaises", "exception_raised", "KeyError: 'rho' (MODULE.py:22, in step, at -0.95 s of ahead_left, at a"),
+        ("RadarRaises", "exception_raised", "KeyError: 'rho' (MODULE.py:22, in step, at 0 s of azimuth_crossing, at a"),
         (
             "Missed",
             "exception_raised",
-            "ValueError: nothing to read (MODULE.py:47, in step, at 0 s of ahead_left, at a",
+            "ValueError: nothing to read (MODULE.py:39, in step, at 0.0001 s of fast_left, at a",
         ),
         ("Ends", "process_ended", "its process ended itself, with status 5 (MODULE.py:53, in step, at -0.95 s of"),
     ],

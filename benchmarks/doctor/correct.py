@@ -103,8 +103,7 @@ OTHERS: dict[str, Make] = {
     "imm": PlainImm,
     "ukf alpha 0.001": ScaledUkf,
     "ukf alpha 1, kappa 1": partial(ScaledUkf, alpha=1.0, kappa=1.0),
-    # Without a central point it can lose a slow target of whose course it knew nothing at first.
-    "cubature filter": partial(CubatureFilter, start="two_readings"),
+    "cubature filter": CubatureFilter,
     "square-root ukf": SquareRootUkf,
 }
 

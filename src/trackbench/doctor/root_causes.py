@@ -72,7 +72,7 @@ _STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced")
 _POINTS = ("sigma_spread_wrong", "sigma_points_misdrawn")
 _ANGLE = ("azimuth_not_wrapped", "angle_mean_not_circular", "course_not_wrapped")
 #: Of measurements that are predicted or read wrongly.
-_MEASURED = (*_GAIN, "overconfident_start", *_STEP, *_POINTS, *NUMERICAL)
+_MEASURED = (*_GAIN, "course_not_wrapped", "overconfident_start", *_STEP, *_POINTS, *NUMERICAL)
 #: Of a wrong step of the state, after which the innovations of all measurements are wrong too.
 _STEPPED = (*_GAIN, *_NOISE, *_GROWTH, *_OFFSET, *_STEP, *_POINTS, *_ANGLE, "overconfident_start", *NUMERICAL)
 _COVARIANCE = (*_GAIN, "azimuth_not_wrapped", *_NOISE, *_GROWTH, *_STEP, "overconfident_start")
@@ -114,8 +114,8 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "process_noise_omitted": ("q_too_small", "overconfident_start", *NUMERICAL),
     "sigma_points_not_redrawn": ("gain_inconsistent", "jacobian_wrong", *_NOISE, *_GROWTH, *NUMERICAL),
     "process_noise_twice": ("gain_inconsistent", "q_too_large"),
-    "gain_inconsistent": ("azimuth_not_wrapped", *_NOISE, *_GROWTH, "overconfident_start", *NUMERICAL),
-    "jacobian_wrong": ("azimuth_not_wrapped", *_NOISE, *_GROWTH, *NUMERICAL),
+    "gain_inconsistent": (*_ANGLE, *_NOISE, *_GROWTH, "overconfident_start", *NUMERICAL),
+    "jacobian_wrong": (*_ANGLE, *_NOISE, *_GROWTH, *NUMERICAL),
     "measurement_noise_twice": NUMERICAL,
     "measurement_ignored": ("nonfinite",),
     "polar_start": ("overconfident_start", "sensor_bias"),

@@ -98,7 +98,7 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
 def _unmoved(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[Unmoved]:
     sensor, session = tracker.sensors[name], TrackerSession(tracker.make)
     rate, seen = probe_rate(sensor), 0
-    with tracker.recording_failures("no_time"):
+    with tracker.recording_failures(probe.name):
         for k in range(SCANS):
             scan = probe.scan(name, sensor, k / rate)
             before = session.step(scan)
@@ -184,7 +184,7 @@ def _first_gains(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator
     """``(m,)`` the diagonal of H K of an update at once after the first estimate, and the right one."""
     sensor, session = tracker.sensors[name], TrackerSession(tracker.make)
     rate = probe_rate(sensor)
-    with tracker.recording_failures("no_time"):
+    with tracker.recording_failures(probe.name):
         for k in range(SCANS):
             if session.step(probe.scan(name, sensor, k / rate)) is None:
                 continue
