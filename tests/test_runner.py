@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from trackbench.results import Difference, Result, to_json
+from trackbench.results import Difference, FewerEstimates, Result, to_json
 from trackbench.runner import expectations, work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Expectation
@@ -300,8 +300,15 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
     shown = Difference(**fields, p_value=0.01, better="ekf", verdict="ekf better")
     not_shown = Difference(**fields, p_value=0.06, better=None, verdict="undecided")
     stated = Expectation(tracker="ekf", metric="position_rmse", better_than="raw")
-    for difference, passed in ((shown, True), (not_shown, False)):
-        assert expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)[0].passed is passed
+    fewer = FewerEstimates(tracker="ekf", share=0.05)
+    not_counted = Difference(**fields, p_value=0.01, better=None, verdict="larger", fewer_estimates=fewer)
+    for difference, passed, said in (
+        (shown, True, ""),
+        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06)"),
+        (not_counted, False, " (difference -0.1 m, smaller, but ekf gave 5 % fewer estimates, p = 0.01)"),
+    ):
+        (judged,) = expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
+        assert (judged.passed, judged.text) == (passed, f"ekf position_rmse better than raw{said}")
 
 
 def test_the_chosen_run_is_shown(run_tiny: Run, tiny_result: Result, monkeypatch: pytest.MonkeyPatch) -> None:

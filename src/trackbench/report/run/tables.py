@@ -30,7 +30,9 @@ def ranking(result: Result) -> Table:
         (Column("#", "rank by position RMSE"), _ranks(result)),
         (TRACKER, names(trackers)),
         (
-            Column("group", f"no difference over {margin} was shown between trackers that share a letter", left=True),
+            Column(
+                "group", f"of two that share a letter neither was shown to be better by more than {margin}", left=True
+            ),
             list(map(Cell, letters(result))),
         ),
         (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
