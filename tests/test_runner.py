@@ -401,7 +401,8 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
 def test_the_result_says_what_was_run(tiny_result: Result) -> None:
     summary = tiny_result.json()
     described = {entry["name"]: entry["describe"] for entry in summary["trackers"]}
-    assert described == {"raw": "raw, all sensors", "ekf": "ekf, cv, acceleration sigma 3 m/s^2, all sensors"}
+    ekf = "ekf, cv, acceleration sigma 3 m/s^2, initial: two_readings with least time 0 s, all sensors"
+    assert described == {"raw": "raw, all sensors", "ekf": ekf}
     assert summary["truth"] | {"steps": 21, "dt": 0.1, "duration_s": 2.0, "objects": ["v1", "v2"]} == summary["truth"]
     assert summary["sensors"]["lidar"]["rate_hz"] == 5
     assert 0.7 < summary["sensors"]["lidar"]["detection_rate"] < 1

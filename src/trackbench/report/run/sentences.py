@@ -89,8 +89,8 @@ def not_called_better(result: Result) -> list[str]:
     """
     shares = Pairs(result.summary).fewer_estimates([tracker.name for tracker in result.contenders])
     alike: dict[tuple[str, ...], list[str]] = {}
-    for name, others in shares.items():
-        alike.setdefault(tuple(others), []).append(name)
+    for name, by_other in shares.items():
+        alike.setdefault(tuple(by_other), []).append(name)
     found = []
     for others, names in alike.items():
         fewer = _from_to([shares[name][other] for name in names for other in others])
