@@ -318,8 +318,8 @@ def test_smaller_errors_that_do_not_count_as_better_are_told(settle: float) -> N
     page, console = Page(render(result)), Console(file=io.StringIO(), width=80)
     print_summary(result, console)
     terminal = console.file.getvalue()
-    said = "ukf_ctrv, ekf_ctrv: smaller errors than ekf_cv, but not called better: 5 % fewer estimates"
-    for text, begin in ((page.text, "under “group”; but"), (terminal, "that share a letter; but:")):
+    said = "but ukf_ctrv, ekf_ctrv: smaller errors than ekf_cv, not called better: 5 % fewer estimates"
+    for text, begin in ((page.text, "under “group”,"), (terminal, "that share a letter")):
         flat = " ".join(text.split())
         assert f"{begin} {said}" in flat
         assert ("score.settle_s leaves the time after a track's start out of the scores" in flat) == (settle == 0)

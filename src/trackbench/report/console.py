@@ -146,8 +146,7 @@ def _note_on_groups(result: Result) -> list[str]:
         return ["group: too many groups for this table; report.html has them"]
     margin = margin_words(result.summary.score.margin, "m")
     shared = f"group: no difference over {margin} shown between those that share a letter"
-    but = [f"  {line}" for line in not_called_better(result)]
-    return [shared + ("; but:" if but else ""), *but] if len(result.scored) > 1 else []
+    return [shared, *(f"  {line}" for line in not_called_better(result))] if len(result.scored) > 1 else []
 
 
 def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) -> list[Text]:

@@ -112,7 +112,7 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     uncounted = not_called_better(result)
     legend = Paragraph(
         f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”"
-        f"{'; but ' if uncounted else ''}{'; '.join(uncounted)}. "
+        f"{''.join(f', {line}' for line in uncounted)}. "
         f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
         + (f" {SMOOTHERS}" if any(tracker.is_reference for tracker in trackers) else "")

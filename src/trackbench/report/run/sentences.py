@@ -85,7 +85,7 @@ def common(result: Result) -> str:
 def not_called_better(result: Result) -> list[str]:
     """Whose smaller errors do not count as better, since it gave fewer estimates, and what helps; empty of none.
 
-    For example "own, kf: smaller errors than raw, but not called better: 5 % fewer estimates".
+    For example "but own, kf: smaller errors than raw, not called better: 5 % fewer estimates".
     """
     shares = Pairs(result.summary).fewer_estimates([tracker.name for tracker in result.contenders])
     alike: dict[tuple[str, ...], list[str]] = {}
@@ -95,7 +95,7 @@ def not_called_better(result: Result) -> list[str]:
     for others, names in alike.items():
         fewer = _from_to([shares[name][other] for name in names for other in others])
         found.append(
-            f"{', '.join(names)}: smaller errors than {joined(others)}, but not called better: {fewer} fewer estimates"
+            f"but {', '.join(names)}: smaller errors than {joined(others)}, not called better: {fewer} fewer estimates"
         )
     if found and result.summary.score.settle_s == 0:
         found.append("score.settle_s leaves the time after a track's start out of the scores")
