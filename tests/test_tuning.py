@@ -30,7 +30,6 @@ from trackbench.tuning.ranges import parse_range, start_values, usual_ranges
 from trackbench.tuning.search import search, usual_trials
 from trackbench.tuning.study import Study
 from trackbench.tuning.trials import TuningTrial
-from trackbench.tuning.write_back import written
 from trackbench.types import Estimate, Scan
 
 TEXT = """# Two cars.
@@ -298,36 +297,6 @@ def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
     (tmp_path / "notes.db").write_text("shopping")
     with pytest.raises(InputError, match="no study"):
         Study("tracker", tmp_path / "notes.db", PARAMETERS, ["loss"], {})
-
-
-def test_the_values_are_written_into_the_scenario(scenario: Scenario, tmp_path: Path) -> None:
-    found = {"ekf": {"acceleration_sigma_mps2": 1.25}, "ukf": {"initial.skip": 2}, "many_2": {}}
-    text = written(scenario, found, tmp_path)
-    again = load(text)
-    assert (
-        again.config.trackers["ekf"]
-        == load(TEXT, {"trackers.ekf.acceleration_sigma_mps2": 1.25}).config.trackers["ekf"]
-    )
-    assert again.config.trackers["ekf_start"] == scenario.config.trackers["ekf"]
-    assert again.config.trackers["lidar_only"] == scenario.config.trackers["lidar_only"]
-    assert again.config.trackers["many_2_tuned"] == scenario.config.trackers["many_2"]
-    assert again.config.trackers["ukf"].initial.skip == 2  # type: ignore[union-attr]
-    assert "# as in the paper" in text
-    assert text.replace("\n  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1.25}", "").count("\n") < 42
-
-
-def test_a_recording_is_found_from_where_the_scenario_is_written(tmp_path: Path) -> None:
-    (tmp_path / "log").mkdir()
-    truth = "truth: {source: recording, format: csv, path: drive.csv}"
-    assert 'path: "../log/drive.csv"' in _moved(tmp_path, truth)
-
-
-def _moved(folder: Path, truth: str) -> str:
-    from trackbench.scenario.source import parse
-
-    text = f"name: log\n{truth}\ntrackers:\n  ekf: {{filter: ekf}}\n"
-    loaded = Scenario(None, folder / "log" / "log.yaml", text, (), parse(text, "log.yaml"))  # type: ignore[arg-type]
-    return written(loaded, {}, folder / "elsewhere")
 
 
 def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

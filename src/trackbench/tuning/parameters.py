@@ -86,7 +86,7 @@ class Parameter:
 
 def _odds(value: float) -> float:
     """A probability with as many digits of its distance from one as of itself."""
-    return float(f"{value:.{DIGITS}g}") if value < 0.5 else 1.0 - float(f"{1.0 - value:.{DIGITS}g}")
+    return float(f"{value:.{DIGITS}g}") if value < 0.5 else round(1.0 - float(f"{1.0 - value:.{DIGITS}g}"), 12)
 
 
 def shown(value: Any) -> str:
