@@ -254,7 +254,7 @@ def made(points: Sequence[Values]) -> list[TuningTrial]:
 
 def searched(storage: Path | None, stop: int | None = None, trials: int = 56) -> Study:
     """A search, interrupted before it makes a batch beyond so many trials."""
-    study = Study("tracker", storage, PARAMETERS, ["loss"], {"objective": "test"})
+    study = Study("tracker", storage, PARAMETERS, ["loss"], {"objective": "test", "start": {}})
 
     def make(points: Sequence[Values]) -> list[TuningTrial]:
         if stop is not None and len(study.trials) >= stop:
@@ -281,7 +281,7 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
     whole = searched(None, trials=32)
     with pytest.raises(KeyboardInterrupt):
         searched(tmp_path / "study.db", stop=20, trials=32)
-    kept = Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "test"})
+    kept = Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "test", "start": {}})
     assert 20 <= len(kept.trials) < 32
     # A batch of which only a part was written.
     kept.add(whole.trials[len(kept.trials)])
@@ -291,9 +291,16 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
 
 
 def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
-    Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "a", "ranges": [1]})
-    with pytest.raises(InputError, match="'tracker' has another objective and another ranges"):
-        Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "b", "ranges": [2]})
+    kept: dict[str, Any] = {"objective": "a", "ranges": {"a": [1, 3]}, "start": {}}
+    Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], kept)
+    with pytest.raises(InputError, match="another search: objective was a and is b; ranges.a.0 was 1 and is 2"):
+        Study(
+            "tracker",
+            tmp_path / "study.db",
+            PARAMETERS,
+            ["loss"],
+            {**kept, "objective": "b", "ranges": {"a": [2, 3]}},
+        )
     (tmp_path / "notes.db").write_text("shopping")
     with pytest.raises(InputError, match="no study"):
         Study("tracker", tmp_path / "notes.db", PARAMETERS, ["loss"], {})

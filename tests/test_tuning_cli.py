@@ -128,7 +128,7 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
     ("arguments", "message"),
     [
         (("--trackers", "ekv"), "did you mean 'ekf'"),
-        (("--trackers", "raw"), "raw is not built in: give --range"),
+        (("--trackers", "raw"), "raw has no options: there is nothing to tune"),
         (("--trackers", "kf", "--range", "jerk_sigma_mps3=1:2"), "motion cv does not use this"),
         (("--trackers", "kf", "--objective", "gospa"), "own has labelled measurements"),
         (("--trackers", "kf", "--objective", "position_rms"), "did you mean 'position_rmse'"),
@@ -165,15 +165,6 @@ def test_without_optuna_one_line_names_the_extra(cli: Cli, monkeypatch: pytest.M
     done = cli("tune", "own.yaml", "--trackers", "kf")
     assert done.status == 2
     assert done.err.strip() == "tuning needs Optuna: pip install 'trackbench[tune]'"
-
-
-def test_a_storage_of_other_ranges_is_refused(cli: Cli) -> None:
-    tune = ("tune", "own.yaml", "--trackers", "kf", "--trials", "2", "--storage", "study.db", "--train-runs", "2")
-    assert cli(*tune).status == 0
-    done = cli(*tune, "--range", "acceleration_sigma_mps2=1:2")
-    assert done.status == 2
-    assert done.err.count("\n") == 1
-    assert "has another ranges; give another file" in done.err
 
 
 @pytest.mark.slow

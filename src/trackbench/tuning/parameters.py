@@ -62,6 +62,12 @@ class Parameter:
             return value in self.choices
         return isinstance(value, int | float) and self.low <= value <= self.high
 
+    def as_tried(self, value: Any) -> Any:
+        """A value that it holds, of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker."""
+        if self.scale == "choice":
+            return self.choices[self.choices.index(value)]
+        return float(value) if self.continuous else value
+
     def as_json(self) -> dict[str, Any]:
         """What tells it from others."""
         if self.scale == "choice":

@@ -10,8 +10,8 @@ from trackbench.document.model import Tone
 from trackbench.metrics.intervals import Interval
 from trackbench.report.numbers import decimals, fixed, interval, signed
 from trackbench.tuning.held_out import MeasureComparison
+from trackbench.tuning.measures import WORDS
 from trackbench.tuning.objectives import NEES, Parts, mean_nees
-from trackbench.tuning.outcome import WORDS
 from trackbench.tuning.parameters import Parameter, shown
 from trackbench.tuning.response import NEGLIGIBLE, Response, ResponsePoint
 from trackbench.tuning.tune import Tuning
@@ -130,17 +130,22 @@ def trials(item: Tuning, name: str = "") -> Table:
     """The trials, best first."""
     measured = [measure for measure in WORDS if any(measure in trial.measures for trial in item.trials)]
     columns = [*(Column(parameter.key) for parameter in item.parameters), *(Column(WORDS[one]) for one in measured)]
-    done = sorted((trial for trial in item.trials if trial.losses), key=lambda trial: item.objective.rank(trial.parts))[
-        :MOST
-    ]
+    last = all(trial.values != item.best.values for trial in item.trials)
+    tried = [*item.trials, *([item.best] if last else [])]
+    done = sorted((trial for trial in tried if trial.losses), key=lambda trial: item.objective.rank(trial.parts))[:MOST]
     rows = [
         (
-            *(Cell(shown(trial.values[parameter.key])) for parameter in item.parameters),
+            *(
+                Cell(shown(trial.values[parameter.key]), strong=trial.values == item.best.values)
+                for parameter in item.parameters
+            ),
             *(Cell(f"{trial.measures[one]:.4g}" if one in trial.measures else NONE) for one in measured),
         )
         for trial in done
     ]
-    return Table(f"{name}trials", tuple(columns), tuple(rows), "Best first, on what it was tuned on")
+    from_last = ", and come from the last step, each option by itself" if last else ""
+    caption = f"Best first, on what it was tuned on; the tuned values stand out{from_last}"
+    return Table(f"{name}trials", tuple(columns), tuple(rows), caption)
 
 
 def _tried(parameter: Parameter) -> str:
