@@ -293,7 +293,7 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
 def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
     kept: dict[str, Any] = {"objective": "a", "ranges": {"a": [1, 3]}, "start": {}}
     Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], kept)
-    with pytest.raises(InputError, match="another search: objective was a and is b; ranges.a.0 was 1 and is 2"):
+    with pytest.raises(InputError, match=r"another search: objective was a and is b; ranges\.a\.0 was 1 and is 2"):
         Study(
             "tracker",
             tmp_path / "study.db",

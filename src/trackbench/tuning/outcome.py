@@ -73,7 +73,7 @@ def _verdict(tuning: Tuning, one: MeasureComparison, same: Sequence[str]) -> str
 
 def _fits(tuning: Tuning, measure: str) -> bool:
     """Whether the tuned values beat the start's on what they were tuned on."""
-    gain = tuning.best.measures[measure] - tuning.start_measures[measure]
+    gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
     return gain > 0.0 if direction(measure) == "larger" else gain < 0.0
 
 
