@@ -43,7 +43,8 @@ class TunedTrackers:
         return Report(tuning_document(self._found, self._command))
 
     def save(self, out: Path | str) -> list[str]:
-        """Write the scenario with the found values, the report and the numbers; returns the names of the files.
+        """Write the scenario with the found values, the report and the numbers; returns the names of the files
+        and of the folder of the figures.
 
         Args:
             out: a file whose name ends in ``.yaml``; for several scenarios a folder.
@@ -93,7 +94,8 @@ def tune(
         trackers: names of those that are tuned, each by itself.
         ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
             ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
-        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``gospa`` or ``pareto``.
+        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``gospa`` or ``pareto``; unless given,
+            ``gospa`` with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
         storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
         train_scenes: scenes that are tuned on.
@@ -144,4 +146,6 @@ def _text(key: str, values: Any) -> str:
     if not is_range and not isinstance(values, list):
         problem = f"give the least and the largest value as a tuple, or a list of choices, not {values!r}"
         raise InputError(problem, key=key)
-    return f"{key}={(':' if is_range else ',').join(map(shown, values))}"
+    # Numbers of NumPy have tolist().
+    plain = (value.tolist() if hasattr(value, "tolist") else value for value in values)
+    return f"{key}={(':' if is_range else ',').join(map(shown, plain))}"

@@ -201,10 +201,10 @@ def _scale(axes: Axes, parameter: Parameter, which: Any) -> None:
 class _Odds(Locator):
     """Probabilities at 0.1, 0.01 and so on, and as far from one; at twice and five times that too where few are."""
 
-    def __call__(self) -> list[float]:
+    def __call__(self) -> Array:
         return self.tick_values(*self.axis.get_view_interval())  # type: ignore[union-attr]
 
-    def tick_values(self, vmin: float, vmax: float) -> list[float]:
+    def tick_values(self, vmin: float, vmax: float) -> Array:
         found: list[float] = []
         for digits in ((1,), (1, 2, 5)):
             tails = {0.5, *(round(digit * 10.0**-power, 12) for digit in digits for power in range(1, 10))}
@@ -212,7 +212,7 @@ class _Odds(Locator):
             found = sorted(place for place in places if vmin <= place <= vmax)
             if len(found) >= _FEWEST_NUMBERS:
                 break
-        return found[:: math.ceil(len(found) / _MOST_NUMBERS) or 1]
+        return np.array(found[:: math.ceil(len(found) / _MOST_NUMBERS) or 1])
 
 
 def _column(trials: Sequence[TuningTrial], parameter: Parameter) -> list[float]:
