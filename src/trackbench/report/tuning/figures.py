@@ -199,12 +199,15 @@ def _scale(axes: Axes, parameter: Parameter, which: Any) -> None:
 
 
 class _Odds(Locator):
-    """Probabilities at 0.1, 0.01 and so on, and as far from one; at twice and five times that too where few are."""
+    """Probabilities at 0.1, 0.01 and so on, and as far from one; at twice and five times that too where few are.
 
-    def __call__(self) -> Array:
+    It gives arrays, as matplotlib's own locators do whatever they declare.
+    """
+
+    def __call__(self) -> Array:  # type: ignore[override]
         return self.tick_values(*self.axis.get_view_interval())  # type: ignore[union-attr]
 
-    def tick_values(self, vmin: float, vmax: float) -> Array:
+    def tick_values(self, vmin: float, vmax: float) -> Array:  # type: ignore[override]
         found: list[float] = []
         for digits in ((1,), (1, 2, 5)):
             tails = {0.5, *(round(digit * 10.0**-power, 12) for digit in digits for power in range(1, 10))}
