@@ -75,7 +75,7 @@ def _tracker(item: Tuning, name: str) -> Iterator[Block]:
         (tables.held_out(item, name),),
     )
     if item.front:
-        yield Section("The front", (front_figure(item, name), tables.front(item, name)))
+        yield Section("The front", (Row((front_figure(item, name),)), tables.front(item, name)))
     figures = [figure for response in item.responses if (figure := response_figure(item, response, name)) is not None]
     if figures:
         around = (tables.response(item, name), Row(tuple(figures)), *_pairs(item, name))
