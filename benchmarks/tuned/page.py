@@ -46,8 +46,8 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield ""
     yield (
         f"Every tracker is tuned in the same way: {protocol.trials} trials, of which {protocol.spread} are spread over "
-        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the smallest position error with a "
-        "mean NEES that is consistent in every condition; each per cent beyond counts as much as 2 % of error), on "
+        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the smallest position error with "
+        "a mean NEES that is consistent in every condition; each per cent beyond counts as much as 2 % of error), on "
         f"{tuned.scenes} scenes of {tuned.runs} runs. It is scored on {scored.scenes} scenes of {scored.runs} runs "
         "with other traffic and other noise. It has one set of values for a family of scenarios; beside them stand one "
         "for the very scenario and one for all."
