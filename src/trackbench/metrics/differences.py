@@ -73,10 +73,9 @@ def _unless_silent(item: Difference, coverage: Mapping[str, float]) -> Differenc
     if item.better is None:
         return item
     (other,) = {item.a, item.b} - {item.better}
-    lost = coverage[other] - coverage[item.better]
-    if lost <= SILENCE:
+    if coverage[item.better] >= coverage[other] - SILENCE:
         return item
-    fewer = FewerEstimates(tracker=item.better, share=lost)
+    fewer = FewerEstimates(tracker=item.better, share=coverage[other] - coverage[item.better])
     return item.model_copy(update={"better": None, "verdict": size(item.value), "fewer_estimates": fewer})
 
 
