@@ -88,7 +88,7 @@ benchmark: $(VENV)/.installed-dev
 calibration: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.calibration
 
-# Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about 40 minutes on two cores.
+# Every tracker tuned by one protocol, and compared on other scenes: results/tuned; about two hours on two cores.
 tuned: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.tuned
 

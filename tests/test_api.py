@@ -153,8 +153,8 @@ def test_two_tunings_are_compared(scenario: tb.Scenario, result: tb.Result) -> N
     tuned = tb.run(tb.load("highway", {**SHORT, "trackers.ekf_cv.acceleration_sigma_mps2": 30}, trackers=["ekf_cv"]))
     found = tb.compare(result, tuned, trackers=["ekf_cv"], limits={"position_rmse": 1})
     [difference] = found.differences
-    assert difference.value == tuned["ekf_cv"].position_rmse.value
-    assert difference.reference == result["ekf_cv"].position_rmse.value
+    assert difference.value == pytest.approx(tuned["ekf_cv"].position_rmse.value, rel=1e-12)
+    assert difference.reference == pytest.approx(result["ekf_cv"].position_rmse.value, rel=1e-12)
     assert difference.paired_runs == 20
     assert not found.passed
     assert "ekf_cv" in str(found)

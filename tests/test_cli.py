@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,15 @@ def test_only_the_result_is_on_stdout_with_json(tiny: Path, tmp_path: Path, trac
     assert done.returncode == 3, done.stderr
     assert json.loads(done.stdout) == result(tmp_path / "results" / "tiny")
     assert set(done.stderr.splitlines()) == {"noise"}
+
+
+def test_python_m_trackbench_is_the_console_script(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "trackbench", "run", "missing.yaml"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "missing.yaml" in done.stderr
 
 
 def test_json_of_several_scenarios_is_a_list(cli: Cli, tiny: Path) -> None:

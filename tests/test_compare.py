@@ -578,3 +578,21 @@ def test_estimates_that_are_missing_fail_a_gate(keep: Keep, tmp_path: Path) -> N
     found = compare([base, later], limits=[Limit("position_rmse", 5.0)])
     assert {item.outcome for item in found.gates} == {"failed"}
     assert all("5 % of the estimates that the baseline has are missing" in item.text for item in found.gates)
+
+
+def test_a_tracker_with_fewer_estimates_is_not_called_better_and_it_is_said_why(keep: Keep, tmp_path: Path) -> None:
+    base = keep()
+    best, rest = compare([base]).differences[0], base.entries[0].result.json()["trackers"]
+    name, other = best.entrant.tracker, best.against.tracker
+    assert best.verdict == "better"
+    for entry in rest:
+        if entry["name"] in (name, other):
+            coverage = {"value": 0.95 if entry["name"] == name else 1.0, "unit": "1"}
+            entry["metrics"] = {**entry["metrics"], "coverage": coverage}
+    found = compare([find(changed(base, tmp_path / "silent", trackers=rest))])
+    (item,) = found.differences
+    assert item.verdict == "smaller"
+    assert item.difference == best.difference
+    (note,) = found.notes
+    assert note.startswith(f"{name} gave 95 % of its estimates in tiny, {other} 100 %")
+    assert note.endswith("; the one that gave fewer has better values, but is not called better")

@@ -95,7 +95,7 @@ def test_a_scenario_runs_it_and_it_is_better_than_either_model(tmp_path):
 
 
 def test_it_is_described_in_words(tmp_path):
-    assert describe(loaded(tmp_path).config.trackers["imm"]).startswith(
+    assert describe(loaded(tmp_path).config.trackers["imm"], ()).startswith(
         "ekf, imm of cv, acceleration sigma 0.3 m/s^2 for 5 s and ctrv, acceleration sigma 0.3 m/s^2"
     )
 
@@ -110,7 +110,17 @@ def test_its_first_probabilities_are_stated_or_those_that_the_chain_comes_to():
 @pytest.mark.parametrize(
     ("change", "at", "message"),
     [
-        ({"imm": [CV], "stay_s": [1]}, "motion.imm", "2 entries are needed, not 1"),
+        ({"imm": [CV], "stay_s": [1]}, "motion.imm", "at least 2 entries are needed, not 1"),
+        (
+            {"imm": [CV, {"model": "ca", "acceleration_sigma_mps2": 0.3}], "stay_s": [1, 2]},
+            "motion.imm.1.acceleration_sigma_mps2",
+            "model ca does not use this; it uses jerk_sigma_mps3",
+        ),
+        (
+            {"model": "ca", "acceleration_sigma_mps2": 0.3},
+            "motion.acceleration_sigma_mps2",
+            "model ca does not use this; it uses jerk_sigma_mps3",
+        ),
         ({"imm": [CV, {**CTRV, "model": "ctrw"}], "stay_s": [1, 2]}, "motion.imm.1.model", "did you mean 'ctrv'?"),
         ({"imm": [CV, "cv"], "stay_s": [1, 2]}, "motion.imm.1.acceleration_sigma_mps2", "missing"),
         ({"imm": [CV, CTRV], "stay_s": [1, 2, 3]}, "motion.stay_s", "one number for each of the 2 models is needed"),

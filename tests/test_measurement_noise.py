@@ -61,7 +61,7 @@ def test_a_run_names_it_and_the_innovations_follow(run_tiny: Callable[..., Resul
     stated, doubled = run_tiny(), run_tiny(f"{key}=0.6")
     values = [item["ekf"].metrics["nis.lidar"].value for item in (stated, doubled)]
     assert values[1] < values[0] / 2
-    assert "lidar with position sigma 0.6 metres" in doubled["ekf"].describe
+    assert "lidar with position sigma 0.6 m," in doubled["ekf"].describe
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,17 @@ def test_nobody_is_better_who_leaves_out_what_the_other_gives():
     for coverage, better in ((1.0, "a"), (0.995, "a"), (0.97, None)):
         (item,) = differences(found, [PositionRmse()], margin, {"a": coverage, "b": 1.0})
         assert item.better == better
+        (mirrored,) = differences(dict(reversed(found.items())), [PositionRmse()], margin, {"a": coverage, "b": 1.0})
+        if better is not None:
+            assert (item.verdict, item.fewer_estimates) == ("a better", None)
+            continue
+        # The difference is shown, so that it is not undecided.
+        assert item.p_value < 0.05
+        assert (item.verdict, mirrored.verdict) == ("smaller", "larger")
+        for each in (item, mirrored):
+            assert each.fewer_estimates is not None
+            assert each.fewer_estimates.tracker == "a"
+            assert each.fewer_estimates.share == pytest.approx(0.03)
 
 
 def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():

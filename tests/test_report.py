@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pyarrow as pa
 import pytest
+from rich.console import Console
 from tests.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
 
 from trackbench.document.html import to_html
 from trackbench.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
 from trackbench.report.calibration import calibration_clauses
+from trackbench.report.console import print_summary
 from trackbench.report.run import run_document
+from trackbench.report.run.pairs import Pairs
 from trackbench.results import Breakdown, Result
 
 
@@ -300,3 +304,36 @@ def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
     assert "at 5.991 (2 degrees of freedom)" in page.text
     whole = Page(render(Result.from_json(make_summary(), make_tables())))
     assert "below the dashed line" not in whole.text
+
+
+@pytest.mark.parametrize("settle", [0.0, 1.0])
+def test_smaller_errors_that_do_not_count_as_better_are_told(settle: float) -> None:
+    summary = make_summary()
+    summary["score"]["settle_s"] = settle
+    for entry in summary["differences"]:
+        if entry["b"] == "ekf_cv" and entry["a"] in ("ukf_ctrv", "ekf_ctrv"):
+            fewer = {"tracker": entry["a"], "share": 0.05}
+            entry |= {"better": None, "verdict": "smaller", "fewer_estimates": fewer}
+    result = Result.from_json(summary, make_tables())
+    page, console = Page(render(result)), Console(file=io.StringIO(), width=80)
+    print_summary(result, console)
+    terminal = console.file.getvalue()
+    said = "but ukf_ctrv, ekf_ctrv: smaller errors than ekf_cv, not called better: 5 % fewer estimates"
+    for text, begin in ((page.text, "under “group”,"), (terminal, "that share a letter")):
+        flat = " ".join(text.split())
+        assert f"{begin} {said}" in flat
+        assert ("score.settle_s leaves the time after a track's start out of the scores" in flat) == (settle == 0)
+    assert max(map(len, terminal.splitlines())) <= 80
+    headline = "it is not called better than ekf_cv, since it gave 5 % fewer estimates."
+    assert headline in " ".join(page.text.split())
+    assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
+    assert "Smaller and larger: shown to differ" in page.text
+    for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
+        pair = Pairs(result.summary).get(a, b)
+        assert pair is not None
+        assert pair.verdict == verdict
+
+
+def test_a_result_without_reasons_is_still_read() -> None:
+    assert all("fewer_estimates" not in entry for entry in make_summary()["differences"])
+    assert "not called better" not in Page(render(make_result())).text

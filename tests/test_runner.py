@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from trackbench.results import Difference, Result, to_json
+from trackbench.results import Difference, FewerEstimates, Result, to_json
 from trackbench.runner import expectations, work
 from trackbench.scenario import load_scenario
 from trackbench.scenario.config import Expectation
@@ -300,8 +300,15 @@ def test_better_than_is_decided_by_the_corrected_difference(tiny_result: Result)
     shown = Difference(**fields, p_value=0.01, better="ekf", verdict="ekf better")
     not_shown = Difference(**fields, p_value=0.06, better=None, verdict="undecided")
     stated = Expectation(tracker="ekf", metric="position_rmse", better_than="raw")
-    for difference, passed in ((shown, True), (not_shown, False)):
-        assert expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)[0].passed is passed
+    fewer = FewerEstimates(tracker="ekf", share=0.05)
+    not_counted = Difference(**fields, p_value=0.01, better=None, verdict="larger", fewer_estimates=fewer)
+    for difference, passed, said in (
+        (shown, True, ""),
+        (not_shown, False, " (difference -0.1 m, undecided, p = 0.06)"),
+        (not_counted, False, " (difference -0.1 m, smaller, but ekf gave 5 % fewer estimates, p = 0.01)"),
+    ):
+        (judged,) = expectations.judge([stated], [tiny_result["ekf"]], [difference], 0.9)
+        assert (judged.passed, judged.text) == (passed, f"ekf position_rmse better than raw{said}")
 
 
 def test_the_chosen_run_is_shown(run_tiny: Run, tiny_result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -394,7 +401,8 @@ def test_differences_are_paired_and_of_every_pair(run_tiny: Run) -> None:
 def test_the_result_says_what_was_run(tiny_result: Result) -> None:
     summary = tiny_result.json()
     described = {entry["name"]: entry["describe"] for entry in summary["trackers"]}
-    assert described == {"raw": "raw, all sensors", "ekf": "ekf, cv, acceleration sigma 3 m/s^2, all sensors"}
+    ekf = "ekf, cv, acceleration sigma 3 m/s^2, initial: two_readings with least time 0 s, all sensors"
+    assert described == {"raw": "raw, all sensors", "ekf": ekf}
     assert summary["truth"] | {"steps": 21, "dt": 0.1, "duration_s": 2.0, "objects": ["v1", "v2"]} == summary["truth"]
     assert summary["sensors"]["lidar"]["rate_hz"] == 5
     assert 0.7 < summary["sensors"]["lidar"]["detection_rate"] < 1

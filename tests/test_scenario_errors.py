@@ -267,6 +267,32 @@ BAD = [
         "sensors: [front, rof]",
         ["21: trackers.ekf.sensors.1: the scenario has no sensor 'rof'; did you mean 'roof'?"],
     ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front], measurement_noise: {roof: {position_sigma_m: 0.3}}",
+        ["21: trackers.ekf.measurement_noise.roof: the tracker does not read roof; it reads front"],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front], sensor_models: {roof: lidar}",
+        ["21: trackers.ekf.sensor_models.roof: the tracker does not read roof; it reads front"],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front, roof], initial: {from: first_reading, velocity: radial, sensors: [roof]}",
+        [
+            "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
+            "that does"
+        ],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [roof], initial: {from: first_reading, velocity: range_rate}",
+        [
+            "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
+            "that does"
+        ],
+    ),
     # Times and rates.
     (
         "rate_hz: 10",

@@ -30,7 +30,6 @@ from trackbench.tuning.ranges import parse_range, start_values, usual_ranges
 from trackbench.tuning.search import search, usual_trials
 from trackbench.tuning.study import Study
 from trackbench.tuning.trials import TuningTrial
-from trackbench.tuning.write_back import written
 from trackbench.types import Estimate, Scan
 
 TEXT = """# Two cars.
@@ -255,7 +254,7 @@ def made(points: Sequence[Values]) -> list[TuningTrial]:
 
 def searched(storage: Path | None, stop: int | None = None, trials: int = 56) -> Study:
     """A search, interrupted before it makes a batch beyond so many trials."""
-    study = Study("tracker", storage, PARAMETERS, ["loss"], {"objective": "test"})
+    study = Study("tracker", storage, PARAMETERS, ["loss"], {"objective": "test", "start": {}})
 
     def make(points: Sequence[Values]) -> list[TuningTrial]:
         if stop is not None and len(study.trials) >= stop:
@@ -282,7 +281,7 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
     whole = searched(None, trials=32)
     with pytest.raises(KeyboardInterrupt):
         searched(tmp_path / "study.db", stop=20, trials=32)
-    kept = Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "test"})
+    kept = Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "test", "start": {}})
     assert 20 <= len(kept.trials) < 32
     # A batch of which only a part was written.
     kept.add(whole.trials[len(kept.trials)])
@@ -292,42 +291,19 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
 
 
 def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
-    Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "a", "ranges": [1]})
-    with pytest.raises(InputError, match="'tracker' has another objective and another ranges"):
-        Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "b", "ranges": [2]})
+    kept: dict[str, Any] = {"objective": "a", "ranges": {"a": [1, 3]}, "start": {}}
+    Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], kept)
+    with pytest.raises(InputError, match=r"another search: objective was a and is b; ranges\.a\.0 was 1 and is 2"):
+        Study(
+            "tracker",
+            tmp_path / "study.db",
+            PARAMETERS,
+            ["loss"],
+            {**kept, "objective": "b", "ranges": {"a": [2, 3]}},
+        )
     (tmp_path / "notes.db").write_text("shopping")
     with pytest.raises(InputError, match="no study"):
         Study("tracker", tmp_path / "notes.db", PARAMETERS, ["loss"], {})
-
-
-def test_the_values_are_written_into_the_scenario(scenario: Scenario, tmp_path: Path) -> None:
-    found = {"ekf": {"acceleration_sigma_mps2": 1.25}, "ukf": {"initial.skip": 2}, "many_2": {}}
-    text = written(scenario, found, tmp_path)
-    again = load(text)
-    assert (
-        again.config.trackers["ekf"]
-        == load(TEXT, {"trackers.ekf.acceleration_sigma_mps2": 1.25}).config.trackers["ekf"]
-    )
-    assert again.config.trackers["ekf_start"] == scenario.config.trackers["ekf"]
-    assert again.config.trackers["lidar_only"] == scenario.config.trackers["lidar_only"]
-    assert again.config.trackers["many_2_tuned"] == scenario.config.trackers["many_2"]
-    assert again.config.trackers["ukf"].initial.skip == 2  # type: ignore[union-attr]
-    assert "# as in the paper" in text
-    assert text.replace("\n  ekf: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1.25}", "").count("\n") < 42
-
-
-def test_a_recording_is_found_from_where_the_scenario_is_written(tmp_path: Path) -> None:
-    (tmp_path / "log").mkdir()
-    truth = "truth: {source: recording, format: csv, path: drive.csv}"
-    assert 'path: "../log/drive.csv"' in _moved(tmp_path, truth)
-
-
-def _moved(folder: Path, truth: str) -> str:
-    from trackbench.scenario.source import parse
-
-    text = f"name: log\n{truth}\ntrackers:\n  ekf: {{filter: ekf}}\n"
-    loaded = Scenario(None, folder / "log" / "log.yaml", text, (), parse(text, "log.yaml"))  # type: ignore[arg-type]
-    return written(loaded, {}, folder / "elsewhere")
 
 
 def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

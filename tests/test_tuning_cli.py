@@ -80,7 +80,8 @@ def test_a_tracker_is_tuned_on_some_noise_and_tried_on_other(cli: Cli, tmp_path:
     assert found["command"].startswith("trackbench tune own.yaml --trackers kf --objective likelihood --trials 16")
     page = (tmp_path / "out" / "tuned.md").read_text(encoding="utf-8")
     assert "The response around the optimum" in page
-    assert (tmp_path / "out" / "figures" / "response-acceleration-sigma-mps2.svg").is_file()
+    assert "](tuned_figures/response-acceleration-sigma-mps2.svg)" in page
+    assert (tmp_path / "out" / "tuned_figures" / "response-acceleration-sigma-mps2.svg").is_file()
     assert "svg" in (tmp_path / "out" / "tuned.html").read_text(encoding="utf-8")
     assert cli("check", "out/tuned.yaml").status == 0
 
@@ -103,6 +104,11 @@ def test_a_front_of_error_and_consistency(cli: Cli) -> None:
     losses = [trial["losses"] for trial in tracker["front"]]
     assert losses == sorted(losses)
     assert [item[1] for item in losses] == sorted((item[1] for item in losses), reverse=True)
+    # What is written is on it, and no trial, such as the start, is better in both.
+    chosen, *_ = [trial["losses"] for trial in tracker["front"] if trial["values"] == tracker["tuned"]]
+    assert not [
+        trial for trial in tracker["trials"] if all(a < b for a, b in zip(trial["losses"], chosen, strict=True))
+    ]
 
 
 def test_gate_and_confirmation_are_tuned_for_gospa(cli: Cli, tmp_path: Path) -> None:
@@ -128,7 +134,7 @@ def test_several_scenarios_get_one_set_of_values(cli: Cli, tmp_path: Path) -> No
     ("arguments", "message"),
     [
         (("--trackers", "ekv"), "did you mean 'ekf'"),
-        (("--trackers", "raw"), "raw is not built in: give --range"),
+        (("--trackers", "raw"), "raw has no options: there is nothing to tune"),
         (("--trackers", "kf", "--range", "jerk_sigma_mps3=1:2"), "motion cv does not use this"),
         (("--trackers", "kf", "--objective", "gospa"), "own has labelled measurements"),
         (("--trackers", "kf", "--objective", "position_rms"), "did you mean 'position_rmse'"),
@@ -165,15 +171,6 @@ def test_without_optuna_one_line_names_the_extra(cli: Cli, monkeypatch: pytest.M
     done = cli("tune", "own.yaml", "--trackers", "kf")
     assert done.status == 2
     assert done.err.strip() == "tuning needs Optuna: pip install 'trackbench[tune]'"
-
-
-def test_a_storage_of_other_ranges_is_refused(cli: Cli) -> None:
-    tune = ("tune", "own.yaml", "--trackers", "kf", "--trials", "2", "--storage", "study.db", "--train-runs", "2")
-    assert cli(*tune).status == 0
-    done = cli(*tune, "--range", "acceleration_sigma_mps2=1:2")
-    assert done.status == 2
-    assert done.err.count("\n") == 1
-    assert "has another ranges; give another file" in done.err
 
 
 @pytest.mark.slow
@@ -239,5 +236,24 @@ def test_a_range_is_for_the_trackers_that_have_the_option(cli: Cli) -> None:
     ranges = ("--range", "acceleration_sigma_mps2=1:4", "--range", "iterations=1:3")
     settings = ("--set", "trackers.iekf={filter: iekf, motion: cv, acceleration_sigma_mps2: 2}", "--train-runs", "2")
     done = cli("tune", "own.yaml", "--trackers", "kf,iekf", *ranges, *settings, "--trials", "3", "--json")
-    found = {item["name"]: set(item["tuned"]) for item in json.loads(done.out)["trackers"]}
-    assert found == {"kf": {"acceleration_sigma_mps2"}, "iekf": {"acceleration_sigma_mps2", "iterations"}}
+    found = {item["name"]: item for item in json.loads(done.out)["trackers"]}
+    assert set(found["kf"]["tuned"]) == {"acceleration_sigma_mps2"}
+    assert set(found["iekf"]["tuned"]) == {"acceleration_sigma_mps2", "iterations"}
+    assert "--range iterations=1:3 is not for kf, which lacks this option." in found["kf"]["remarks"]
+    # An option that the tracker has is not passed over for its value.
+    done = cli("tune", "own.yaml", "--trackers", "kf,iekf", "--range", "iterations=0:3", *settings)
+    assert done.status == 2
+    assert "0 is not possible" in done.err
+
+
+def test_figures_belong_to_their_report(cli: Cli, tmp_path: Path) -> None:
+    few = ("--trials", "3", "--train-runs", "2", "--test-runs", "2", "--trackers", "kf")
+    noise = ("--range", "measurement_noise.lidar.position_sigma_m=0.1:1")
+    said = [cli("tune", "own.yaml", *few, *more).out for more in ((*noise, "--out", "a.yaml"), ("--out", "b.yaml"), ())]
+    assert "a_figures" in said[0]
+    assert cli("tune", "own.yaml", *few, *noise).status == 0
+    found = {folder: [file.name for file in (tmp_path / folder).iterdir()] for folder in ("a_figures", "b_figures")}
+    noise_figure = "response-measurement-noise-lidar-position-sigma-m.svg"
+    assert found == {"a_figures": [noise_figure], "b_figures": ["response-acceleration-sigma-mps2.svg"]}
+    # That of the first tuning of the same name is gone.
+    assert [file.name for file in (tmp_path / "tuned_figures").iterdir()] == [noise_figure]

@@ -46,8 +46,8 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield ""
     yield (
         f"Every tracker is tuned in the same way: {protocol.trials} trials, of which {protocol.spread} are spread over "
-        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the smallest position error with a "
-        "mean NEES that is consistent in every condition; each per cent beyond counts as much as 2 % of error), on "
+        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the smallest position error with "
+        "a mean NEES that is consistent in every condition; each per cent beyond counts as much as 2 % of error), on "
         f"{tuned.scenes} scenes of {tuned.runs} runs. It is scored on {scored.scenes} scenes of {scored.runs} runs "
         "with other traffic and other noise. It has one set of values for a family of scenarios; beside them stand one "
         "for the very scenario and one for all."
@@ -64,7 +64,8 @@ def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield (
         "Position RMSE with the values of the family, m, with the 95 % interval over scenes. As good: not shown to be "
         "worse by more than 1 % or 5 mm. Believable: trackers whose mean NEES is "
-        f"{TRUSTED}; where there is none, the nearest and its mean NEES that is furthest off. Smoothed: the errors of "
+        f"{TRUSTED}; where none is shown to be, the nearest, with its mean NEES that is furthest off, or not decided "
+        "where all are within these bounds but their intervals are not. Smoothed: the errors of "
         "`imm_cv_ca` after a Rauch-Tung-Striebel smoother, what was to be had offline."
     )
     yield ""
@@ -83,9 +84,10 @@ def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
         ],
     )
     none = [name for name, of in scores.items() if not _believable(protocol, of["scores"])]
+    undecided = [name for name in none if _nearest(protocol, scores[name]["scores"]).startswith("not decided")]
     yield (
-        f"Some tracker is believable in {len(scores) - len(none)} of {len(scores)} scenarios"
-        f"{', in none in ' + ', '.join(none) if none else ''}."
+        f"Some tracker is believable in {len(scores) - len(none)} of {len(scores)} scenarios; in {len(undecided)} more "
+        "these scenes do not decide."
     )
     yield ""
 
@@ -190,9 +192,10 @@ def _nearest(protocol: Protocol, found: Scores) -> str:
     nearest = min(protocol.trackers, key=lambda item: _furthest(found[item])[0])
     off, name, mean = _furthest(found[nearest])
     if off <= 0.0:
-        return f"none; {nearest}: not decided"
+        return f"not decided of {nearest}"
     share = found[nearest]["conditions"][name]["share"] if name else 1.0
-    return f"none; {nearest}: {name} {mean:.1f}{f', {100 * share:.0f} % of its estimates' if share < 1.0 else ''}"
+    part = f", {100 * share:.0f} % of its estimates" if share < 1.0 else ""
+    return f"none; {nearest}: {name or 'all'} {mean:.1f}{part}"
 
 
 def _furthest(scores: Scores) -> tuple[float, str, float]:

@@ -16,7 +16,15 @@ from trackbench.scenario.truth import PendingTruths
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.tuning.evaluation import Bench
 from trackbench.tuning.objectives import OBJECTIVES, Objective
-from trackbench.tuning.ranges import has_option, parse_range, require_no_repetition, start_values, usual_ranges
+from trackbench.tuning.ranges import (
+    has_option,
+    parse_range,
+    require_no_repetition,
+    require_tunable,
+    start_values,
+    usual_ranges,
+    why_no_start,
+)
 from trackbench.tuning.search import usual_trials
 from trackbench.tuning.split import Split, halved
 from trackbench.tuning.study import require_optuna
@@ -64,6 +72,9 @@ def tune_trackers(
             raise InputError(f"another scenario has the name {item.config.name!r} too", file=item.path, key="name")
     tuned = list(dict.fromkeys(trackers))
     chosen = [select_trackers(item, tuned) for item in scenarios]
+    for item in scenarios:
+        for name in tuned:
+            require_tunable(item, name)
     for item in chosen:
         check_plugins(item, plan.isolation)
     tasks = [_task(name, scenarios, tuned, plan) for name in tuned]
@@ -85,6 +96,7 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
     """What is tuned of one tracker; the first scenario says what its options are, and the others must take them."""
     first = scenarios[0]
     given = [text for text in plan.ranges if _is_for(text, first, name, names)]
+    notes = [f"--range {text} is not for {name}, which lacks this option." for text in plan.ranges if text not in given]
     parameters = [parse_range(text, first, name) for text in given] or usual_ranges(first, name)
     require_no_repetition(parameters)
     for other in scenarios[1:]:
@@ -92,7 +104,10 @@ def _task(name: str, scenarios: Sequence[Scenario], names: Sequence[str], plan: 
             parse_range(str(item), other, name)
     trials = plan.trials or usual_trials(parameters, len(plan.objective.axes) > 1)
     start = start_values(first, name, parameters)
-    return TuningTask(name, plan.objective, tuple(parameters), start, trials, plan.seed, plan.storage)
+    notes += why_no_start(first, name, parameters)
+    return TuningTask(
+        name, plan.objective, tuple(parameters), start, trials, plan.seed, plan.storage, notes=tuple(notes)
+    )
 
 
 def _is_for(text: str, loaded: Scenario, name: str, names: Sequence[str]) -> bool:

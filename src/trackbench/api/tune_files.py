@@ -5,10 +5,13 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 from trackbench import results
 from trackbench.api.tune import TunePlan
-from trackbench.document.files import files
+from trackbench.document.drawing import svg_file
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
 from trackbench.errors import InputError
 from trackbench.report.tuning import tuning_document
 from trackbench.scenario import Scenario
@@ -58,28 +61,33 @@ def scenario_files(out: Path, scenarios: Sequence[Scenario]) -> list[Path]:
 
 
 def save_tuning(found: Sequence[Tuning], scenarios: Sequence[Scenario], out: Path, command: str) -> list[Path]:
-    """Write all files, each whole or not at all; the scenarios come last.
+    """Write all files, each whole or not at all; the scenarios come last. Figures of an earlier tuning go.
 
     Returns:
-        Those that a reader opens.
+        Those that a reader opens, and the folder of the figures.
 
     Raises:
         OutputError: one cannot be written.
     """
     base = out.with_suffix("") if len(scenarios) == 1 else out / "tuning"
     document = tuning_document(found, command)
-    content = {base.with_name(f"{base.name}.json"): results.to_json(to_json(found, command)).encode()}
-    for format in ("html", "markdown"):
-        for name, make in files(document, format, base.name):
-            content[base.parent / name] = make()
+    figures = base.with_name(f"{base.name}_figures")
+    content = {
+        base.with_name(f"{base.name}.json"): results.to_json(to_json(found, command)).encode(),
+        base.with_name(f"{base.name}.html"): to_html(document).encode(),
+        base.with_name(f"{base.name}.md"): to_markdown(document, figures=quote(figures.name)).encode(),
+    }
+    drawn = {figures / f"{figure.name}.svg": svg_file(figure).encode() for figure in document.figures}
     values = {item.tracker: item.best.values for item in found}
     for scenario, file in zip(scenarios, scenario_files(out, scenarios), strict=True):
         # Trackers are looked for beside the scenario that names them.
         content |= {file.parent / module.name: module.read_bytes() for module in own_modules(scenario)}
         content[file] = written(scenario, values, file.parent).encode()
-    for file, each in content.items():
+    for stale in {*figures.glob("*.svg")} - {*drawn}:
+        stale.unlink()
+    for file, each in {**drawn, **content}.items():
         results.write_bytes(file, each)
-    return [file for file in content if file.suffix != ".svg"]
+    return [*content, *([figures] if drawn else [])]
 
 
 def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], plan: TunePlan, out: Path) -> str:

@@ -12,6 +12,7 @@ from trackbench.api.run import Several
 from trackbench.api.scenario import Named, listed, loaded_scenario
 from trackbench.api.tune import TunePlan, objective_of, tune_trackers
 from trackbench.api.tune_files import command_of_tuning, default_out, require_out, save_tuning
+from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.report.tuning import tuning_document, tuning_summary
 from trackbench.scenario import Scenario
@@ -42,7 +43,8 @@ class TunedTrackers:
         return Report(tuning_document(self._found, self._command))
 
     def save(self, out: Path | str) -> list[str]:
-        """Write the scenario with the found values, the report and the numbers; returns the names of the files.
+        """Write the scenario with the found values, the report and the numbers; returns the names of the files
+        and of the folder of the figures.
 
         Args:
             out: a file whose name ends in ``.yaml``; for several scenarios a folder.
@@ -92,7 +94,8 @@ def tune(
         trackers: names of those that are tuned, each by itself.
         ranges: by option the least and the largest value as a tuple, or a list of choices; or texts such as
             ``"acceleration_sigma_mps2=0.1:30"``. The process noise, unless given.
-        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``gospa`` or ``pareto``.
+        objective: ``likelihood``, ``position_rmse``, ``consistent_rmse``, ``gospa`` or ``pareto``; unless given,
+            ``gospa`` with hidden identities and a truth, else ``likelihood``.
         trials: how many sets of values are tried.
         storage: an SQLite file that keeps the trials, so that an interrupted search goes on.
         train_scenes: scenes that are tuned on.
@@ -109,17 +112,40 @@ def tune(
         InputError: something is wrong in a scenario, a range or the storage, or Optuna is not installed.
         TrackbenchError: the processes that do the work died.
     """
+    _require_numbers(2, trials=trials)
+    _require_numbers(1, train_scenes=train_scenes, test_scenes=test_scenes, train_runs=train_runs, test_runs=test_runs)
+    _require_numbers(0, train_seed=train_seed, test_seed=test_seed, seed=seed)
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
-    texts = [_text(key, value) for key, value in ranges.items()] if isinstance(ranges, Mapping) else listed(ranges)
     split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
     kept = None if storage is None else Path(storage)
-    plan = TunePlan(objective_of(objective, loaded), tuple(texts), trials, seed, kept, split)
+    plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split)
     names = listed(trackers)
     with executor(workers, None) as chosen:
         found = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))
     return TunedTrackers(found, loaded, command_of_tuning(loaded, names, plan, default_out(loaded)))
 
 
-def _text(key: str, values: Sequence[Any]) -> str:
-    separator = ":" if isinstance(values, tuple) else ","
-    return f"{key}={separator.join(map(shown, values))}"
+def _require_numbers(least: int, **given: Any) -> None:
+    for name, value in given.items():
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
+            raise InputError(f"give a whole number, at least {least}, not {value!r}", key=name)
+
+
+def _texts(ranges: Any) -> tuple[str, ...]:
+    """Ranges as the command line writes them."""
+    if isinstance(ranges, Mapping):
+        return tuple(_text(key, value) for key, value in ranges.items())
+    texts = tuple(listed(ranges)) if isinstance(ranges, Iterable) else (ranges,)
+    if not all(isinstance(text, str) for text in texts):
+        raise InputError(f"give a mapping from options to their ranges, or texts, not {ranges!r}", key="ranges")
+    return texts
+
+
+def _text(key: str, values: Any) -> str:
+    is_range = isinstance(values, tuple) and len(values) == 2
+    if not is_range and not isinstance(values, list):
+        problem = f"give the least and the largest value as a tuple, or a list of choices, not {values!r}"
+        raise InputError(problem, key=key)
+    # Numbers of NumPy have tolist().
+    plain = (value.tolist() if hasattr(value, "tolist") else value for value in values)
+    return f"{key}={(':' if is_range else ',').join(map(shown, plain))}"

@@ -26,7 +26,10 @@ from trackbench.stepping.isolation import Isolation
     "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
 )
 @click.option(
-    "--objective", metavar="NAME", help="likelihood, position_rmse, consistent_rmse, gospa or pareto.  [likelihood]"
+    "--objective",
+    metavar="NAME",
+    help="likelihood, position_rmse, consistent_rmse, gospa or pareto.  [gospa with hidden identities and a truth, "
+    "else likelihood]",
 )
 @click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
 @click.option(

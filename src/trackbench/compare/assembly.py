@@ -117,7 +117,7 @@ def _comparison(
         rank_differences=rank_differences,
         gates=held(limits, known, found, missing),
         not_compared=missing,
-        notes=[*_notes(cells, matches, chosen, single)],
+        notes=[*_notes(cells, matches, chosen, single), *coverage_notes(matches, found, compared)],
     )
 
 
@@ -251,4 +251,3 @@ def _notes(
             alone = [name for name in names if (cell.scenario, Entrant(tracker=name, set=number)) not in compared]
             if alone:
                 yield f"in {entry.label} alone, so not compared: {', '.join(alone)}"
-    yield from coverage_notes(matches)

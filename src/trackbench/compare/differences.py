@@ -11,7 +11,7 @@ from trackbench.compare.comparability import Comparability, IntArray
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
 from trackbench.compare.metrics import ComparedMetric
-from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, verdict
+from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, size, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
 
 
@@ -162,7 +162,8 @@ def _corrected(family: Sequence[_Found], metric: ComparedMetric) -> list[PairDif
 def _verdict(found: _Found, p_value: float, metric: ComparedMetric) -> str:
     """Nobody is better who leaves out estimates that the other gives: they may be the hard ones."""
     word, lost = verdict(found.contrast, p_value, metric.better), found.item.lost_coverage
-    return UNDECIDED if (word == "better" and lost > SILENCE) or (word == "worse" and lost < -SILENCE) else word
+    fewer = (word == "better" and lost > SILENCE) or (word == "worse" and lost < -SILENCE)
+    return size(found.contrast.value) if fewer else word
 
 
 def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
@@ -185,14 +186,24 @@ def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
     return found
 
 
-def coverage_notes(matches: Sequence[Match]) -> Iterator[str]:
-    """Pairs of which one gave fewer estimates."""
+def coverage_notes(
+    matches: Sequence[Match], found: Sequence[PairDifference], metrics: Sequence[ComparedMetric]
+) -> Iterator[str]:
+    """Pairs of which one gave fewer estimates, and whether it has better values that do not count as better."""
+    directed = [metric.path for metric in metrics if metric.better is not None]
+    withheld = [
+        (item.scenario, item.entrant, item.against)
+        for item in found
+        if item.metric in directed and item.verdict in ("larger", "smaller")
+    ]
     for match in matches:
         for a, b in match.pairs:
             own, other = match.entry.coverage(a), match.against.coverage(b)
             if abs(own - other) > SILENCE:
                 same = match.entry is match.against
                 which = "errors count where both gave one" if same else "their errors are of different moments"
+                but = "; the one that gave fewer has better values, but is not called better"
                 yield (
                     f"{a} gave {100 * own:.0f} % of its estimates in {match.scenario}, {b} {100 * other:.0f} %: {which}"
+                    + but * ((match.scenario, *match.entrants((a, b))) in withheld)
                 )

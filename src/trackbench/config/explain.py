@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 from trackbench.config.base import PROBLEM, KeyPath
 from trackbench.config.key_units import convert, read_number, show, split_key, unit_of
-from trackbench.config.places import Place, find, keyed_fields, marked, members, models, words
+from trackbench.config.places import Place, find, keyed_fields, longest, marked, members, models, words
 from trackbench.config.unknown_keys import advise, advise_beside
 from trackbench.errors import nearest
 
@@ -91,7 +91,8 @@ def _explain(error: ErrorDetails, place: Place) -> tuple[KeyPath, str]:
             return path, f"{value!r} is not possible: only a to z, 0 to 9, _ and -"
         case "too_short" | "too_long" if context.get("min_length", 1) > 1 or kind == "too_long":
             wanted = context.get("min_length") or context["max_length"]
-            return path, f"{wanted} entries are needed, not {context['actual_length']}"
+            least = "at least " if kind == "too_short" and longest(place.annotation) is None else ""
+            return path, f"{least}{wanted} entries are needed, not {context['actual_length']}"
         case "too_short" | "string_too_short":
             return path, "must not be empty"
         case "string_too_long":

@@ -16,33 +16,35 @@ class Unit(NamedTuple):
     """Its size in SI units (rad for angles)."""
     words: str
     """As it is read in a sentence."""
+    symbol: str
+    """As it stands after a number."""
 
 
 UNITS = {
-    "m": Unit("length", 1, "metres"),
-    "cm": Unit("length", 0.01, "centimetres"),
-    "mm": Unit("length", 0.001, "millimetres"),
-    "km": Unit("length", 1000, "kilometres"),
-    "ft": Unit("length", 0.3048, "feet"),
-    "rad": Unit("angle", 1, "radians"),
-    "mrad": Unit("angle", 0.001, "milliradians"),
-    "deg": Unit("angle", math.pi / 180, "degrees"),
-    "s": Unit("time", 1, "seconds"),
-    "ms": Unit("time", 0.001, "milliseconds"),
-    "us": Unit("time", 1e-6, "microseconds"),
-    "min": Unit("time", 60, "minutes"),
-    "hz": Unit("rate", 1, "Hz"),
-    "khz": Unit("rate", 1000, "kHz"),
-    "mps": Unit("speed", 1, "m/s"),
-    "kmh": Unit("speed", 1 / 3.6, "km/h"),
-    "mph": Unit("speed", 0.44704, "miles per hour"),
-    "mps2": Unit("acceleration", 1, "m/s^2"),
-    "g": Unit("acceleration", 9.80665, "g"),
-    "mps3": Unit("jerk", 1, "m/s^3"),
-    "radps": Unit("turn rate", 1, "rad/s"),
-    "degps": Unit("turn rate", math.pi / 180, "degrees per second"),
-    "radps2": Unit("turn acceleration", 1, "rad/s^2"),
-    "degps2": Unit("turn acceleration", math.pi / 180, "degrees per second squared"),
+    "m": Unit("length", 1, "metres", "m"),
+    "cm": Unit("length", 0.01, "centimetres", "cm"),
+    "mm": Unit("length", 0.001, "millimetres", "mm"),
+    "km": Unit("length", 1000, "kilometres", "km"),
+    "ft": Unit("length", 0.3048, "feet", "ft"),
+    "rad": Unit("angle", 1, "radians", "rad"),
+    "mrad": Unit("angle", 0.001, "milliradians", "mrad"),
+    "deg": Unit("angle", math.pi / 180, "degrees", "deg"),
+    "s": Unit("time", 1, "seconds", "s"),
+    "ms": Unit("time", 0.001, "milliseconds", "ms"),
+    "us": Unit("time", 1e-6, "microseconds", "us"),
+    "min": Unit("time", 60, "minutes", "min"),
+    "hz": Unit("rate", 1, "Hz", "Hz"),
+    "khz": Unit("rate", 1000, "kHz", "kHz"),
+    "mps": Unit("speed", 1, "m/s", "m/s"),
+    "kmh": Unit("speed", 1 / 3.6, "km/h", "km/h"),
+    "mph": Unit("speed", 0.44704, "miles per hour", "mph"),
+    "mps2": Unit("acceleration", 1, "m/s^2", "m/s^2"),
+    "g": Unit("acceleration", 9.80665, "g", "g"),
+    "mps3": Unit("jerk", 1, "m/s^3", "m/s^3"),
+    "radps": Unit("turn rate", 1, "rad/s", "rad/s"),
+    "degps": Unit("turn rate", math.pi / 180, "degrees per second", "deg/s"),
+    "radps2": Unit("turn acceleration", 1, "rad/s^2", "rad/s^2"),
+    "degps2": Unit("turn acceleration", math.pi / 180, "degrees per second squared", "deg/s^2"),
 }
 
 #: Other spellings, as they are found in keys and after numbers.
@@ -116,7 +118,7 @@ def show(value: float) -> str:
 
 
 def in_words(key: str, value: object) -> str:
-    """An option as it is read in a sentence: "acceleration sigma 3 m/s^2"."""
+    """An option in a few words: "acceleration sigma 3 m/s^2"."""
     stem, unit = split_key(key)
     shown = f"{value:g}" if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
-    return " ".join([stem.replace("_", " "), shown, *([unit.words] if unit else [])])
+    return " ".join([stem.replace("_", " "), shown, *([unit.symbol] if unit else [])])

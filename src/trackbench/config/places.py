@@ -27,18 +27,18 @@ class Place(NamedTuple):
     is_key: bool = False
     """Whether the name of the last key is at fault."""
     beside: Beside | None = None
-    """The plug-in whose options stand beside the key that names it, if the last key is one of them."""
+    """The plug-in that a single word may name, if the last key is one of its options: beside that word or within."""
 
 
 class Beside(NamedTuple):
-    """A plug-in that a single word names."""
+    """A plug-in that a single word may name."""
 
     key: str
     """The key with the word."""
     name: str
     plugin: Plugin
     model: type[BaseModel]
-    """The class that the key belongs to."""
+    """The class that the key belongs to; within a mapping the plug-in's own."""
 
 
 def find(root: type[BaseModel], location: tuple[str | int, ...]) -> Place:
@@ -55,6 +55,8 @@ def find(root: type[BaseModel], location: tuple[str | int, ...]) -> Place:
                 named = Beside(str(path[-1]), tag.name, plugin, model)
                 path = path[:-1]
             annotation = plugin.registry[tag.name]
+            if plugin.word and not tag.beside:
+                named = Beside(plugin.key, tag.name, plugin, annotation)
             continue
         tagged = members(annotation)
         if part in tagged:
@@ -130,9 +132,14 @@ def _distinction(model: Any) -> tuple[str, str] | None:
 
 
 def whole(field: FieldInfo) -> Any:
-    """The type of a field with the mark of a plug-in, which pydantic takes off."""
-    marks = [mark for mark in field.metadata if isinstance(mark, PluginName)]
-    return Annotated[field.annotation, marks[0]] if marks else field.annotation
+    """The type of a field with its marks and limits, which pydantic takes off."""
+    return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+
+
+def longest(annotation: Any) -> int | None:
+    """The most entries that a list may have; None without a limit."""
+    marks = [mark for part in getattr(annotation, "__metadata__", ()) for mark in getattr(part, "metadata", (part,))]
+    return next((mark.max_length for mark in marks if hasattr(mark, "max_length")), None)
 
 
 def _bare(annotation: Any) -> Any:

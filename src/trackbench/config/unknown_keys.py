@@ -43,14 +43,14 @@ def _option(key: str, value: Any, keys: list[str]) -> Advice:
 
 
 def advise_beside(key: str, value: Any, plugged: Beside, root: type[BaseModel]) -> Advice:
-    """Advice on a ``key`` that is neither an option of a plug-in nor of the class beside whose keys they stand."""
+    """Advice on a ``key`` that is neither an option of a plug-in nor of the class beside whose keys they may stand."""
     options = list(keyed_fields(plugged.plugin.registry[plugged.name]))
     if key in plugin_options(plugged.plugin):
         uses = " and ".join(options) or "no option"
         return Advice(f"{plugged.key} {plugged.name} does not use this; it uses {uses}", None)
     others = plugin_options(plugged.plugin)
     own = [name for name in keyed_fields(plugged.model) if name not in others]
-    return _advise(key, value, [*options, *own], plugged.model, root)
+    return _advise(key, value, list(dict.fromkeys([*options, *own])), plugged.model, root)
 
 
 def _advise(key: str, value: Any, keys: list[str], model: type[BaseModel], root: type[BaseModel]) -> Advice:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
 from trackbench.metrics.protocol import Direction
-from trackbench.results import Difference
+from trackbench.results import Difference, FewerEstimates
 from trackbench.results.score_summary import MarginSummary
 
 #: Level at which a difference is shown to be more than the margin, after the correction.
@@ -73,8 +73,10 @@ def _unless_silent(item: Difference, coverage: Mapping[str, float]) -> Differenc
     if item.better is None:
         return item
     (other,) = {item.a, item.b} - {item.better}
-    silent = coverage[item.better] < coverage[other] - SILENCE
-    return item.model_copy(update={"better": None, "verdict": UNDECIDED}) if silent else item
+    if coverage[item.better] >= coverage[other] - SILENCE:
+        return item
+    fewer = FewerEstimates(tracker=item.better, share=coverage[other] - coverage[item.better])
+    return item.model_copy(update={"better": None, "verdict": size(item.value), "fewer_estimates": fewer})
 
 
 def margin_between(a: Interval, b: Interval, unit: str, better: Direction | None, margin: MarginSummary) -> float:
@@ -96,8 +98,13 @@ def verdict(found: Contrast, p_value: float, better: Direction | None) -> str:
     if p_value >= LEVEL:
         return EQUIVALENT if found.equivalent else UNDECIDED
     if better is None:
-        return "larger" if found.value > 0 else "smaller"
+        return size(found.value)
     return "better" if (found.value > 0) == (better == "larger") else "worse"
+
+
+def size(difference: float) -> str:
+    """The word for a difference that is shown where neither of the two is better."""
+    return "larger" if difference > 0 else "smaller"
 
 
 def _paths(metric: ComparedBy, trackers: Mapping[str, Mapping[str, Interval]]) -> list[str]:

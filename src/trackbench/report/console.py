@@ -17,7 +17,14 @@ from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, half_width
 from trackbench.report.run.cells import TONE, metric_of
 from trackbench.report.run.pairs import letters
 from trackbench.report.run.scenes import basis_of_intervals, runs_in_words
-from trackbench.report.run.sentences import common, duration, expectations_met, failure, precision_reached
+from trackbench.report.run.sentences import (
+    common,
+    duration,
+    expectations_met,
+    failure,
+    not_called_better,
+    precision_reached,
+)
 from trackbench.report.run.tables import found
 from trackbench.report.traffic import console as traffic
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
@@ -139,7 +146,7 @@ def _note_on_groups(result: Result) -> list[str]:
         return ["group: too many groups for this table; report.html has them"]
     margin = margin_words(result.summary.score.margin, "m")
     shared = f"group: no difference over {margin} shown between those that share a letter"
-    return [shared] if len(result.scored) > 1 else []
+    return [shared, *(f"  {line}" for line in not_called_better(result))] if len(result.scored) > 1 else []
 
 
 def _values(trackers: Sequence[TrackerResult], path: str, significant: int = 3) -> list[Text]:

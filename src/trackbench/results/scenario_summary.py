@@ -97,6 +97,8 @@ class SensorSummary(Part):
     preset: str | None
     detection_rate: float | None
     """Share of the scans with an object in view that gave a measurement of it."""
+    latency_s: tuple[float, float] = (0.0, 0.0)
+    """The least and the most time from a measurement to its arrival."""
 
 
 class ReferenceSummary(Part):

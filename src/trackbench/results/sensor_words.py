@@ -18,3 +18,8 @@ def reach(sensor: SensorSummary) -> str:
 def mount(sensor: SensorSummary) -> str:
     """The pose on the observer, such as "x 3.6 m, y 0 m, yaw 0 deg"."""
     return f"x {sensor.mount.x_m:g} m, y {sensor.mount.y_m:g} m, yaw {sensor.mount.yaw_deg:g} deg"
+
+
+def latency(sensor: SensorSummary) -> str:
+    """Of its scans, s, such as "0.1" or, drawn, "0.05 to 0.2"."""
+    return " to ".join(dict.fromkeys(f"{end:g}" for end in sensor.latency_s))

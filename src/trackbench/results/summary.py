@@ -16,6 +16,14 @@ from trackbench.results.tracker_result import TrackerResult
 SCHEMA_VERSION = 3
 
 
+class FewerEstimates(Part):
+    """Of two trackers the one with the better values, which is not called better: it left out what the other gave."""
+
+    tracker: str
+    share: float
+    """Of the estimates that are due, by how much its share is smaller than that of the other."""
+
+
 class Difference(Part):
     """The value of one tracker minus that of another, paired over the runs."""
 
@@ -33,7 +41,9 @@ class Difference(Part):
     better: str | None
     """The tracker that is shown to be better by more than the margin."""
     verdict: str
-    """The same in words."""
+    """The same in words; ``larger`` and ``smaller``, of ``a``, where the difference is shown and neither is better."""
+    fewer_estimates: FewerEstimates | None = None
+    """Why neither is better where the difference is shown; None where that is not so."""
 
 
 class ExpectationResult(Part):

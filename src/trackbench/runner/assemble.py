@@ -84,7 +84,10 @@ class _Assembly:
         """The entry of one tracker."""
         failure = self.found.failures.get(name)
         config = self._work.trackers[name]
-        described, smoother = describe(config), config.smoother if isinstance(config, FilterConfig) else None
+        described, smoother = (
+            describe(config, self._work.late_sensors),
+            config.smoother if isinstance(config, FilterConfig) else None,
+        )
         if failure is not None:
             return TrackerResult(
                 name=name,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from typing import Any
+
 from trackbench.config.key_units import in_words
-from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.config import ONE_DETECTION, FilterConfig, PluginConfig
+from trackbench.trackers.initial_config import InitialConfig
 
 
-def describe(tracker: FilterConfig | PluginConfig) -> str:
-    """A tracker in a few words."""
+def describe(tracker: FilterConfig | PluginConfig, late: Collection[str]) -> str:
+    """A tracker in a few words; ``late``: names of the sensors whose scans are."""
     if isinstance(tracker, PluginConfig):
         options = ", ".join(f"{key} {value}" for key, value in tracker.options.items())
         parts = [tracker.use, options]
@@ -15,9 +19,41 @@ def describe(tracker: FilterConfig | PluginConfig) -> str:
         parts = [tracker.filter, *([f"{tracker.smoother} smoother"] if tracker.smoother else [])]
         parts += tracker.motion_in_words
         if tracker.process_noise_diag is not None:
-            parts.append(f"constant Q diag({', '.join(f'{v:g}' for v in tracker.process_noise_diag)})")
+            parts.append(f"constant Q {_diagonal(tracker.process_noise_diag)}")
         parts += [f"{sensor} taken for a {kind}" for sensor, kind in tracker.sensor_models.items()]
         for sensor, sigmas in tracker.measurement_noise.items():
             parts += [f"{sensor} with {in_words(key, value)}" for key, value in sigmas.items()]
+        parts += [_initial(tracker), _late(tracker, late)]
     parts.append("all sensors" if tracker.sensors is None else " + ".join(tracker.sensors))
     return ", ".join(part for part in parts if part)
+
+
+def _initial(tracker: FilterConfig) -> str:
+    """How its tracks start: "initial: two_readings with skip 3"; empty where it is as unless given."""
+    given = tracker.initial
+    usual = InitialConfig.model_validate({} if tracker.associate is None else ONE_DETECTION)
+    other = {name: value for name, value in given if value != getattr(usual, name)}
+    if not other:
+        return ""
+    other.pop("source", None)
+    words = [_option(name, value) for name, value in other.items()]
+    return f"initial: {given.source}" + (f" with {' and '.join(words)}" if words else "")
+
+
+def _late(tracker: FilterConfig, late: Collection[str]) -> str:
+    """What becomes of late scans: "late: replay"; empty where there are none."""
+    read = late if tracker.sensors_used is None else set(late) & set(tracker.sensors_used)
+    if not read or tracker.smoother is not None:
+        return ""
+    lag = f" within {tracker.lag_s:g} s" if "lag_s" in tracker.model_fields_set else ""
+    return f"late: {tracker.late}{lag}"
+
+
+def _option(name: str, value: Any) -> str:
+    if name == "covariance_diag":
+        return f"covariance {_diagonal(value)}"
+    return in_words(name, " + ".join(value) if name == "sensors" else value)
+
+
+def _diagonal(variances: Sequence[float]) -> str:
+    return f"diag({', '.join(f'{variance:g}' for variance in variances)})"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from trackbench.metrics.differences import LEVEL, UNDECIDED
+from trackbench.metrics.differences import size
 from trackbench.metrics.registry import HEALTH
 from trackbench.results import Difference, ExpectationResult, TrackerResult
 from trackbench.scenario.config import Expectation
@@ -45,10 +45,11 @@ def _not_better(item: Expectation, differences: Sequence[Difference]) -> str:
     """What was shown of the two instead."""
     for found in differences:
         if found.metric == item.metric and {found.a, found.b} == {item.tracker, item.better_than}:
-            sign = 1.0 if found.a == item.tracker else -1.0
-            silent = ": it gave fewer estimates" if found.verdict == UNDECIDED and found.p_value < LEVEL else ""
-            value = f"{sign * found.value:+.3g} {found.unit}"
-            return f" (difference {value}, {found.verdict}{silent}, p = {found.p_value:.2g})"
+            difference = found.value if found.a == item.tracker else -found.value
+            word, fewer = found.verdict, found.fewer_estimates
+            if fewer is not None:
+                word = f"{size(difference)}, but {fewer.tracker} gave {100 * fewer.share:.0f} % fewer estimates"
+            return f" (difference {difference:+.3g} {found.unit}, {word}, p = {found.p_value:.2g})"
     return " (not compared)"
 
 

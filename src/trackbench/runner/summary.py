@@ -121,6 +121,7 @@ def _sensor(sensor: IdealSensor, detection_rate: float | None) -> SensorSummary:
         rate_hz=scan_rate(sensor),
         preset=sensor.config.preset,
         detection_rate=detection_rate,
+        latency_s=sensor.config.latency,
     )
 
 

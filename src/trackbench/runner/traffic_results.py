@@ -140,7 +140,8 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
 
 
 def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
-    described, associate = describe(work.trackers[name]), getattr(work.trackers[name], "associate", None)
+    config = work.trackers[name]
+    described, associate = describe(config, work.late_sensors), getattr(config, "associate", None)
     method = None if associate is None else associate.method
     if name in failures:
         reason = "the tracker failed"

@@ -132,6 +132,11 @@ class Work:
         return piece.scene == self.recorded_scene and self.recorded_run in piece.runs
 
     @property
+    def late_sensors(self) -> list[str]:
+        """Those whose scans arrive later than they were taken."""
+        return [sensor.name for sensor in self.scenes[0].sensors if sensor.config.latency[1] > 0]
+
+    @property
     def scene_of_run(self) -> Indices:
         """``(scenes * runs,)`` number of the scene of each run."""
         return np.repeat(np.arange(len(self.scenes)), self.runs)

@@ -98,18 +98,10 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
         for index, sensor in enumerate(starting or []):
             if sensor not in scenario.sensors:
                 yield Problem(("trackers", name, "initial", "sensors", index), _no_sensor(scenario, sensor))
-        for sensor, kind in getattr(tracker, "sensor_models", {}).items():
-            at = ("trackers", name, "sensor_models", sensor)
-            if sensor not in scenario.sensors:
-                yield Problem(at, _no_sensor(scenario, sensor))
-                continue
-            own = SENSOR_MODELS[scenario.sensors[sensor].type].components
-            other = SENSOR_MODELS[kind].components
-            if len(own) != len(other):
-                reads = f"{sensor} reads {', '.join(own)}"
-                yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
         if isinstance(tracker, FilterConfig):
+            yield from _assumed_models(scenario, name, tracker)
             yield from _assumed_noise(scenario, name, tracker)
+            yield from _first_velocity(scenario, name, tracker)
             yield from _lag(scenario, name, tracker)
         for key in ("detection_probability", "clutter_density"):
             for sensor in getattr(getattr(tracker, "associate", None), key, {}):
@@ -117,17 +109,48 @@ def _tracker_sensors(scenario: ScenarioConfig) -> Iterator[Problem]:
                     yield Problem(("trackers", name, "associate", key, sensor), _no_sensor(scenario, sensor))
 
 
+def _assumed_models(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+    for sensor, kind in tracker.sensor_models.items():
+        at = ("trackers", name, "sensor_models", sensor)
+        if unread := _not_read(scenario, tracker, sensor):
+            yield Problem(at, unread)
+            continue
+        own = SENSOR_MODELS[scenario.sensors[sensor].type].components
+        other = SENSOR_MODELS[kind].components
+        if len(own) != len(other):
+            reads = f"{sensor} reads {', '.join(own)}"
+            yield Problem(at, f"{reads}, which cannot be taken for the {', '.join(other)} of a {kind}")
+
+
 def _assumed_noise(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
     for sensor, sigmas in tracker.measurement_noise.items():
         at = ("trackers", name, "measurement_noise", sensor)
-        if sensor not in scenario.sensors:
-            yield Problem(at, _no_sensor(scenario, sensor))
+        if unread := _not_read(scenario, tracker, sensor):
+            yield Problem(at, unread)
             continue
         kind = tracker.sensor_models.get(sensor, scenario.sensors[sensor].type)
         known = list(dict.fromkeys(SENSOR_MODELS[kind].sigma_options))
         for key in sigmas:
             if key not in known:
                 yield Problem((*at, key), f"a {kind} has no such standard deviation; {nearest(key, known)}")
+
+
+def _first_velocity(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
+    """A velocity along the line of sight, from sensors of which none says anything of it.
+
+    With ``associate`` it is what a track starts with unless given, and holds for the sensors that have it.
+    """
+    initial = tracker.initial
+    if initial.velocity == "zero" or tracker.associate is not None:
+        return
+    starting = initial.sensors or tracker.sensors or list(scenario.sensors)
+    if not all(sensor in scenario.sensors for sensor in starting):
+        return
+    kinds = {tracker.sensor_models.get(sensor, scenario.sensors[sensor].type) for sensor in starting}
+    if not any(SENSOR_MODELS[kind].measures_velocity() for kind in kinds):
+        sensors = f"{' and '.join(starting)} ({' and '.join(sorted(kinds))})"
+        message = f"{sensors} measures no range rate; remove it, or start from a sensor that does"
+        yield Problem(("trackers", name, "initial", "velocity"), message)
 
 
 def _lag(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator[Problem]:
@@ -144,6 +167,15 @@ def _lag(scenario: ScenarioConfig, name: str, tracker: FilterConfig) -> Iterator
             dropped = f"scans of {sensor} may be {behind:g} s older than the state and would be dropped"
             yield Problem(("trackers", name, "lag_s"), f"{reach}, but {dropped}; use {behind:g} or more")
             return
+
+
+def _not_read(scenario: ScenarioConfig, tracker: FilterConfig, sensor: str) -> str | None:
+    """Why what a tracker assumes of a sensor changes nothing; None where it reads it."""
+    if sensor not in scenario.sensors:
+        return _no_sensor(scenario, sensor)
+    if tracker.sensors_used is None or sensor in tracker.sensors_used:
+        return None
+    return f"the tracker does not read {sensor}; it reads {', '.join(tracker.sensors_used)}"
 
 
 def _no_sensor(scenario: ScenarioConfig, sensor: str) -> str:

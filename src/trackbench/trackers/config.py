@@ -43,6 +43,9 @@ ABOUT: dict[str, tuple[str, ...]] = {
     "yaw_rate_sigma_radps": YAW_RATE,
 }
 
+#: How tracks of several objects start unless it is stated.
+ONE_DETECTION = {"from": "first_reading", "velocity": "range_rate"}
+
 
 class FilterConfig(OptionsBeside):
     """A built-in filter with a motion model."""
@@ -130,7 +133,7 @@ class FilterConfig(OptionsBeside):
         given = {"from": given} if isinstance(given, str) else given
         if not isinstance(given, dict) or given.get("from", "first_reading") != "first_reading":
             return data
-        return {**data, "initial": {"from": "first_reading", "velocity": "range_rate", **given}}
+        return {**data, "initial": {**ONE_DETECTION, **given}}
 
     @property
     def sensors_used(self) -> list[str] | None:

@@ -20,6 +20,7 @@ from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import Origin
 from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
 from trackbench.trackers.imm import ImmConfig
+from trackbench.tuning.defaults import stated_default
 from trackbench.tuning.parameters import Values
 from trackbench.types import Array
 
@@ -55,20 +56,23 @@ def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
             {**loaded.document.value, "trackers": trackers}, context={"folder": loaded.path.resolve().parent}
         )
     except InputError as error:
-        return error.message
+        # What it advises is for the command line's --set.
+        return error.message.partition("; set it as a whole")[0]
     except ValidationError as invalid:
         return explain(invalid.errors(include_url=False), ScenarioConfig)[0][1]
     return None
 
 
 def current(loaded: Scenario, tracker: str, key: str) -> Any:
-    """The value that an option has in the scenario; None where nothing states it."""
+    """The value that an option has in the scenario, or by default; None where that is not known."""
     config = loaded.config
     node: Any = config.trackers[tracker]
     parts = key.split(".")
     if parts[0] == "measurement_noise" and len(parts) == 3 and isinstance(node, FilterConfig):
         stated = node.measurement_noise.get(parts[1], {}).get(parts[2])
-        return getattr(config.sensors[parts[1]], parts[2]) if stated is None else stated
+        return getattr(config.sensors.get(parts[1]), parts[2], None) if stated is None else stated
+    if isinstance(node, PluginConfig) and len(parts) == 2 and parts[0] == "options" and parts[1] not in node.options:
+        return stated_default(node.use, parts[1], loaded.path.resolve().parent)
     if (
         isinstance(node, FilterConfig)
         and isinstance(node.motion, MotionModel)

@@ -17,6 +17,17 @@ from trackbench.types import Array, Indices
 UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
 #: Of detections that nobody labelled, and which value of each is better.
 TRAFFIC_UNITS = {path: METRICS[path].unit for path in ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")}
+#: Each measure as a sentence names it.
+WORDS = {
+    "position_rmse": "position RMSE",
+    "velocity_rmse": "velocity RMSE",
+    "nees": "mean NEES",
+    "log_likelihood": "log-likelihood of a measurement",
+    "gospa": "GOSPA",
+    "gospa_localisation": "GOSPA, localisation",
+    "gospa_missed": "GOSPA, missed",
+    "gospa_false": "GOSPA, false",
+}
 #: Components of the state whose NEES is taken.
 NEES_DOF = 4
 

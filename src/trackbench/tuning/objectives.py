@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -82,6 +82,25 @@ class PartSource(NamedTuple):
     sign: float = 1.0
 
 
+class Off(NamedTuple):
+    """A mean NEES, over all estimates or under a condition, as the logarithm of it over its degrees of freedom."""
+
+    scenario: int
+    condition: str
+    """Empty over all estimates."""
+    value: float
+
+
+def off_by(parts: Parts) -> Iterator[Off]:
+    """How far each mean NEES of a trial is off."""
+    for name, value in parts.items():
+        if name.startswith(NEES):
+            yield Off(int(name.removeprefix(NEES)), "", value)
+        elif name.startswith(UNDER):
+            number, condition = name.removeprefix(UNDER).split(" ", 1)
+            yield Off(int(number), condition, value)
+
+
 def source_of(part: str, objective: Objective, scenarios: int) -> PartSource:
     """The measure behind a part of an objective over so many scenarios."""
     if part.startswith(NEES):
@@ -132,14 +151,9 @@ def mean_nees(parts: Parts) -> float:
 
 
 def _consistent(parts: Parts) -> tuple[float, ...]:
-    worst: dict[str, float] = {}
-    for name, value in parts.items():
-        if name.startswith(NEES):
-            scenario, off = name.removeprefix(NEES), max(0.0, abs(value) - SLACK)
-        elif name.startswith(UNDER):
-            scenario, off = name.removeprefix(UNDER).split(" ", 1)[0], conditions.excess(value)
-        else:
-            continue
+    worst: dict[int, float] = {}
+    for scenario, condition, value in off_by(parts):
+        off = conditions.excess(value) if condition else max(0.0, abs(value) - SLACK)
         worst[scenario] = max(off, worst.get(scenario, 0.0))
     return (parts["error"] + PRICE * float(np.mean(list(worst.values()))),)
 

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
-from trackbench.metrics.verdicts import TOLERANCE, verdict
+from trackbench.metrics.breakdown import DOF
+from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
 from trackbench.tuning.held_out import MeasureComparison, direction
-from trackbench.tuning.measures import NEES_DOF
-from trackbench.tuning.objectives import NEES
+from trackbench.tuning.measures import NEES_DOF, WORDS
+from trackbench.tuning.objectives import Off, off_by
 from trackbench.tuning.parameters import shown
 from trackbench.tuning.split import SAME_MOTION
 from trackbench.tuning.tune import Tuning
@@ -17,17 +18,6 @@ from trackbench.words import counted
 
 Tone = Literal["good", "warn", "bad"]
 
-#: Each measure as a sentence names it.
-WORDS = {
-    "position_rmse": "position RMSE",
-    "velocity_rmse": "velocity RMSE",
-    "nees": "mean NEES",
-    "log_likelihood": "log-likelihood of a measurement",
-    "gospa": "GOSPA",
-    "gospa_localisation": "GOSPA, localisation",
-    "gospa_missed": "GOSPA, missed",
-    "gospa_false": "GOSPA, false",
-}
 #: Of the logarithm of a mean NEES over its degrees of freedom, what the verdict tolerates.
 OFF = math.log(1.0 + TOLERANCE)
 _TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
@@ -51,7 +41,7 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
     same = [name for name, apart in zip(tuning.scenarios, tuning.apart, strict=True) if apart == SAME_MOTION]
     if len(tuning.scenarios) == 1:
         (one,) = compared
-        return f"{_values(compared)}: {_verdict(one, same)}", _TONES.get(one.verdict, "warn")
+        return f"{_values(compared)}: {_verdict(tuning, one, same)}", _TONES.get(one.verdict, "warn")
     verdicts = [item.verdict for item in compared]
     counts = [f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts]
     if without:
@@ -64,13 +54,16 @@ def headline(tuning: Tuning) -> tuple[str, Tone]:
     return f"{_values(compared)}: {said}", tone
 
 
-def _verdict(one: MeasureComparison, same: Sequence[str]) -> str:
+def _verdict(tuning: Tuning, one: MeasureComparison, same: Sequence[str]) -> str:
     """The verdict on the tuned values in the only scenario."""
     where = f" on {SAME_MOTION}" if same else ""
     if one.verdict == "better":
         return f"better than the start{where}"
     if one.verdict == "worse":
-        return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
+        if _fits(tuning, one.measure):
+            return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
+        price = ", the price of consistency" if list(off_by(tuning.best.parts)) else ""
+        return f"worse than the start{where}, as on what they were tuned on{price}"
     if one.verdict == "equivalent":
         return f"no better than the start{where}: the difference is within the margin"
     none = f"no difference from the start is shown{where}"
@@ -78,17 +71,30 @@ def _verdict(one: MeasureComparison, same: Sequence[str]) -> str:
     return f"the gain may be noise: {none}" if gain > 0.0 else none
 
 
+def _fits(tuning: Tuning, measure: str) -> bool:
+    """Whether the tuned values beat the start's on what they were tuned on."""
+    gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
+    return gain > 0.0 if direction(measure) == "larger" else gain < 0.0
+
+
 def _values(compared: list[MeasureComparison]) -> str:
     """Start and tuned of the main measure; over several scenarios by how much it changes in the mean."""
     start, tuned = ([getattr(one, which).value for one in compared] for which in ("start", "tuned"))
     word = WORDS[compared[0].measure]
     if compared[0].measure == "log_likelihood":
-        return f"{word} {sum(tuned) / len(tuned):.4g}, start {sum(start) / len(start):.4g}"
+        return f"{word} {_pair(sum(tuned) / len(tuned), sum(start) / len(start))}"
     change = math.exp(sum(math.log(a / b) for a, b in zip(tuned, start, strict=True)) / len(compared)) - 1
     if len(compared) > 1:
         return f"{word} {_percent(change)} against the start's, the geometric mean"
     unit = f" {compared[0].unit}" if compared[0].unit else ""
-    return f"{word} {tuned[0]:.4g}{unit}, start {start[0]:.4g}{unit} ({_percent(change)})"
+    return f"{word} {_pair(tuned[0], start[0], unit)} ({_percent(change)})"
+
+
+def _pair(tuned: float, start: float, unit: str = "") -> str:
+    """Two values with the same decimals: those that show the smaller one to four digits, at most four."""
+    least = min((abs(value) for value in (tuned, start) if value), default=1.0)
+    places = min(4, max(0, 3 - math.floor(math.log10(least))))
+    return f"{tuned:.{places}f}{unit}, start {start:.{places}f}{unit}".replace("-", "\N{MINUS SIGN}")
 
 
 def _percent(change: float) -> str:
@@ -103,22 +109,12 @@ def remarks(tuning: Tuning) -> Iterator[str]:
             f"{item.key}: the optimum is at the edge of the range, {shown(edge)} is the {side} that was tried; "
             "widen the range"
         )
-    if tuning.start is None:
-        yield "The values that the tracker had are in no range, so the search did not begin with them."
+    yield from tuning.notes
     failed = [trial for trial in tuning.trials if not trial.losses]
     if failed:
         causes = dict.fromkeys(trial.failed for trial in failed)
         yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
-    off = [name for i, name in enumerate(tuning.scenarios) if abs(tuning.best.parts.get(f"{NEES}{i}", 0.0)) > OFF]
-    if off:
-        yield (
-            f"No values that were tried give a consistent mean NEES in {' and '.join(off)}; these are the nearest, at "
-            "the least error"
-        )
-    if tuning.objective.name in ("consistent_rmse", "pareto"):
-        for nees in tuning.held_out.of("nees"):
-            word = verdict(nees.tuned.ci95, NEES_DOF)
-            yield f"{nees.scenario}: mean NEES {nees.tuned.value:.2f} where {NEES_DOF} is right, {word}"
+    yield from _consistency(tuning)
     lacking: dict[tuple[str, str], list[str]] = {}
     for one in tuning.held_out.not_compared:
         lacking.setdefault((one.scenario, one.why), []).append(WORDS[one.measure])
@@ -130,3 +126,34 @@ def remarks(tuning: Tuning) -> Iterator[str]:
                 f"{scenario}: all of its measurements are recorded, so that start and tuned are compared on those that "
                 "the values were tuned on; a second recording would tell whether they hold"
             )
+
+
+def _consistency(tuning: Tuning) -> Iterator[str]:
+    """Where a mean NEES is off: on what the values were tuned on, and on what was held out."""
+    for number, (scenario, apart) in enumerate(zip(tuning.scenarios, tuning.apart, strict=True)):
+        off = [one for one in off_by(tuning.best.parts) if one.scenario == number]
+        if not off:
+            continue
+        worst = max(off, key=_beyond)
+        if _beyond(worst) > 0.0:
+            found = f"{scenario}: mean NEES {_nees(worst)}"
+            if all(any(_beyond(one) > 0.0 for one in off_by(trial.parts)) for trial in tuning.trials if trial.parts):
+                found += "; no values that were tried are consistent"
+            yield found if not apart else found.replace(scenario, f"{scenario}, tuned on", 1)
+        for nees in tuning.held_out.of("nees"):
+            if nees.scenario == scenario and apart:
+                word = verdict(nees.tuned.ci95, NEES_DOF)
+                yield f"{scenario}, held out: mean NEES {nees.tuned.value:.2f} where {NEES_DOF} is right, {word}"
+
+
+def _beyond(one: Off) -> float:
+    """How far a mean NEES is beyond what a verdict tolerates, as a logarithm."""
+    low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if one.condition else (-OFF, OFF)
+    return max(one.value - high, low - one.value)
+
+
+def _nees(one: Off) -> str:
+    """ "6.31 turning, where 4 is right"."""
+    dof = DOF["nees_position"] if one.condition in HALVES else NEES_DOF
+    where = f" {one.condition}" if one.condition else ""
+    return f"{dof * math.exp(one.value):.2f}{where}, where {dof} is right"

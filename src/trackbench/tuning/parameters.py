@@ -62,6 +62,12 @@ class Parameter:
             return value in self.choices
         return isinstance(value, int | float) and self.low <= value <= self.high
 
+    def as_tried(self, value: Any) -> Any:
+        """A value that it holds, of the type of those that are tried: 2 of a scenario may be 2.0 of its tracker."""
+        if self.scale == "choice":
+            return self.choices[self.choices.index(value)]
+        return float(value) if self.continuous else value
+
     def as_json(self) -> dict[str, Any]:
         """What tells it from others."""
         if self.scale == "choice":
@@ -86,7 +92,7 @@ class Parameter:
 
 def _odds(value: float) -> float:
     """A probability with as many digits of its distance from one as of itself."""
-    return float(f"{value:.{DIGITS}g}") if value < 0.5 else 1.0 - float(f"{1.0 - value:.{DIGITS}g}")
+    return float(f"{value:.{DIGITS}g}") if value < 0.5 else round(1.0 - float(f"{1.0 - value:.{DIGITS}g}"), 12)
 
 
 def shown(value: Any) -> str:

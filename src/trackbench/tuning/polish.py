@@ -13,7 +13,7 @@ from trackbench.tuning.measures import Sums
 from trackbench.tuning.objectives import Objective, source_of
 from trackbench.tuning.parameters import Values
 from trackbench.tuning.response import Response, ResponsePoint, along, ordered, sorted_values
-from trackbench.tuning.trials import TuningTrial, trial_of
+from trackbench.tuning.trials import TuningTrial, chosen_of, trial_of
 from trackbench.types import Array, Indices, Progress, no_progress
 
 #: How often better values are followed that it meets.
@@ -28,6 +28,7 @@ def polished(
     evaluator: Evaluator,
     objective: Objective,
     start: Sequence[Sums],
+    made: Sequence[TuningTrial],
     best: TuningTrial,
     progress: Progress = no_progress,
 ) -> tuple[TuningTrial, list[Response]]:
@@ -37,7 +38,8 @@ def polished(
         evaluator: on the scenes and noise that are tuned on.
         objective: what for.
         start: what the tracker gives as it is.
-        best: of the search.
+        made: the trials of the search; what is chosen is on their front, where there are two losses.
+        best: of these.
         progress: called with how many parts of a pass are done and how many there are.
     """
     for last in range(PASSES):
@@ -45,11 +47,10 @@ def polished(
         points: list[Values] = [best.values, *(point for line in lines for point in line)]
         outcomes = evaluator(points, progress)
         trials = [trial_of(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
-        better = min(trials, key=lambda trial: objective.rank(trial.parts))
-        if objective.rank(better.parts) < objective.rank(trials[0].parts) - ROUNDING and last < PASSES - 1:
-            best = better
-            continue
-        break
+        better = chosen_of(objective, [*trials, *made])
+        if better is None or last == PASSES - 1 or not _moves(objective, trials[0], better):
+            break
+        best = better
     responses, first = [], 1
     for item, line in zip(evaluator.parameters, lines, strict=True):
         found = [ResponsePoint(best.values[item.key], trials[0].parts, 0.0, None, best=True)]
@@ -64,6 +65,13 @@ def polished(
         first += len(line)
         responses.append(Response(item, sorted_values(item, found)))
     return best, ordered(responses)
+
+
+def _moves(objective: Objective, best: TuningTrial, better: TuningTrial) -> bool:
+    """Whether the values that are chosen are others than the best ones so far, by more than rounding."""
+    if len(objective.axes) > 1:
+        return better.values != best.values
+    return objective.rank(better.parts) < objective.rank(best.parts) - ROUNDING
 
 
 def _reach(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from inspect import signature
 from typing import Any
 
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.source import parse
 from trackbench.trackers.associate import COUNTING
-from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.imm import ImmConfig
+from trackbench.trackers.published import TRACKERS, built_in
 from trackbench.tuning.entry import STAYS, current, problem_with
 from trackbench.tuning.parameters import Parameter, shown
 
@@ -29,6 +32,8 @@ NOISES = {
 FACTOR = 30.0
 #: What is beyond an end of a range, as a share of the range.
 BEYOND = 1e-6
+#: Most points of a sweep that a message names.
+MOST_NAMED = 8
 #: Usual values of when tracks of several objects begin.
 GATE = (0.9, 0.99999)
 CONFIRM = ([2, 2], [2, 3], [3, 3], [3, 4], [3, 5], [4, 6])
@@ -41,24 +46,35 @@ def parse_range(text: str, loaded: Scenario, tracker: str) -> Parameter:
     Raises:
         InputError: it is no range, or the tracker does not take its values; says which it would.
     """
-    key, equals, rest = text.partition("=")
-    key, at = key.strip(), f"--range {text}"
-    if not equals or not all(key.split(".")):
-        raise InputError(FORM, key=at)
-    ends = rest.split(":")
-    if len(ends) == 2 and "[" not in rest:
-        low, high = (_read(end, at) for end in ends)
+    key, values, ends = _read_range(text)
+    at = _at(text)
+    _require_home(loaded, tracker, key, ends, at)
+    if ends:
+        low, high = values
         parameter = _between(key, low, high, loaded, tracker, at)
         _require(loaded, tracker, parameter, (low, high), at)
         beyond = 1 if parameter.scale == "integer" else BEYOND * (high - low)
         taken = [problem_with(loaded, tracker, {key: value}) is None for value in (low - beyond, high + beyond)]
         return replace(parameter, bounds=(not taken[0], not taken[1]))
-    choices = tuple(_read(f"[{rest}]", at))
-    if len(choices) < 2:
-        raise InputError(FORM, key=at)
-    parameter = Parameter(key, "choice", choices=choices)
-    _require(loaded, tracker, parameter, choices, at)
+    parameter = Parameter(key, "choice", choices=values)
+    _require(loaded, tracker, parameter, values, at)
     return parameter
+
+
+def require_tunable(loaded: Scenario, tracker: str) -> None:
+    """Make sure that a tracker has options.
+
+    Raises:
+        InputError: it has none, or is a sweep.
+    """
+    if tracker in loaded.sweeps:
+        points = loaded.sweeps[tracker]
+        named = ", ".join(points[:MOST_NAMED]) + (" ..." if len(points) > MOST_NAMED else "")
+        problem = f"{tracker!r} is a sweep; name one of its points: {named}"
+        raise InputError(problem, key="--trackers", file=loaded.path)
+    entry = loaded.config.trackers[tracker]
+    if isinstance(entry, PluginConfig) and built_in(entry.use) and not signature(TRACKERS[entry.use]).parameters:
+        raise InputError(f"{tracker} has no options: there is nothing to tune", key="--trackers", file=loaded.path)
 
 
 def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
@@ -93,12 +109,15 @@ def usual_ranges(loaded: Scenario, tracker: str) -> list[Parameter]:
 
 
 def has_option(loaded: Scenario, tracker: str, text: str) -> bool:
-    """Whether a range is of an option that the tracker has."""
-    try:
-        parse_range(text, loaded, tracker)
-    except InputError:
-        return False
-    return True
+    """Whether a range is of an option that the tracker has: it takes the present value, or one of the range's.
+
+    Raises:
+        InputError: it is no range.
+    """
+    key, values, _ = _read_range(text)
+    had = current(loaded, tracker, key)
+    tried = values if had is None else (had, *values)
+    return any(problem_with(loaded, tracker, {key: value}) is None for value in tried)
 
 
 def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> dict[str, Any] | None:
@@ -106,14 +125,20 @@ def start_values(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]
     values = {item.key: current(loaded, tracker, item.key) for item in parameters}
     if not all(item.holds(values[item.key]) for item in parameters):
         return None
-    return {
-        key: float(value) if isinstance(value, int) and _real(parameters, key) else value
-        for key, value in values.items()
-    }
+    return {item.key: item.as_tried(values[item.key]) for item in parameters}
 
 
-def _real(parameters: Sequence[Parameter], key: str) -> bool:
-    return any(item.key == key and item.continuous for item in parameters)
+def why_no_start(loaded: Scenario, tracker: str, parameters: Sequence[Parameter]) -> Iterator[str]:
+    """For each option whose value of the scenario is not tried, a sentence that says why."""
+    for item in parameters:
+        value = current(loaded, tracker, item.key)
+        if item.holds(value):
+            continue
+        if value is None:
+            why = "is not stated in the scenario"
+        else:
+            why = f"is {json.dumps(value, default=str)} in the scenario, which is not in its range"
+        yield f"{item.key} {why}, so the search did not begin with the start."
 
 
 def _prefix(loaded: Scenario, tracker: str) -> str:
@@ -125,6 +150,53 @@ def _prefix(loaded: Scenario, tracker: str) -> str:
 def _usual(key: str, option: str, start: float) -> Parameter:
     low, high = NOISES.get(option, (start / FACTOR, start * FACTOR))
     return Parameter(key, "log", min(low, start / 2), max(high, start * 2))
+
+
+def _at(text: str) -> str:
+    return f"--range {text}"
+
+
+def _read_range(text: str) -> tuple[str, tuple[Any, ...], bool]:
+    """The key of a range, its ends or choices, and whether they are ends.
+
+    Raises:
+        InputError: it is no range.
+    """
+    key, equals, rest = text.partition("=")
+    key, at = key.strip(), _at(text)
+    if not equals or not all(key.split(".")):
+        raise InputError(FORM, key=at)
+    ends = rest.split(":")
+    if len(ends) == 2 and "[" not in rest:
+        if not all(end.strip() for end in ends):
+            raise InputError(f"an end is missing; {FORM}", key=at)
+        return key, tuple(_read(end, at) for end in ends), True
+    choices = tuple(_read(f"[{rest}]", at))
+    if len(choices) < 2:
+        raise InputError(FORM, key=at)
+    return key, choices, False
+
+
+def _require_home(loaded: Scenario, tracker: str, key: str, ends: bool, at: str) -> None:
+    """Make sure that an option stands where the tracker has it.
+
+    Raises:
+        InputError: the tracker does not associate, or has several motion models that have the option.
+    """
+    entry = loaded.config.trackers[tracker]
+    if not isinstance(entry, FilterConfig):
+        return
+    if key.startswith("associate.") and entry.associate is None:
+        raise InputError(f"{tracker} does not associate: it follows one object, from labelled measurements", key=at)
+    if isinstance(entry.motion, ImmConfig):
+        option = key.removeprefix("motion.")
+        keys = [
+            f"motion.imm.{i}.{option}" for i, model in enumerate(entry.models) if option in type(model).model_fields
+        ]
+        if option == "stay_s" and (ends or key == option):
+            keys = [f"{STAYS}{i}" for i in range(len(entry.models))]
+        if keys:
+            raise InputError(f"{tracker} has several motion models: write {' or '.join(keys)}", key=at)
 
 
 def _between(key: str, low: Any, high: Any, loaded: Scenario, tracker: str, at: str) -> Parameter:
@@ -150,7 +222,8 @@ def _require(loaded: Scenario, tracker: str, parameter: Parameter, values: Seque
     for value in values:
         problem = problem_with(loaded, tracker, {parameter.key: value})
         if problem is not None:
-            raise InputError(f"{tracker}: {problem}", key=at)
+            # What would mend a single value does not mend a range: -5 is not to be 5.
+            raise InputError(f"{tracker}: {problem.partition('; write')[0]}", key=at)
 
 
 def _read(text: str, at: str) -> Any:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from trackbench.errors import InputError
 from trackbench.tuning.parameters import Parameter
+from trackbench.tuning.signature import differences
 from trackbench.tuning.trials import TuningTrial
 
 if TYPE_CHECKING:
@@ -172,7 +173,8 @@ def _require_same(study: optuna.Study, signature: Mapping[str, Any], name: str, 
             raise InputError(f"its study {name!r} is of another program", key="--storage", file=storage)
         study.set_user_attr(SIGNATURE, dict(signature))
         return
-    other = [key for key in signature if kept.get(key) != json.loads(json.dumps(signature[key]))]
-    if other:
-        problem = f"its study {name!r} has another {' and another '.join(other)}; give another file"
-        raise InputError(problem, key="--storage", file=storage)
+    differs = differences(kept, json.loads(json.dumps(signature)))
+    if differs:
+        raise InputError(
+            f"its study {name!r} is of another search: {differs}; give another file", key="--storage", file=storage
+        )

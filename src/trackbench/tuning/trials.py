@@ -39,10 +39,10 @@ def trial_of(objective: Objective, values: Values, outcomes: Sequence[Outcome], 
     if isinstance(parts, str):
         return TuningTrial(dict(values), failed=parts)
     sums = [outcome.sums for outcome in outcomes if outcome.sums is not None]
-    return TuningTrial(dict(values), parts, objective.losses(parts), measures=_measures(sums))
+    return TuningTrial(dict(values), parts, objective.losses(parts), measures=measures_of(sums))
 
 
-def _measures(sums: Sequence[Sums]) -> dict[str, float]:
+def measures_of(sums: Sequence[Sums]) -> dict[str, float]:
     """What start and tuned are compared by, over the scenarios: the geometric mean, of the likelihood the mean."""
     found = {}
     for name in {**UNITS, **TRAFFIC_UNITS}:
@@ -56,6 +56,13 @@ def best_of(trials: Sequence[TuningTrial]) -> TuningTrial | None:
     """The trial with the smallest loss, the first of several; None where all failed."""
     done = [trial for trial in trials if trial.losses]
     return min(done, key=lambda trial: trial.loss) if done else None
+
+
+def chosen_of(objective: Objective, trials: Sequence[TuningTrial]) -> TuningTrial | None:
+    """The trial whose values are written, one of the front where there are two losses; None where all failed."""
+    done = [trial for trial in trials if trial.losses]
+    among = front_of(done) if len(objective.axes) > 1 else done
+    return min(among, key=lambda trial: objective.rank(trial.parts)) if among else None
 
 
 def front_of(trials: Sequence[TuningTrial]) -> list[TuningTrial]:

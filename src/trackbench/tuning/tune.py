@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +13,6 @@ import numpy as np
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.stepping.isolation import ISOLATED, Isolation
-from trackbench.tuning.entry import plain
 from trackbench.tuning.evaluation import Bench, Evaluator
 from trackbench.tuning.held_out import HeldOut, compare_held_out
 from trackbench.tuning.measures import Sums
@@ -24,8 +21,9 @@ from trackbench.tuning.parameters import Parameter, Values, at_edges
 from trackbench.tuning.polish import polished
 from trackbench.tuning.response import FACTORS, Response
 from trackbench.tuning.search import search
+from trackbench.tuning.signature import signature_of
 from trackbench.tuning.study import Study
-from trackbench.tuning.trials import TuningTrial, front_of, trial_of
+from trackbench.tuning.trials import TuningTrial, chosen_of, front_of, measures_of, trial_of
 from trackbench.types import Progress, no_progress
 
 
@@ -39,6 +37,8 @@ class Tuning:
     parameters: tuple[Parameter, ...]
     start: dict[str, Any] | None
     """The values that it had; None where one of them is in no range."""
+    start_measures: Mapping[str, float]
+    """What the start gives on what was tuned on, as a trial's ``measures``."""
     best: TuningTrial
     trials: tuple[TuningTrial, ...]
     responses: tuple[Response, ...]
@@ -48,6 +48,8 @@ class Tuning:
     """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
+    notes: tuple[str, ...] = ()
+    """What should be known of the ranges."""
 
     @property
     def edges(self) -> list[tuple[Parameter, float]]:
@@ -71,6 +73,8 @@ class TuningTask:
     trials: int
     seed: int = 0
     storage: Path | None = None
+    notes: tuple[str, ...] = ()
+    """What should be known of the ranges."""
 
 
 def tune(
@@ -99,7 +103,8 @@ def tune(
     objective = task.objective
     evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation)
     start = _start(evaluator, objective)
-    study = Study(task.tracker, task.storage, task.parameters, objective.axes, _signature(task, train))
+    signature = signature_of(task.tracker, objective.name, task.parameters, task.seed, train, start)
+    study = Study(task.tracker, task.storage, task.parameters, objective.axes, signature)
 
     # After them comes a pass over each option, with about so many trials.
     last = len(FACTORS) * len(task.parameters)
@@ -117,14 +122,14 @@ def tune(
     front = len(objective.axes) > 1
     search(task.parameters, study, task.start, make, objective.losses, task.trials, task.seed, front)
     made = study.trials[: task.trials]
-    best = min(made, key=lambda trial: objective.rank(trial.parts))
-    if not best.losses:
-        raise InputError(f"{task.tracker}: every trial failed; the first: {best.failed}", key="--range")
+    best = chosen_of(objective, made)
+    if best is None:
+        raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
 
     def advance_last(part: float, parts: float) -> None:
         progress(task.trials + part / parts * last, total)
 
-    best, responses = polished(evaluator, objective, start, best, advance_last)
+    best, responses = polished(evaluator, objective, start, made, best, advance_last)
     held_out = compare_held_out(Evaluator(test, task.tracker, task.parameters, executor, isolation), best.values)
     return Tuning(
         tracker=task.tracker,
@@ -132,6 +137,7 @@ def tune(
         objective=objective,
         parameters=task.parameters,
         start=task.start,
+        start_measures=measures_of(start),
         best=best,
         trials=tuple(made),
         responses=tuple(responses),
@@ -139,6 +145,7 @@ def tune(
         apart=tuple(apart),
         train_scenes=tuple(len(bench.truths) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
+        notes=task.notes,
     )
 
 
@@ -149,15 +156,16 @@ def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> No
         InputError: one cannot; with the objectives that it can be tuned for.
     """
     for loaded in scenarios:
-        hidden = loaded.config.sensing.identities == "hidden"
-        if objective.hidden and not hidden:
-            problem = f"{loaded.config.name} has labelled measurements; choose likelihood, position_rmse, "
-            raise InputError(f"{problem}consistent_rmse or pareto", key="--objective")
-        if hidden and not objective.hidden and objective.needs_truth:
-            problem = f"{loaded.config.name} has detections that nobody labelled; choose gospa"
-            raise InputError(f"{problem}, or likelihood without a truth", key="--objective")
-        if objective.needs_truth and without_truth(loaded):
-            raise InputError(f"{loaded.config.name} has no truth; choose likelihood", key="--objective")
+        hidden, name = loaded.config.sensing.identities == "hidden", loaded.config.name
+        if without_truth(loaded):
+            problem = f"{name} has no truth; choose likelihood" if objective.needs_truth else ""
+        elif hidden:
+            problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose gospa"
+        else:
+            choices = "likelihood, position_rmse, consistent_rmse or pareto"
+            problem = f"{name} has labelled measurements; choose {choices}" if objective.hidden else ""
+        if problem:
+            raise InputError(problem, key="--objective")
 
 
 def without_truth(loaded: Scenario) -> bool:
@@ -185,30 +193,6 @@ def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
 def _nothing(objective: Objective, bench: Bench, where: str) -> str:
     if objective.name == "likelihood":
         if bench.hidden:
-            return f"{where} has no likelihood: of hidden identities only logs without a truth have one; choose gospa"
+            return f"{where} does not predict its detections, of which predictions the likelihood is"
         return f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
     return f"{where} has no {objective.measure}: nothing is scored"
-
-
-def _signature(task: TuningTask, train: Sequence[Bench]) -> dict[str, Any]:
-    """What determines the trials, by the words in which a difference is told."""
-    scenarios = {
-        bench.name: hashlib.sha256(
-            json.dumps(
-                [
-                    {key: value for key, value in bench.scenario.document.value.items() if key != "trackers"},
-                    plain(bench.scenario, task.tracker),
-                    bench.scenario.config.truth.model_dump(mode="json", fallback=str),
-                    bench.scenario.config.monte_carlo.model_dump(),
-                ],
-                sort_keys=True,
-            ).encode()
-        ).hexdigest()
-        for bench in train
-    }
-    return {
-        "objective": task.objective.name,
-        "scenario": scenarios,
-        "ranges": [item.as_json() for item in task.parameters],
-        "seed": task.seed,
-    }

@@ -225,6 +225,11 @@ class Sensor(Config, ABC):
         """
         return np.zeros((2, *scan.measurement.shape[1:]))
 
+    @classmethod
+    def measures_velocity(cls) -> bool:
+        """Whether one measurement says something of the velocity."""
+        return cls.radial_velocity.__func__ is not Sensor.radial_velocity.__func__  # type: ignore[attr-defined]
+
 
 def _lacks(found: Any) -> str | None:
     lacking = lacks_class(Sensor)(found)

@@ -16,6 +16,7 @@ from trackbench.document import (
     Table,
     TrackerStyle,
 )
+from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE, WHITENESS_TOLERANCE
 from trackbench.report.calibration import LIMITS, QUANTITIES
 from trackbench.report.conditions import BY, TITLE, classes
@@ -33,7 +34,7 @@ from trackbench.report.run.figures.modes import modes_over_time
 from trackbench.report.run.frame import framed
 from trackbench.report.run.moments import moments_section, worst_moments
 from trackbench.report.run.scenes import basis_of_intervals, scenes
-from trackbench.report.run.sentences import common, headline, verdict
+from trackbench.report.run.sentences import common, headline, not_called_better, verdict
 from trackbench.results import Result
 
 DIFFERENCES = (
@@ -41,6 +42,10 @@ DIFFERENCES = (
     "errors. Better and worse: shown to differ by more than {margin}, the larger of the two (5 % level, corrected for "
     "the number of pairs after Holm); equivalent: the interval lies within that margin; undecided: neither, more runs "
     "or scenes would tell. Each interval is that of its pair alone, without the correction."
+)
+_NOT_BETTER = (
+    " Smaller and larger: shown to differ by more than the margin too, but the one with the smaller errors gave over "
+    f"{percent(SILENCE)} fewer estimates, and is not called better."
 )
 _MANOEUVRES = (
     "An object turns where its heading changes by more than 3° a second, brakes or accelerates where its speed changes "
@@ -104,8 +109,10 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
     if not trackers:
         return
     margin, drawn = margin_words(result.summary.score.margin, "m"), result.drawn
+    uncounted = not_called_better(result)
     legend = Paragraph(
-        f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”. "
+        f"By position RMSE. No difference over {margin} was shown between trackers that share a letter under “group”"
+        f"{''.join(f', {line}' for line in uncounted)}. "
         f"Small print is the 95 % interval, {basis_of_intervals(result)}.{common(result)}"
         + (f" Figures show the best {len(drawn)}." if len(drawn) < len(trackers) else "")
         + (f" {SMOOTHERS}" if any(tracker.is_reference for tracker in trackers) else "")
@@ -123,10 +130,8 @@ def _scores(result: Result, styles: Mapping[str, TrackerStyle]) -> Iterator[Sect
         beside = Row((tables.key_differences(result), *([cost] if cost else [])))
         title = "All pairs" if len(drawn) == len(trackers) else f"All pairs of the best {len(drawn)}"
         pairs = Section(title, (tables.all_differences(result, drawn),), folded=True)
-        yield Section(
-            "Differences between trackers",
-            (Paragraph(DIFFERENCES.format(metric="position RMSE", margin=margin)), beside, pairs),
-        )
+        text = DIFFERENCES.format(metric="position RMSE", margin=margin) + (_NOT_BETTER if uncounted else "")
+        yield Section("Differences between trackers", (Paragraph(text), beside, pairs))
 
 
 def _accuracy(result: Result, shown: Sequence[TrackerStyle]) -> Iterator[Section]:

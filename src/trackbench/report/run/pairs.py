@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase, ascii_uppercase
 
+from trackbench.metrics.differences import size
 from trackbench.report.groups import groups_of
 from trackbench.results import Difference, Result
 from trackbench.results.summary import Summary
@@ -20,7 +21,8 @@ class Pair:
     value: float
     ci95: tuple[float, float] | None
     verdict: str
-    """Of the first: ``better``, ``worse``, ``equivalent`` or ``undecided``."""
+    """Of the first: ``better``, ``worse``, ``equivalent`` or ``undecided``; ``larger`` or ``smaller`` where the
+    difference is shown and neither is called better."""
     margin: float
     """m, up to which a difference does not matter."""
 
@@ -43,18 +45,32 @@ class Pairs:
         return Pair(-flipped.value, ci95, _verdict(flipped, a), flipped.margin)
 
     def differ(self, a: str, b: str) -> bool:
-        """Whether one was shown to be better than the other by more than the margin."""
+        """Whether one is called better than the other: shown by more than the margin, with as many estimates."""
         found = self._found.get((a, b)) or self._found.get((b, a))
         return found is not None and found.better is not None
+
+    def fewer_estimates(self, names: Sequence[str]) -> dict[str, dict[str, float]]:
+        """By tracker, those of ``names`` than which it is not called better for the estimates that it left out.
+
+        Each with the share of the due estimates that it gave fewer.
+        """
+        shares: dict[str, dict[str, float]] = {}
+        for (a, b), found in self._found.items():
+            if found.fewer_estimates is not None and {a, b} <= set(names):
+                name = found.fewer_estimates.tracker
+                shares.setdefault(name, {})[b if name == a else a] = found.fewer_estimates.share
+        return shares
 
 
 def _verdict(found: Difference, name: str) -> str:
     """Of one of the two trackers."""
+    if found.fewer_estimates is not None:
+        return size(found.value if found.a == name else -found.value)
     return found.verdict if found.better is None else "better" if found.better == name else "worse"
 
 
 def groups(names: Sequence[str], pairs: Pairs) -> dict[str, str]:
-    """Letters such that two trackers share one exactly when neither was shown to be better.
+    """Letters such that two trackers share one exactly when neither is called better.
 
     ``names`` are in order of rank, so "a" is the best.
     """

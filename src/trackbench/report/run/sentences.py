@@ -82,6 +82,31 @@ def common(result: Result) -> str:
     return f" Errors count where every ranked tracker gave an estimate: {percent(share, 1)} of all."
 
 
+def not_called_better(result: Result) -> list[str]:
+    """Whose smaller errors do not count as better, since it gave fewer estimates, and what helps; empty of none.
+
+    For example "but own, kf: smaller errors than raw, not called better: 5 % fewer estimates".
+    """
+    shares = Pairs(result.summary).fewer_estimates([tracker.name for tracker in result.contenders])
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for name, by_other in shares.items():
+        alike.setdefault(tuple(by_other), []).append(name)
+    found = []
+    for others, names in alike.items():
+        fewer = _from_to([shares[name][other] for name in names for other in others])
+        found.append(
+            f"but {', '.join(names)}: smaller errors than {joined(others)}, not called better: {fewer} fewer estimates"
+        )
+    if found and result.summary.score.settle_s == 0:
+        found.append("score.settle_s leaves the time after a track's start out of the scores")
+    return found
+
+
+def _from_to(shares: Sequence[float]) -> str:
+    """ "5 %", "2 % to 5 %"."""
+    return " to ".join(dict.fromkeys(percent(end(shares)) for end in (min, max)))
+
+
 def failure(result: Result, tracker: TrackerResult) -> str:
     """Why a tracker is not ranked; where it failed, the cause and where it happened."""
     return result.why_unscored(tracker) if tracker.failed is None else str(tracker.failed)
@@ -112,7 +137,10 @@ def headline(result: Result) -> str:
         text += f"; equivalent to {_named(equivalent)} (within {margin})"
     if undecided:
         text += f"; whether it is better than {_named(undecided)} is undecided"
-    if equivalent or undecided:
+    if fewer := pairs.fewer_estimates(names).get(names[0], {}):
+        share = _from_to([*fewer.values()])
+        text += f"; it is not called better than {_named([*fewer])}, since it gave {share} fewer estimates"
+    if equivalent or undecided or fewer:
         return text + "."
     second = pairs.get(names[1], names[0])
     if second is None:

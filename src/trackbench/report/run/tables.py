@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from trackbench.document import Cell, Column, Table, Tone
+from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import mean_text
 from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.margin import margin_words
@@ -20,6 +21,10 @@ _SHOWN = (
     "position_reference", "velocity_reference", "coverage", "step_time",
 )  # fmt: skip
 _SHOWN_GROUPS = ("rmse.", "nis.", "whiteness.")
+_TAKEN_IN = Column(
+    "taken in, %",
+    "share of the measurements of a known object with an innovation; a late scan that is dropped has none",
+)
 
 
 def ranking(result: Result) -> Table:
@@ -30,7 +35,9 @@ def ranking(result: Result) -> Table:
         (Column("#", "rank by position RMSE"), _ranks(result)),
         (TRACKER, names(trackers)),
         (
-            Column("group", f"no difference over {margin} was shown between trackers that share a letter", left=True),
+            Column(
+                "group", f"of two that share a letter neither was shown to be better by more than {margin}", left=True
+            ),
             list(map(Cell, letters(result))),
         ),
         (Column("position RMSE, m", details=INTERVAL), values(trackers, "position_rmse")),
@@ -99,6 +106,7 @@ def innovations(result: Result) -> list[Table]:
     tables = []
     for number, sensor in enumerate(result.summary.sensors):
         trackers = [tracker for tracker in result.scored if metric_of(tracker, f"nis.{sensor}").value is not None]
+        given = [metric_of(tracker, f"nis.{sensor}").coverage for tracker in trackers]
         columns = [
             (TRACKER, names(trackers)),
             (
@@ -107,6 +115,7 @@ def innovations(result: Result) -> list[Table]:
                 ),
                 values(trackers, f"nis.{sensor}"),
             ),
+            *([(_TAKEN_IN, list(map(Cell, map(_percents, given))))] if any(map(_misses, given)) else []),
             (
                 Column("below the 95 % point, %", "share of the single innovations; 95 expected"),
                 [_inside(tracker, sensor) for tracker in trackers],
@@ -198,10 +207,12 @@ def expectations(result: Result) -> Table:
 
 def sensors(result: Result) -> Table:
     """The sensors, and how often each detected."""
+    late = any(about.latency_s[1] > 0 for about in result.summary.sensors.values())
     columns = (
         Column("sensor", left=True, details="preset"),
         Column("kind", left=True),
         Column("rate, Hz"),
+        *([Column("latency, s", "from a measurement to its arrival at the trackers")] if late else []),
         Column("noise", "standard deviation of each component of a measurement", left=True),
         Column("field of view, deg", "horizontal, centred on the boresight"),
         Column("range", "beyond it nothing is detected"),
@@ -213,6 +224,7 @@ def sensors(result: Result) -> Table:
             Cell(name, (about.preset,) if about.preset else ()),
             Cell(about.kind),
             Cell(NOT_AVAILABLE, reason="a single scan") if about.rate_hz is None else Cell(f"{about.rate_hz:.4g}"),
+            *([Cell(sensor_words.latency(about))] if late else []),
             Cell(sensor_words.noise(about)),
             Cell(f"{about.fov_deg:g}"),
             Cell(sensor_words.reach(about)),
@@ -234,6 +246,10 @@ def found(value: float | str | None) -> str:
 def _inside(tracker: TrackerResult, sensor: str) -> Cell:
     nis = metric_of(tracker, f"nis.{sensor}")
     return missing(nis) if nis.inside95 is None else Cell(_percents(nis.inside95, 1))
+
+
+def _misses(share: float | None) -> bool:
+    return share is not None and share < 1 - SILENCE
 
 
 def _percents(share: float | None, places: int = 0) -> str:

@@ -75,10 +75,11 @@ def _tracker(item: Tuning, name: str) -> Iterator[Block]:
         (tables.held_out(item, name),),
     )
     if item.front:
-        yield Section("The front", (front_figure(item, name), tables.front(item, name)))
+        yield Section("The front", (Row((front_figure(item, name),)), tables.front(item, name)))
     figures = [figure for response in item.responses if (figure := response_figure(item, response, name)) is not None]
-    rest = [Row(tuple(figures))] if figures else []
-    yield Section("The response around the optimum", (tables.response(item, name), *rest, *_pairs(item, name)))
+    if figures:
+        around = (tables.response(item, name), Row(tuple(figures)), *_pairs(item, name))
+        yield Section("The response around the optimum", around)
     yield Section("Trials", (tables.trials(item, name),), folded=True)
 
 

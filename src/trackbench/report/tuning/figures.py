@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import FuncFormatter, Locator, NullLocator
 
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.axes import logarithmic
 from trackbench.document.drawing import DASHED, INK, MUTED
+from trackbench.document.margins import shortened
 from trackbench.palette import TRACKER_COLOURS
 from trackbench.tuning.measures import NEES_DOF
 from trackbench.tuning.objectives import NEES, mean_nees
@@ -27,6 +29,10 @@ _LINE, _BEST = TRACKER_COLOURS[0], TRACKER_COLOURS[4]
 _HEIGHT = 230.0
 #: A rise of an error beyond which a figure does not go: the optimum is what it shows, %.
 _HIGHEST = 60.0
+#: Of an axis of probabilities, whose numbers are long.
+_FEWEST_NUMBERS, _MOST_NUMBERS = 3, 5
+#: Room for the name of an option beside and below a figure of a pair, points.
+_BESIDE, _BELOW = 215.0, 340.0
 #: Figures of pairs, at most.
 _MOST_PAIRS = 6
 _SHADES = ("#08306b", "#2171b5", "#6baed6", "#c6dbef")
@@ -57,7 +63,7 @@ def response_figure(item: Tuning, response: Response, name: str) -> Figure | Non
             axes.axvline(float(item.best.values[parameter.key]), color=_BEST, linewidth=1.2)
             if start is not None:
                 axes.axvline(float(start), color=INK, linestyle=DASHED, linewidth=1.0)
-        panels[-1].set_xlabel(parameter.key)
+        panels[-1].set_xlabel(shortened(parameter.key, _BELOW))
 
     legend = [LegendEntry("tuned", _BEST), *([LegendEntry("start", INK, "dash")] if start is not None else [])]
     band = (
@@ -125,8 +131,8 @@ def _pair(item: Tuning, first: Parameter, second: Parameter, name: str) -> Figur
             _mark(axes, item.start, first, second, "^", INK)
         _scale(axes, first, "x")
         _scale(axes, second, "y")
-        axes.set_xlabel(first.key)
-        axes.set_ylabel(second.key)
+        axes.set_xlabel(shortened(first.key, _BELOW))
+        axes.set_ylabel(shortened(second.key, _BESIDE))
 
     legend = [
         LegendEntry("tuned", _BEST, "ring"),
@@ -186,6 +192,30 @@ def _scale(axes: Axes, parameter: Parameter, which: Any) -> None:
         logarithmic(axes, which)
     elif parameter.scale == "odds":
         (axes.set_xscale if which == "x" else axes.set_yscale)("logit")
+        axis = axes.xaxis if which == "x" else axes.yaxis
+        axis.set_major_locator(_Odds())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.10g}"))
+        axis.set_minor_locator(NullLocator())
+
+
+class _Odds(Locator):
+    """Probabilities at 0.1, 0.01 and so on, and as far from one; at twice and five times that too where few are.
+
+    It gives arrays, as matplotlib's own locators do whatever they declare.
+    """
+
+    def __call__(self) -> Array:  # type: ignore[override]
+        return self.tick_values(*self.axis.get_view_interval())  # type: ignore[union-attr]
+
+    def tick_values(self, vmin: float, vmax: float) -> Array:  # type: ignore[override]
+        found: list[float] = []
+        for digits in ((1,), (1, 2, 5)):
+            tails = {0.5, *(round(digit * 10.0**-power, 12) for digit in digits for power in range(1, 10))}
+            places = tails | {round(1.0 - tail, 12) for tail in tails}
+            found = sorted(place for place in places if vmin <= place <= vmax)
+            if len(found) >= _FEWEST_NUMBERS:
+                break
+        return np.array(found[:: math.ceil(len(found) / _MOST_NUMBERS) or 1])
 
 
 def _column(trials: Sequence[TuningTrial], parameter: Parameter) -> list[float]:

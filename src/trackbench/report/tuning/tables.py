@@ -10,8 +10,8 @@ from trackbench.document.model import Tone
 from trackbench.metrics.intervals import Interval
 from trackbench.report.numbers import decimals, fixed, interval, signed
 from trackbench.tuning.held_out import MeasureComparison
+from trackbench.tuning.measures import WORDS
 from trackbench.tuning.objectives import NEES, Parts, mean_nees
-from trackbench.tuning.outcome import WORDS
 from trackbench.tuning.parameters import Parameter, shown
 from trackbench.tuning.response import NEGLIGIBLE, Response, ResponsePoint
 from trackbench.tuning.tune import Tuning
@@ -85,22 +85,25 @@ def held_out(item: Tuning, name: str = "") -> Table:
 
 
 def response(item: Tuning, name: str = "") -> Table:
-    """Which option matters, and how sharply."""
+    """Which option matters, and how sharply; without choices, of which none is half of another."""
+    numbers = [one for one in item.responses if one.parameter.scale != "choice"]
     relative = item.objective.measure != "log_likelihood"
     unit = f"{WORDS[item.objective.measure]}, %" if relative else "log-likelihood"
     one_loss = relative and not any(part.startswith(NEES) for part in item.best.parts)
+    others = any(one.parameter.scale != "log" for one in numbers)
+    low, high = ("half, or the next below", "twice, or the next above") if others else ("half of it", "twice")
     columns = [
         Column("option", left=True),
         Column("tuned"),
-        Column(f"half of it: {unit}", "What changes where this option alone is halved.", details="mean NEES"),
-        Column(f"twice: {unit}", details="mean NEES"),
+        Column(f"{low}: {unit}", "What changes where this option alone has this value.", details="mean NEES"),
+        Column(f"{high}: {unit}", details="mean NEES"),
         *([Column("within 1 % of the optimum")] if one_loss else []),
     ]
     rows = []
-    for one in item.responses:
+    for one in numbers:
         best = item.best.values[one.parameter.key]
         cells = [Cell(one.parameter.key), Cell(shown(best))]
-        cells += [_change(point, item.best.parts) for point in _nearest(one, best)]
+        cells += [_change(point, item.best.parts, one.parameter) for point in _nearest(one, best)]
         if one_loss:
             cells.append(Cell(_ends_of(one.within(NEGLIGIBLE)) if one.parameter.continuous else NONE))
         rows.append(tuple(cells))
@@ -130,17 +133,22 @@ def trials(item: Tuning, name: str = "") -> Table:
     """The trials, best first."""
     measured = [measure for measure in WORDS if any(measure in trial.measures for trial in item.trials)]
     columns = [*(Column(parameter.key) for parameter in item.parameters), *(Column(WORDS[one]) for one in measured)]
-    done = sorted((trial for trial in item.trials if trial.losses), key=lambda trial: item.objective.rank(trial.parts))[
-        :MOST
-    ]
+    last = all(trial.values != item.best.values for trial in item.trials)
+    tried = [*item.trials, *([item.best] if last else [])]
+    done = sorted((trial for trial in tried if trial.losses), key=lambda trial: item.objective.rank(trial.parts))[:MOST]
     rows = [
         (
-            *(Cell(shown(trial.values[parameter.key])) for parameter in item.parameters),
+            *(
+                Cell(shown(trial.values[parameter.key]), strong=trial.values == item.best.values)
+                for parameter in item.parameters
+            ),
             *(Cell(f"{trial.measures[one]:.4g}" if one in trial.measures else NONE) for one in measured),
         )
         for trial in done
     ]
-    return Table(f"{name}trials", tuple(columns), tuple(rows), "Best first, on what it was tuned on")
+    from_last = ", and come from the last step, each option by itself" if last else ""
+    caption = f"Best first, on what it was tuned on; the tuned values stand out{from_last}"
+    return Table(f"{name}trials", tuple(columns), tuple(rows), caption)
 
 
 def _tried(parameter: Parameter) -> str:
@@ -180,14 +188,16 @@ def _nearest(one: Response, best: Any) -> tuple[ResponsePoint | None, ResponsePo
     return low, one.points[place + 1] if place + 1 < len(one.points) else None
 
 
-def _change(point: ResponsePoint | None, best: Parts) -> Cell:
+def _change(point: ResponsePoint | None, best: Parts, parameter: Parameter) -> Cell:
     """How far the main quantity of the objective is from that of the best values."""
     if point is None or not point.parts:
         return Cell(NONE)
-    nees = (f"mean NEES {mean_nees(point.parts):.2g}",) if any(part.startswith(NEES) for part in best) else ()
+    details = () if parameter.scale == "log" else (f"at {shown(point.value)}",)
+    if any(part.startswith(NEES) for part in best):
+        details = (*details, f"mean NEES {mean_nees(point.parts):.2g}")
     if "likelihood" in best:
-        return Cell(signed(best["likelihood"] - point.parts["likelihood"], 4))
-    return Cell(signed(100 * math.expm1(point.parts["error"] - best["error"]), 1), nees)
+        return Cell(signed(best["likelihood"] - point.parts["likelihood"], 4), details)
+    return Cell(signed(100 * math.expm1(point.parts["error"] - best["error"]), 1), details)
 
 
 def _ends(one: Interval, places: int) -> tuple[str, ...]:
