@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Matrices, Panel, state_matrices
 from trackbench.doctor.output_checks import asymmetry, least_eigenvalue, scaled
 from trackbench.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.stepping.steppers import masked
@@ -78,8 +79,7 @@ def named(fault: str, of: Origin | None) -> str:
 
 def mirrored_entries(of: Origin) -> str:
     """The two mirrored entries that differ most, and what they were before."""
-    relative = scaled(of.after)
-    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative - relative.T)))), (4, 4))
+    i, j = _mirrored(of)
     row, column = COMPONENTS[i], COMPONENTS[j]
     text = f"row {row}, column {column} is {of.after[i, j]:.6g} and row {column}, column {row} {of.after[j, i]:.6g}"
     return text if of.before is None else f"{text} ({of.before[i, j]:.6g} and {of.before[j, i]:.6g} before it)"
@@ -89,7 +89,7 @@ def indefinite_entries(of: Origin) -> str:
     """The negative variance or the correlation beyond one, if there is one, and the smallest eigenvalues."""
     variances = np.diag(of.after)
     relative = scaled(of.after)
-    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative), 1))), (4, 4))
+    i, j = _correlated(of)
     text = f"the smallest eigenvalue, scaled to unit variances, is {least_eigenvalue(relative):.3g}"
     if of.before is not None:
         text += f" ({least_eigenvalue(scaled(of.before)):.3g} before it)"
@@ -99,6 +99,39 @@ def indefinite_entries(of: Origin) -> str:
     if abs(relative[i, j]) > 1.0:
         return f"{text}; the correlation of {COMPONENTS[i]} and {COMPONENTS[j]} is {relative[i, j]:.4g}"
     return text
+
+
+def asymmetry_shown(of: Origin) -> Matrices:
+    """The covariance before and after the step, and the latter minus its transpose, with the mirrored entries."""
+    i, j = _mirrored(of)
+    panels = (*_before_and_after(of), Panel("after, minus its transpose", of.after - of.after.T))
+    return state_matrices(f"Covariance {of.words}", panels, ((i, j), (j, i)))
+
+
+def indefinite_shown(of: Origin) -> Matrices:
+    """The covariance before and after the step, with the negative variance or the correlation beyond one."""
+    variances, relative = np.diag(of.after), np.abs(scaled(of.after))
+    i, j = _correlated(of)
+    marked: tuple[tuple[int, int], ...] = ((i, j), (j, i)) if relative[i, j] > 1.0 else ()
+    if variances.min() < 0.0:
+        marked = tuple((int(k), int(k)) for k in np.flatnonzero(variances < 0.0))
+    return state_matrices(f"Covariance {of.words}", _before_and_after(of), marked)
+
+
+def _before_and_after(of: Origin) -> tuple[Panel, ...]:
+    after = Panel(f"after the {of.step}" if of.step != "start" else "first", of.after)
+    return (after,) if of.before is None else (Panel(f"before the {of.step}", of.before, "before"), after)
+
+
+def _mirrored(of: Origin) -> tuple[int, int]:
+    relative = scaled(of.after)
+    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative - relative.T)))), (4, 4))
+    return int(i), int(j)
+
+
+def _correlated(of: Origin) -> tuple[int, int]:
+    i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(scaled(of.after)), 1))), (4, 4))
+    return int(i), int(j)
 
 
 def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> Origin | None:

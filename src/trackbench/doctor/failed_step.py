@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.doctor.turned import TURNS, rotation, turned_mounting, turned_scene
 from trackbench.models.sensors import SENSOR_MODELS
@@ -55,6 +56,7 @@ class JumpingAngle(NamedTuple):
     fault: str
     evidence: str
     sensor: str | None
+    exhibit: Matrices | None
 
 
 def jumping_angle(make: Make, failure: StepFailed) -> JumpingAngle | None:
@@ -92,9 +94,20 @@ def _azimuth(make: Make, scans: Sequence[Scan], other: Sequence[Scan], k: int, a
     expected = scan._replace(measurement=measurement)
     with_jump = _after(make, scans[:k], expected)
     if _same(with_jump, _after(make, other[:k], turned_mounting(expected, angle)), np.eye(2)):
-        return JumpingAngle("azimuth_not_wrapped", text, scan.sensor)
+        return JumpingAngle("azimuth_not_wrapped", text, scan.sensor, _measured_shown(scan, measurement))
     text += "; the update by its own predicted measurement, without an innovation, is wrong too"
-    return JumpingAngle("angle_mean_not_circular", text, scan.sensor)
+    return JumpingAngle("angle_mean_not_circular", text, scan.sensor, _measured_shown(scan, measurement))
+
+
+def _measured_shown(scan: Scan, predicted: Array) -> Matrices:
+    """The measurement beside the predicted one; the angles are marked."""
+    return Matrices(
+        f"Measurement of {scan.sensor} at {scan.time:.4g} s, where the azimuth jumps",
+        components_of(scan.kind),
+        ("value",),
+        (Panel("measured", scan.measurement[:, None]), Panel("predicted", predicted[:, None], "before")),
+        tuple((i, 0) for i in SENSOR_MODELS[scan.kind].angular),
+    )
 
 
 def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingAngle | None:
@@ -105,7 +118,7 @@ def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingA
         f"turned about the origin by {angle:g} rad the same scans do not break it: the course jumps at pi, first at "
         f"{scans[k].time:.4g} s"
     )
-    return JumpingAngle("azimuth_not_wrapped", text, None)
+    return JumpingAngle("azimuth_not_wrapped", text, None, None)
 
 
 def _near_pi(angle: float) -> bool:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from trackbench.doctor.covariance_origin import indefinite, indefinite_entries, named
+from trackbench.doctor.covariance_origin import indefinite, indefinite_entries, indefinite_shown, named
+from trackbench.doctor.exhibits import Exhibit
 from trackbench.doctor.failed_step import Circumstances, circumstances, jumping_angle, measured
 from trackbench.doctor.findings import Finding
 from trackbench.doctor.output_checks import SINGULAR
@@ -86,9 +87,9 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     named: set[str] = set()
     for where, failure in tried:
         if _overflows(failure) and _in_drive(tracker, where):
-            fault, because, sensor = "too_far_off", "", None
+            fault, because, sensor, exhibit = "too_far_off", "", None, None
         else:
-            fault, because, sensor = _cause(tracker, where, failure) or (_named(failure), "", only)
+            fault, because, sensor, exhibit = _cause(tracker, where, failure) or (_named(failure), "", only, None)
         if fault in named:
             continue
         named.add(fault)
@@ -99,7 +100,8 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
             parts.append(f"{len(group)} steps failed at that line, in {', '.join(places)}")
         # A track that has diverged may fail for that alone.
         confidence = 0.97 if known is None or known.before is None or plausible(known.before) else 0.85
-        yield Finding(fault, confidence, "; ".join(filter(None, parts)), sensor=sensor, shown_by=where)
+        text = "; ".join(filter(None, parts))
+        yield Finding(fault, confidence, text, sensor=sensor, shown_by=where, exhibit=exhibit)
 
 
 def _overflows(failure: StepFailed) -> bool:
@@ -124,8 +126,10 @@ def _named(failure: StepFailed) -> str:
     return "invalid_estimate" if fault.kind == "answer" else "exception_raised"
 
 
-def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> tuple[str, str, str | None] | None:
-    """What the same scans, given again, tell: the fault, the evidence and the sensor."""
+def _cause(
+    tracker: TrackerUnderTest, where: str, failure: StepFailed
+) -> tuple[str, str, str | None, Exhibit | None] | None:
+    """What the same scans, given again, tell: the fault, the evidence, the sensor and the exhibit."""
     if _named(failure) not in OF_NUMBERS or failure.fault.cause.startswith(OF_CODE) or where in SINGULAR:
         return None
     angle = jumping_angle(tracker.make, failure)
@@ -135,7 +139,7 @@ def _cause(tracker: TrackerUnderTest, where: str, failure: StepFailed) -> tuple[
     if found is None:
         return None
     text = f"the covariance first is not positive definite {found.words}: {indefinite_entries(found)}"
-    return named("covariance_not_psd", found), text, None
+    return named("covariance_not_psd", found), text, None, indefinite_shown(found)
 
 
 def _circumstances(tracker: TrackerUnderTest, failure: StepFailed) -> Circumstances | None:

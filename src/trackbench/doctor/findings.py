@@ -9,7 +9,9 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 import yaml
-from pydantic import TypeAdapter
+from pydantic import ConfigDict, TypeAdapter
+
+from trackbench.doctor.exhibits import Exhibit
 
 
 class KnownFault(NamedTuple):
@@ -55,6 +57,10 @@ class Finding:
     """Of that test drive."""
     consequence_of: str | None = None
     """The fault that causes this one."""
+    exhibit: Exhibit | None = field(default=None, compare=False, repr=False)
+    """The numbers of the evidence, for a figure."""
+
+    __pydantic_config__ = ConfigDict(arbitrary_types_allowed=True)
 
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it."""
@@ -71,7 +77,7 @@ class Finding:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Finding:
-        """The finding that :meth:`json` describes, without what shows it.
+        """The finding that :meth:`json` describes, without what shows it and its exhibit.
 
         Raises:
             KeyError: a value is missing.

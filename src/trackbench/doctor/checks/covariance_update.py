@@ -10,10 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Covariances, Gaussian
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.right_answers import named, reduction_shown
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial, TrialUpdate
 from trackbench.stepping.steppers import masked
+from trackbench.types import Array
 
 #: Change of the covariance that is none but rounding, relative to its variances.
 SAME = 1e-6
@@ -76,7 +79,8 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
         f"was predicted: the position has {_predicted_sigma(clearest):.3g} m before and "
         f"{_position_sigma(clearest):.3g} m after ({len(kept)} of {len(updates)} trials)"
     )
-    return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model")
+    exhibit = reduction_shown(clearest.trial, clearest.estimate)
+    return Finding("covariance_not_reduced", 0.97, text, sensor=name, shown_by="own_model", exhibit=exhibit)
 
 
 def _change(update: TrialUpdate) -> float:
@@ -88,9 +92,10 @@ def _change(update: TrialUpdate) -> float:
 
 def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     """The update starts from a covariance that is larger than the predicted one by a step's process noise."""
-    shares = np.array([share for update in updates if (share := _noise_share(tracker, update)) is not None])
-    if len(shares) < 3:
+    found = [(share, update) for update in updates if (share := _noise_share(tracker, update)) is not None]
+    if len(found) < 3:
         return None
+    shares = np.array([share for share, _ in found])
     middle = float(np.median(shares))
     if not TWICE[0] < middle < TWICE[1] or np.mean((shares > TWICE[0]) & (shares < TWICE[1])) < 0.7:
         return None
@@ -99,22 +104,32 @@ def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUp
         f"{1 + middle:.3g} times the process noise of that which the tracker states at a missed scan (median of "
         f"{len(shares)} trials)"
     )
-    return Finding("process_noise_twice", 0.9, text, factor=1 + middle, shown_by="own_model")
+    typical = min(found, key=lambda one: abs(one[0] - middle))[1]
+    exhibit = Covariances(
+        f"Covariance that the update of {name} starts from",
+        named("right: predicted, as stated at a missed scan", typical.trial.prediction),
+        Gaussian("tracker: that of which the update follows", typical.trial.prediction.mean, _started_from(typical)),
+    )
+    return Finding("process_noise_twice", 0.9, text, factor=1 + middle, shown_by="own_model", exhibit=exhibit)
 
 
 def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None:
     """What the update adds to the variance of the velocity, over what the last step added."""
-    trial, used = update.trial, update.used
+    trial = update.trial
     if trial.curvature.max() > CURVED:
         return None
     last = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.session.given[-1].time)), trial.name)
     if last is None:
         return None
-    remaining = np.eye(4) - update.gain[:, used] @ trial.jacobian[used]
-    started_from = np.linalg.pinv(remaining) @ update.estimate.covariance
-    added = float(np.trace((started_from - trial.prediction.covariance)[2:, 2:]))
+    added = float(np.trace((_started_from(update) - trial.prediction.covariance)[2:, 2:]))
     step = float(np.trace((trial.prediction.covariance - last.covariance)[2:, 2:]))
     return added / step if step > SAME * float(np.trace(last.covariance[2:, 2:])) else None
+
+
+def _started_from(update: TrialUpdate) -> Array:
+    """``(4, 4)`` the covariance of which the gain and the updated one follow."""
+    remaining = np.eye(4) - update.gain[:, update.used] @ update.trial.jacobian[update.used]
+    return np.asarray(np.linalg.pinv(remaining) @ update.estimate.covariance)
 
 
 def _position_sigma(update: TrialUpdate) -> float:

@@ -7,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.drives import TestDrive
+from trackbench.doctor.exhibits import Course, OverTime
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.metrics.consistency import mean_bounds
 from trackbench.types import Array, Mask
 
 #: Time at the start of a drive that is not judged, s: with a state of speed and yaw a track that started from one
@@ -131,7 +133,8 @@ def _too_far_off(judged: list[Judged]) -> list[Finding]:
         f"{_rms(worst.errors.distance[within]):.3g} m against {_rms(worst.reference.distance[within]):.3g} m"
         f"{_others(len(off), len(judged))}"
     )
-    return [Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run)]
+    exhibit = _shown(worst, "position", run, begin)
+    return [Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run, exhibit=exhibit)]
 
 
 def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
@@ -149,11 +152,33 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
         f"{begin:.1f} to {begin + SHOWN:.1f} s: NEES {_mean(worst.errors.nees[part][within]):.3g}"
         f"{_others(len({one.drive.name for one, _ in off}), len(judged))}"
     )
+    exhibit, factor = _shown(worst, part, run, begin), 2.0 / max(nees, 1e-12)
     return [
         Finding(
-            "covariance_unbelievable", 0.85, text, factor=2.0 / max(nees, 1e-12), shown_by=worst.drive.name, run=run
+            "covariance_unbelievable",
+            0.85,
+            text,
+            factor=factor,
+            shown_by=worst.drive.name,
+            run=run,
+            exhibit=exhibit,
         )
     ]
+
+
+def _shown(one: Judged, part: str, run: int, begin: float) -> OverTime:
+    """Position error and NEES of a run."""
+    time = one.drive.time
+    low, high = (np.full(len(time), float(bound)) for bound in mean_bounds(2, 1))
+    distance = Course("position error, m", one.errors.distance[:, run], one.reference.distance[:, run])
+    nees = Course(
+        f"NEES of the {part}",
+        one.errors.nees[part][:, run],
+        one.reference.nees[part][:, run],
+        (low, high),
+        "95 % of chi-square with 2 degrees of freedom",
+    )
+    return OverTime(one.drive.config.description, "time, s", time, (distance, nees), (begin, begin + SHOWN))
 
 
 def _compared(nees: float) -> str:

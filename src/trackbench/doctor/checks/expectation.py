@@ -8,6 +8,7 @@ import numpy as np
 
 from trackbench.doctor.checks.systematic import systematic_error
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.right_answers import measurement_shown, update_shown
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
 from trackbench.doctor.wrong_models import WrongModel, wrong_models
@@ -19,6 +20,8 @@ from trackbench.types import Array
 ZERO = 0.75
 #: Standard errors of a tracker's own samples by which it is larger.
 ERRORS = 3.0
+#: Distance from its prediction of the measurement that is drawn where none has an effect, in standard deviations.
+ASIDE = 2.0
 #: Share of the trials in which the innovation of the right model must be zero.
 MOST = 0.85
 
@@ -38,7 +41,8 @@ def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResu
     kind = trials[0].scan.kind
     if not any(_moves(trial, kind) for trial in trials):
         text = f"no measurement of {sensor} moves the estimate, in any of {len(trials)} trials"
-        result.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor))
+        exhibit = update_shown(trials[0], trials[0].predicted_measurement + ASIDE * trials[0].sigma)
+        result.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit))
         result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
         return
     innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
@@ -79,7 +83,8 @@ def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -
         f"{model.description}: of {clearest.description}, {numbers}; the former has no innovation in {share:.0%} of "
         f"{len(trials)} trials, the latter has one"
     )
-    return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name)
+    exhibit = measurement_shown(clearest, used, 0.5)
+    return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name, exhibit=exhibit)
 
 
 def _innovation(trial: Trial, measurement: Array) -> float:

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.doctor.checks.sigma_points import not_redrawn
+from trackbench.doctor.exhibits import STATE, Matrices, Panel, components_of
 from trackbench.doctor.expected_gain import gain_error
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.implied_models import ImpliedModel, SamplingErrors, averaged_models, implied
 from trackbench.doctor.kind_of_filter import learned_offsets
+from trackbench.doctor.right_answers import gain_shown
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
 from trackbench.doctor.units_ratio import LEAST, conversion
@@ -111,7 +113,14 @@ def _jacobian(
         f"the gain implies d {model.components[i]} / d {STATES[j]} = {worst.jacobian[i, j]:.3g}, where "
         f"{worst.trial.jacobian[i, j]:.3g} is right (px, py, vx, vy = {at}); {text}"
     )
-    return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by)]
+    exhibit = Matrices(
+        f"Jacobian of {sensor}: {worst.trial.description}",
+        components_of(worst.trial.scan.kind),
+        STATE,
+        (Panel("implied by the gain", worst.jacobian), Panel("right", worst.trial.jacobian, "right")),
+        ((i, j),),
+    )
+    return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by, exhibit=exhibit)]
 
 
 def _unit_of_row(size: Array) -> str:
@@ -151,7 +160,8 @@ def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confiden
         f"the stated noise give, linearised or by the moments of the Gaussian, whichever is nearer: "
         f"{', '.join(numbers)} (px, py, vx, vy = {at}); as a Jacobian, {text}"
     )
-    return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name)
+    exhibit = gain_shown(row.trial, applied, right)
+    return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name, exhibit=exhibit)
 
 
 def _apart(row: ImpliedModel, i: int) -> float:
@@ -184,12 +194,15 @@ def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) ->
                 f"the gains imply {factors[i]:.4g} times the stated variance of the {model.components[i]}, near "
                 f"{unit.formula} = {unit.exact:.4g}: a standard deviation {words}"
             )
-            return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=float(factors[i]))]
+            exhibit = _noise_shown(sensor, rows[0].trial, factors, np.array([i]))
+            factor = float(factors[i])
+            return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=factor, exhibit=exhibit)]
     known = factors[np.isfinite(factors)]
     if len(known) > 1 and np.all(np.abs(known - 2.0) < TWICE):
         text = f"the gains imply {', '.join(f'{one:.3g}' for one in known)} times the stated variances of {sensor}: "
         text += "the measurement noise is added to the innovation covariance twice"
-        return [Finding("measurement_noise_twice", 0.9, text, sensor=sensor, factor=2.0)]
+        exhibit = _noise_shown(sensor, rows[0].trial, factors, np.flatnonzero(np.isfinite(factors)))
+        return [Finding("measurement_noise_twice", 0.9, text, sensor=sensor, factor=2.0, exhibit=exhibit)]
     found = []
     for fault, wrong, words in (
         ("r_too_small", factors < 1 / band, "smaller"),
@@ -207,8 +220,22 @@ def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) ->
             f"(standard deviations: {parts}){_unit_of_noise(noise, sigma, np.flatnonzero(wrong), model)}"
         )
         confidence = min(0.98, 0.6 + 0.2 * abs(np.log(factor)) / np.log(4))
-        found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor))
+        exhibit = _noise_shown(sensor, rows[0].trial, factors, np.flatnonzero(wrong))
+        found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor, exhibit=exhibit))
     return found
+
+
+def _noise_shown(sensor: str, trial: Trial, factors: Array, wrong: Indices) -> Matrices:
+    return Matrices(
+        f"Standard deviations of {sensor}",
+        components_of(trial.scan.kind),
+        ("sigma",),
+        (
+            Panel("implied by the gains", (np.sqrt(factors) * trial.sigma)[:, None]),
+            Panel("stated", trial.sigma[:, None], "right"),
+        ),
+        tuple((int(i), 0) for i in wrong),
+    )
 
 
 def _unit_of_noise(noise: Array, sigma: Array, wrong: Indices, model: type[Sensor]) -> str:

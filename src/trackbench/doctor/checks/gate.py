@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Course, OverTime
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
 from trackbench.doctor.session import finite
@@ -30,8 +31,13 @@ class Return(NamedTuple):
     """m from the prediction."""
     sigma: float
     """Standard deviation of the predicted position, m."""
-    left: float
-    """Least distance of the estimate in the time after the gap, m."""
+    distances: list[float]
+    """Of the estimate from the target in the time after the gap, m, from the prediction on."""
+
+    @property
+    def left(self) -> float:
+        """The least of them."""
+        return min(self.distances)
 
 
 def gate(tracker: TrackerUnderTest) -> PartResult:
@@ -49,8 +55,19 @@ def gate(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult([CheckResult("gate", question, not lost, text)])
     if lost:
         text += f"; its prediction stated a standard deviation of {worst.sigma:.3g} m"
-        result.findings.append(Finding("gate_never_reopens", 0.95, text, shown_by="gap_in_a_turn"))
+        exhibit = _shown(worst)
+        result.findings.append(Finding("gate_never_reopens", 0.95, text, shown_by="gap_in_a_turn", exhibit=exhibit))
     return result
+
+
+def _shown(one: Return) -> OverTime:
+    distance = np.array(one.distances)
+    taken_up = np.full(len(distance), (1.0 - TAKEN_UP) * one.away)
+    course = Course(
+        "distance from the target, m", distance, None, (np.zeros(len(distance)), taken_up), "taken up again"
+    )
+    time = 0.1 * np.arange(len(distance))
+    return OverTime(f"After a gap of {GAP:g} s: {one.probe.description}", "time of measurements, s", time, (course,))
 
 
 def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
@@ -69,16 +86,16 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
         sigma = float(np.sqrt(max(0.0, np.trace(predicted.covariance[:2, :2]))))
         away = max(LEAST, FAR * sigma)
         elsewhere = _moved(probe, predicted.mean[:2] - probe.truth(GAP)[:2], away)
-        left = away
+        distances = [away]
         for k in range(1, int(AFTER * 10) + 1):
             time = GAP + 0.1 * k
             for name in sensor_set:
                 estimate = session.step(elsewhere.scan(name, tracker.sensors[name], time))
             if estimate is not None and finite(estimate):
-                left = min(left, float(np.hypot(*(estimate.mean - elsewhere.truth(time))[:2])))
-            if left < (1.0 - TAKEN_UP) * away:
+                distances.append(float(np.hypot(*(estimate.mean - elsewhere.truth(time))[:2])))
+            if distances[-1] < (1.0 - TAKEN_UP) * away:
                 break
-        return Return(probe, away, sigma, left)
+        return Return(probe, away, sigma, distances)
     return None
 
 

@@ -6,10 +6,13 @@ from itertools import permutations
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Predictions
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
+from trackbench.doctor.right_answers import named, update_shown
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.doctor.trial import Trial
 from trackbench.stepping.steppers import masked
 from trackbench.types import Array, Scan
 
@@ -55,8 +58,29 @@ def _same_instant(tracker: TrackerUnderTest) -> PartResult:
         f"({len(kept[dropped[0]])} of {len(kept[dropped[0]])} trials); it does if it comes alone"
     )
     sensor = second if len({pair[1] for pair in dropped}) == 1 else None
-    finding = Finding("second_measurement_dropped", 0.98, text, sensor=sensor, shown_by="uneven_steps")
+    finding = Finding(
+        "second_measurement_dropped",
+        0.98,
+        text,
+        sensor=sensor,
+        shown_by="uneven_steps",
+        exhibit=_dropped_shown(tracker, first, second),
+    )
     return PartResult([CheckResult("same_instant", question, False, text)], [finding])
+
+
+def _dropped_shown(tracker: TrackerUnderTest, first: str, second: str) -> Predictions | None:
+    """The update by the second measurement, beside the first one, and the right one."""
+    probe = tracker.probes.general[0]
+    session = tracker.session_at(probe, tracker.sensor_sets()[-1])
+    before, scan = (probe.scan(name, tracker.sensors[name], 0.0) for name in (first, second))
+    with tracker.recording_failures(probe.name):
+        after = None if session is None else session.copy()
+        estimate = None if after is None else after.step(before)
+        if after is not None and estimate is not None and finite(estimate):
+            trial = Trial(probe.name, probe.description, scan, estimate, after)
+            return update_shown(trial, _beside(scan).measurement)
+    return None
 
 
 def _counts(tracker: TrackerUnderTest, probe: Probe, session: TrackerSession, first: str, second: str) -> bool | None:
@@ -73,11 +97,14 @@ def _counts(tracker: TrackerUnderTest, probe: Probe, session: TrackerSession, fi
 
 def _moves(session: TrackerSession, scan: Scan) -> float | None:
     """How far the estimates are apart after a measurement and after another one beside it, m and m/s."""
-    beside = scan._replace(measurement=scan.measurement + ASIDE * np.sqrt(np.diag(scan.noise_covariance)))
-    one, other = session.peek(scan), session.peek(beside)
+    one, other = session.peek(scan), session.peek(_beside(scan))
     if one is None or other is None or not (finite(one) and finite(other)):
         return None
     return float(np.abs(one.mean - other.mean).max())
+
+
+def _beside(scan: Scan) -> Scan:
+    return scan._replace(measurement=scan.measurement + ASIDE * np.sqrt(np.diag(scan.noise_covariance)))
 
 
 def _same_time(tracker: TrackerUnderTest) -> PartResult:
@@ -85,6 +112,7 @@ def _same_time(tracker: TrackerUnderTest) -> PartResult:
     question = "Is the estimate of one instant the same, whichever sensor's scan asks for it?"
     names = tuple(tracker.sensors)
     lags: dict[str, list[float]] = {name: [] for name in names[1:]}
+    shown: dict[str, Predictions] = {}
     for probe in tracker.probes.general:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         if session is None:
@@ -95,6 +123,9 @@ def _same_time(tracker: TrackerUnderTest) -> PartResult:
             for name, estimate in zip(names[1:], estimates[1:], strict=True):
                 if estimate is not None and estimates[0] is not None and finite(estimate) and finite(estimates[0]):
                     lags[name] += _lag(estimates[0].mean, estimate.mean)
+                    title = f"Estimate of one instant, asked for by two sensors: {probe.description}"
+                    own, other = named(f"by a scan of {name}", estimate), named(f"by one of {names[0]}", estimates[0])
+                    shown.setdefault(name, Predictions(title, None, own, other))
     known = {name: np.array(found) for name, found in lags.items() if len(found) >= 3}
     if not known:
         return PartResult([CheckResult("same_time", question, None, "there was no moving estimate")])
@@ -105,7 +136,8 @@ def _same_time(tracker: TrackerUnderTest) -> PartResult:
     result = PartResult([CheckResult("same_time", question, not apart, text)])
     if apart:
         words = f"{text} (median of {len(known[name])} trials): the times of one of the two sensors are off by that"
-        result.findings.append(Finding("time_offset", 0.97, words, shown_by="tangential_pass"))
+        finding = Finding("time_offset", 0.97, words, shown_by="tangential_pass", exhibit=shown[name])
+        result.findings.append(finding)
     return result
 
 

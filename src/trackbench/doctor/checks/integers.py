@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trackbench.doctor.exhibits import STATE, Matrices, Panel, state_matrices
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import with_noise
 from trackbench.doctor.session import TrackerSession
@@ -14,6 +15,8 @@ from trackbench.types import Array
 
 #: Number of measurements of a track.
 LENGTH = 12
+#: Number of estimates that are drawn.
+SHOWN = 4
 
 
 def integers(tracker: TrackerUnderTest) -> PartResult:
@@ -36,22 +39,34 @@ def integers(tracker: TrackerUnderTest) -> PartResult:
                 started = True
     if not means:
         return PartResult([CheckResult("integers", question, None, "there was no estimate")])
-    found = None
+    found, exhibit = None, None
     if _whole([mean[:2] for mean in means]):
         found = f"the positions of all {len(means)} estimates are whole numbers, such as {_numbers(means[-1][:2])} m"
+        exhibit = _means_shown("Last estimates", means)
     elif _whole([covariance[:2, :2] for covariance in covariances]) and not _constant(covariances):
         variances = _numbers(np.diag(covariances[-1])[:2])
         found = (
             f"the covariances of all {len(means)} estimates are whole numbers, such as {variances} m^2 of the position"
         )
+        marked = tuple((i, j) for i in (0, 1) for j in (0, 1))
+        exhibit = state_matrices("Covariance of an estimate", (Panel("tracker", covariances[-1]),), marked)
     elif len(first) > 1 and _whole([mean[:2] for mean in first]):
         found = f"the first positions of all {len(first)} tracks are whole numbers, such as {_numbers(first[-1][:2])} m"
+        exhibit = _means_shown("First estimates of tracks", first)
     text = found or f"the positions and covariances of {len(means)} estimates are not whole numbers"
     result = PartResult([CheckResult("integers", question, found is None, text)])
     if found is not None:
         shown_by = tracker.probes.general[0].name
-        result.findings.append(Finding("integer_state_matrix", 0.98, f"{found}: truncated", shown_by=shown_by))
+        finding = Finding("integer_state_matrix", 0.98, f"{found}: truncated", shown_by=shown_by, exhibit=exhibit)
+        result.findings.append(finding)
     return result
+
+
+def _means_shown(title: str, means: Sequence[Array]) -> Matrices:
+    shown = np.array(means[-SHOWN:]).T
+    columns = tuple(f"no. {len(means) - shown.shape[1] + k + 1}" for k in range(shown.shape[1]))
+    marked = tuple((i, k) for i in (0, 1) for k in range(shown.shape[1]))
+    return Matrices(title, STATE, columns, (Panel("tracker", shown),), marked)
 
 
 def _whole(values: Sequence[Array]) -> bool:

@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Predictions
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
+from trackbench.doctor.right_answers import named
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.stepping.steppers import masked
-from trackbench.types import Array
+from trackbench.types import Array, Estimate
 
 #: A late scan is older than the latest one by its sensor's latency, within these, s.
 LEAST, MOST = 0.1, 0.5
@@ -48,7 +50,10 @@ def late(tracker: TrackerUnderTest) -> PartResult:
         )
         result.checks.append(CheckResult(f"late.{name}", question, not faulty, text))
         if faulty:
-            result.findings.append(Finding("late_processed_as_new", 0.95, text, sensor=name, shown_by=shown.probe.name))
+            where, exhibit = shown.probe.name, shown.exhibit(age)
+            result.findings.append(
+                Finding("late_processed_as_new", 0.95, text, sensor=name, shown_by=where, exhibit=exhibit)
+            )
     return result
 
 
@@ -60,6 +65,14 @@ class _Moves(NamedTuple):
     """Given late."""
     new: Array
     """Given as if it were new."""
+    estimates: tuple[Estimate, Estimate]
+    """Without the scan, and with it given late."""
+
+    def exhibit(self, age: float) -> Predictions:
+        """The estimate with the late scan beside that without it, from which it should hardly differ."""
+        without, after = self.estimates
+        title = f"After a scan that is older by {age:g} s: {self.probe.description}"
+        return Predictions(title, None, named("tracker", after), named("without the scan", without))
 
 
 def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _Moves | None:
@@ -76,13 +89,11 @@ def _moves(tracker: TrackerUnderTest, probe: Probe, name: str, age: float) -> _M
     before, after, new = session.copy(), session.copy(), session.copy()
     after.step(old)
     new.step(old._replace(time=latest))
-    plain, late, as_new = (_position(one, probe, name, tracker) for one in (before, after, new))
+    plain, late, as_new = (_at_zero(one, probe, name, tracker) for one in (before, after, new))
     if plain is None or late is None or as_new is None:
         return None
-    return _Moves(probe, late - plain, as_new - plain)
+    return _Moves(probe, late.mean[:2] - plain.mean[:2], as_new.mean[:2] - plain.mean[:2], (plain, late))
 
 
-def _position(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Array | None:
-    """``(2,)`` m at time 0."""
-    estimate = session.step(masked(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))
-    return None if estimate is None else estimate.mean[:2]
+def _at_zero(session: TrackerSession, probe: Probe, name: str, tracker: TrackerUnderTest) -> Estimate | None:
+    return session.step(masked(probe.scan(name, tracker.sensors[name], 0.0))._replace(asked=True))

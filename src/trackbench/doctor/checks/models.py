@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -33,6 +34,7 @@ class WorstEntry(NamedTuple):
     text: str
     sensor: str | None
     probe: str
+    exhibit: Matrices
 
 
 def models(tracker: TrackerUnderTest) -> PartResult:
@@ -47,8 +49,13 @@ def models(tracker: TrackerUnderTest) -> PartResult:
     worst = max(entries, key=lambda entry: entry.size)
     passed = worst.size < TOLERANCE
     text = f"the largest difference from finite differences in {len(entries)} Jacobians: {worst.text}"
-    findings = [] if passed else [Finding("jacobian_wrong", 0.98, text, sensor=worst.sensor, shown_by=worst.probe)]
-    return PartResult([CheckResult("models", question, passed, text)], findings)
+    result = PartResult([CheckResult("models", question, passed, text)])
+    if not passed:
+        fault = "jacobian_wrong"
+        result.findings.append(
+            Finding(fault, 0.98, text, sensor=worst.sensor, shown_by=worst.probe, exhibit=worst.exhibit)
+        )
+    return result
 
 
 def _has(tracker: TrackerUnderTest, name: str) -> bool:
@@ -76,7 +83,16 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
             i, j = np.unravel_index(int(np.argmax(apart)), apart.shape)
             text = f"d {name}[{i}] / d x[{j}] = {provided[i, j]:.4g}, where {found[i, j]:.4g} is right "
             text += f"({probe.description})" + _unit(provided[i], found[i])
-            yield WorstEntry(float(apart[i, j]), text, sensor if name == "measurement" else None, probe.name)
+            exhibit = Matrices(
+                f"Jacobian of the {name}: {probe.description}",
+                components_of(scan.kind)
+                if name == "measurement"
+                else tuple(f"{name}[{k}]" for k in range(len(provided))),
+                tuple(f"x[{k}]" for k in range(provided.shape[1])),
+                (Panel("provided", provided), Panel("finite differences", found, "right")),
+                ((int(i), int(j)),),
+            )
+            yield WorstEntry(float(apart[i, j]), text, sensor if name == "measurement" else None, probe.name, exhibit)
 
 
 def _unit(provided: Array, found: Array) -> str:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import STATE, Matrices, Panel
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -68,7 +69,11 @@ def output(tracker: TrackerUnderTest) -> PartResult:
         mean, truth = pairs[0]
         text = f"{found.description}: the target is at {_numbers(truth)} and the estimate is {_numbers(mean)}, "
         text += f"and likewise for all {len(pairs)} targets"
-        result.findings.append(Finding(found.fault, 0.98, text, shown_by=tracker.probes.general[0].name))
+        panels = (Panel("tracker", mean[:, None]), Panel("true", truth[:, None], "right"))
+        marked = tuple((int(i), 0) for i in np.flatnonzero(np.abs(mean - truth) > NEAR))
+        exhibit = Matrices(f"Estimate of {tracker.probes.general[0].description}", STATE, ("value",), panels, marked)
+        shown_by = tracker.probes.general[0].name
+        result.findings.append(Finding(found.fault, 0.98, text, shown_by=shown_by, exhibit=exhibit))
     return result
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
+from trackbench.doctor.exhibits import Matrices, Panel, Predictions
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, probe_rate
+from trackbench.doctor.right_answers import named, predicted
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.units_ratio import FAR_APART, conversion
@@ -21,6 +24,8 @@ STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
 SHORT = 0.01
+#: Longest step that is drawn: the one after it turns a track of a turning model, s.
+SHOWN = 0.4
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
 #: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
@@ -29,6 +34,8 @@ LATER, MISSED = 0.4, 0.25
 #: Bounds of the growth of the position's covariance, relative to constant velocity. Correct trackers have 0.67 to 1.5,
 #: because their models turn or accelerate.
 GROWTH = (0.45, 2.2)
+#: Time over which the growth is examined, s.
+SPREAD_OVER = 0.1
 #: Standard deviation of the velocity over the speed below which the growth is examined.
 KNOWN = 0.35
 
@@ -42,15 +49,27 @@ class PredictedStep(NamedTuple):
     """Displacement along the velocity over the speed, s: the step that the tracker used."""
     previous: float
     """The step before it, s."""
+    before: Estimate
+    after: Estimate
+
+    @property
+    def shown(self) -> Predictions:
+        """The prediction beside the right one."""
+        return Predictions(
+            f"Prediction over {self.step:g} s",
+            named("before", self.before),
+            named(f"tracker, {self.step:g} s later", self.after),
+            predicted(self.before, self.step),
+        )
 
 
 def prediction(tracker: TrackerUnderTest) -> PartResult:
     """Predict over steps of several lengths, each after previous steps of two lengths."""
     question = "Is the estimate predicted by its velocity times the time step?"
-    predicted = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
-    if len(predicted) < len(STEPS):
+    steps = [one for probe in tracker.probes.general[:2] for one in _predicted_steps(tracker, probe)]
+    if len(steps) < len(STEPS):
         return PartResult([CheckResult("prediction", question, None, "there was no moving estimate to predict")])
-    step, moved, previous = (np.array(column) for column in zip(*predicted, strict=True))
+    step, moved, previous = (np.array([one[i] for one in steps]) for i in range(3))
     wrong = np.abs(moved - step) > TOLERANCE * np.maximum(step, 0.02)
     ratios = moved / step
     text = (
@@ -59,6 +78,9 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
     )
     passed = float(np.mean(wrong)) < 0.1
     finding = None if passed else _explained(tracker, step, moved, previous)
+    if finding is not None:
+        clearest = max(steps, key=lambda one: one.step if one.step <= SHOWN else 0.0)
+        finding = replace(finding, exhibit=clearest.shown)
     return PartResult([CheckResult("prediction", question, passed, text)], [] if finding is None else [finding])
 
 
@@ -146,7 +168,7 @@ def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedS
                 # A velocity in another unit may be small.
                 if speed > 1.0 or (speed > 1e-6 and np.hypot(*displacement) > 0.05):
                     moved = displacement @ first.mean[2:] / speed**2
-                    found.append(PredictedStep(step, float(moved), previous))
+                    found.append(PredictedStep(step, float(moved), previous, first, later))
     return found
 
 
@@ -156,7 +178,7 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
     Of any motion model ``d P_pp = t (P_pv + P_vp) + t^2 P_vv`` to first order, and ``d P_pv = t P_vv``.
     """
     question = "Does the uncertainty of the velocity spread to the position?"
-    ratios: list[tuple[float, float, Probe]] = []
+    ratios: list[tuple[float, float, Array, Probe]] = []
     for probe in tracker.probes.general[:4]:
         for name in tracker.sensors:
             ratios += [(*ratio, probe) for ratio in _growth(tracker, probe, name)]
@@ -177,22 +199,41 @@ def spreading(tracker: TrackerUnderTest) -> PartResult:
             f"the covariance of position and velocity grows {worst[0]:.2g} to {worst[1]:.2g} times as much as the "
             f"uncertain velocity causes: {where} (d px / d vx = dt) is wrong"
         )
-        result.findings.append(Finding("jacobian_wrong", 0.9, text, shown_by=worst[2].name))
+        exhibit = _block_shown(worst[2], worst[3])
+        result.findings.append(Finding("jacobian_wrong", 0.9, text, shown_by=worst[3].name, exhibit=exhibit))
     return result
 
 
-def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[float, float]]:
+def _block_shown(block: Array, probe: Probe) -> Matrices:
+    right = SPREAD_OVER * np.eye(2)
+    i, j = np.unravel_index(int(np.argmax(np.abs(block - right))), (2, 2))
+    return Matrices(
+        f"Jacobian of the prediction over {SPREAD_OVER:g} s: {probe.description}",
+        ("px, m", "py, m"),
+        ("vx, m/s", "vy, m/s"),
+        (Panel("implied by the covariances", block), Panel("right", right, "right")),
+        ((int(i), int(j)),),
+    )
+
+
+def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[float, float, Array]]:
     sensor, session = tracker.sensors[name], TrackerSession(tracker.make)
     rate = probe_rate(sensor)
-    found: list[tuple[float, float]] = []
+    found: list[tuple[float, float, Array]] = []
     with tracker.recording_failures(probe.name):
         for k in range(12):
             session.step(probe.scan(name, sensor, k / rate - 2.0))
             now = session.peek(masked(probe.scan(name, sensor, k / rate - 2.0)))
-            then = session.peek(masked(probe.scan(name, sensor, k / rate - 1.9)))
+            then = session.peek(masked(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
             if k >= 4 and now is not None and then is not None and finite(now) and finite(then) and _known(now):
-                found.append(_ratios(now, then, 0.1))
+                found.append((*_ratios(now, then, SPREAD_OVER), _block(now, then)))
     return found
+
+
+def _block(now: Estimate, then: Estimate) -> Array:
+    """``(2, 2)`` d position / d velocity, of a white acceleration: the velocity's variance is its mean over the step."""
+    grown = (then.covariance - now.covariance)[:2, 2:]
+    return np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
 
 
 def _known(estimate: Estimate) -> bool:

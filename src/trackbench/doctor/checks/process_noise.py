@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Course, OverTime
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.stepping.steppers import masked
-from trackbench.types import Estimate
+from trackbench.types import Array, Estimate
 
 #: Growth of the standard deviation of a road vehicle's speed in 1 s without measurements, at 20 steps a second, m/s.
 #: White accelerations of 0.5 and 18 m/s^2 cause these: the rule of half to all of the largest acceleration (Bar-Shalom,
@@ -39,10 +40,11 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
     found = _growths(tracker, alone) or _growths(tracker, [tuple(tracker.sensors)])
     if not found:
         return PartResult([CheckResult("process_noise", question, None, "there was no estimate to predict")])
-    growth = float(np.median(found))
+    growth = float(np.median([one[-1] for one in found]))
     if growth < NONE:
-        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {max(found):.2g} m/s)"
-        finding = Finding("process_noise_omitted", 0.97, text, shown_by=tracker.probes.general[0].name)
+        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {max(one[-1] for one in found):.2g} m/s)"
+        shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
+        finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by, exhibit=exhibit)
         return PartResult([CheckResult("process_noise", question, False, text)], [finding])
     equal = growth / np.sqrt(STEP)
     text = (
@@ -64,9 +66,24 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
                 text,
                 factor=(growth / REFERENCE) ** 2,
                 shown_by=tracker.probes.general[0].name,
+                exhibit=_growth_shown(found),
             )
         )
     return result
+
+
+def _growth_shown(found: Sequence[Array]) -> OverTime:
+    """The growth beside the reference's; the variances of white accelerations are in proportion to the time."""
+    time = STEP * np.arange(len(found[0]))
+    low, high = (bound * np.sqrt(time) for bound in BAND)
+    course = Course(
+        "growth of the speed's sigma, m/s",
+        np.median(found, axis=0),
+        REFERENCE * np.sqrt(time),
+        (low, high),
+        f"fits road vehicles: {BAND[0]:g} to {BAND[1]:g} m/s in 1 s",
+    )
+    return OverTime("Growth of the uncertainty without measurements", "time without a measurement, s", time, (course,))
 
 
 def _per_step(tracker: TrackerUnderTest) -> PartResult:
@@ -93,8 +110,17 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
     )
     result = PartResult([CheckResult("noise_per_step", question, share < CONSTANT, text)])
     if share >= CONSTANT:
-        result.findings.append(Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps"))
+        exhibit = _steps_shown(pairs[0])
+        result.findings.append(Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps", exhibit=exhibit))
     return result
+
+
+def _steps_shown(pair: tuple[float, float]) -> OverTime:
+    step = np.array(STEPS)
+    course = Course("growth of the velocity's variance, m²/s²", np.array(pair), pair[1] * step / step[1])
+    return OverTime(
+        "Process noise of a step", "length of the step, s", step, (course,), right_name="in proportion to the step"
+    )
 
 
 def _faded(before: Estimate, after: Estimate) -> bool:
@@ -104,7 +130,7 @@ def _faded(before: Estimate, after: Estimate) -> bool:
     return float(np.linalg.norm(grown - share * p)) < ONLY * float(np.linalg.norm(grown))
 
 
-def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[float]:
+def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[Array]:
     return [
         one
         for probe in tracker.probes.general[:3]
@@ -113,7 +139,8 @@ def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) 
     ]
 
 
-def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> float | None:
+def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Array | None:
+    """``(21,)`` of the standard deviation of the speed, m/s, at steps of 0.05 s."""
     session = tracker.session_at(probe, sensor_set)
     if session is None:
         return None
@@ -122,9 +149,9 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         session = session.copy()
         scans = (masked(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
         estimates = [session.step(scan) for scan in scans]
-        first, last = estimates[0], estimates[-1]
-        if first is not None and last is not None and finite(first) and finite(last):
-            return float(np.sqrt(max(0.0, _speed_variance(last) - _speed_variance(first))))
+        variances = np.array([np.nan if one is None or not finite(one) else _speed_variance(one) for one in estimates])
+        if np.isfinite(variances[[0, -1]]).all():
+            return np.asarray(np.sqrt(np.maximum(0.0, variances - variances[0])))
     return None
 
 

@@ -13,11 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench import linalg
+from trackbench.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.doctor.expected_gain import gain_error, linearised_gain
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.kind_of_filter import after_gap
 from trackbench.doctor.probes import Probe, probe_rate
+from trackbench.doctor.right_answers import gain_shown
 from trackbench.doctor.session import TrackerSession, finite
+from trackbench.doctor.shown_points import points_shown
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
 from trackbench.stepping.steppers import masked
@@ -143,7 +146,9 @@ def _weights(found: Sequence[Unmoved], text: str) -> Finding | None:
         return None
     factor = float(np.median(factors))
     words = f"{text}: the weights of the mean sum to {factor:.4g}"
-    return Finding("sigma_weights_wrong", 0.98, words, factor=factor, shown_by=found[0].probe.name)
+    first = found[0]
+    exhibit = points_shown(first.before, first.after, weights=factor)
+    return Finding("sigma_weights_wrong", 0.98, words, factor=factor, shown_by=first.probe.name, exhibit=exhibit)
 
 
 def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | None:
@@ -156,9 +161,11 @@ def _shape(tracker: TrackerUnderTest, found: Sequence[Unmoved]) -> Finding | Non
     ratio = np.diag(one.after.covariance) / np.diag(one.before.covariance)
     numbers = ", ".join(f"{state} {value:.3g}" for state, value in zip(("px", "py", "vx", "vy"), ratio, strict=True))
     text = f"over {NO_TIME:g} s the variances are multiplied by different factors: {numbers} ({one.probe.description})"
-    if _from_rows(one):
+    rows = _from_rows(one)
+    if rows:
         text += "; it becomes L^T L of the lower Cholesky factor L: the points lie along its rows"
-    return Finding("sigma_points_misdrawn", 0.96, text, shown_by=one.probe.name)
+    exhibit = points_shown(one.before, one.after, rows=rows)
+    return Finding("sigma_points_misdrawn", 0.96, text, shown_by=one.probe.name, exhibit=exhibit)
 
 
 def _from_rows(one: Unmoved) -> bool:
@@ -177,7 +184,9 @@ def _spread(tracker: TrackerUnderTest, found: Sequence[Unmoved], text: str) -> F
     if not all(one.still for one in found) or np.median([one.covariance_apart for one in found]) > 2 * COVARIANCE:
         return None
     words = f"{text}: the points lie {np.sqrt(factor):.3g} times as far from their mean as their weights are made for"
-    return Finding("sigma_spread_wrong", 0.95, words, factor=factor, shown_by=found[0].probe.name)
+    typical = min(found, key=lambda one: abs(one.covariance - factor))
+    exhibit = points_shown(typical.before, typical.after)
+    return Finding("sigma_spread_wrong", 0.95, words, factor=factor, shown_by=typical.probe.name, exhibit=exhibit)
 
 
 def _first_gains(tracker: TrackerUnderTest, probe: Probe, name: str) -> Iterator[tuple[Trial, Array, Array]]:
@@ -211,12 +220,20 @@ def _omitted(gains: Sequence[tuple[Trial, Array, Array]]) -> Finding | None:
         f"a measurement of {trial.scan.sensor} moves the predicted one by {applied.min():.4g} of the innovation, "
         f"where {right.min():.3g} to {right.max():.3g} is right with the stated noise: as if there were no noise"
     )
-    return Finding("measurement_noise_omitted", 0.97, text, shown_by=trial.name)
+    exhibit = Matrices(
+        f"Share of the innovation of {trial.scan.sensor} that the estimate follows: {trial.description}",
+        components_of(trial.scan.kind)[:2],
+        ("share",),
+        (Panel("tracker", applied[:, None]), Panel("right", right[:, None], "right")),
+        ((0, 0), (1, 0)),
+    )
+    return Finding("measurement_noise_omitted", 0.97, text, shown_by=trial.name, exhibit=exhibit)
 
 
 def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
     """That the gain is right at once after a measurement, and without the process noise after a gap, if it is so."""
     errors: dict[float, list[float]] = {AT_ONCE: [], LATER: []}
+    worst: tuple[float, Matrices] | None = None
     for probe in tracker.probes.general:
         for sensor_set in tracker.sensor_sets():
             session = tracker.session_at(probe, sensor_set)
@@ -224,7 +241,10 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
                 trial = None if session is None else after_gap(tracker, probe, sensor, session, gap)
                 update = None if trial is None or not trial.usable else trial.update(trial.predicted_measurement)
                 if trial is not None and update is not None:
-                    found.append(gain_error(trial, update.gain)[0])
+                    error, right = gain_error(trial, update.gain)
+                    found.append(error)
+                    if gap == LATER and (worst is None or error > worst[0]):
+                        worst = (error, gain_shown(trial, update.gain, right))
     if min(len(found) for found in errors.values()) < 3:
         return None
     at_once, later = (float(np.median(found)) for found in errors.values())
@@ -234,4 +254,5 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
         f"the gain is that of the predicted covariance at {AT_ONCE:g} s after a measurement (within {at_once:.1%}) "
         f"and off by {later:.0%} at {LATER:g} s: the update goes on with points in which the process noise is missing"
     )
-    return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=tracker.probes.general[0].name)
+    shown_by, exhibit = tracker.probes.general[0].name, None if worst is None else worst[1]
+    return Finding("sigma_points_not_redrawn", 0.95, text, sensor=sensor, shown_by=shown_by, exhibit=exhibit)

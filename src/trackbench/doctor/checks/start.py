@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.exhibits import Gaussian, Points, Predictions, Ring
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, ProbeObserver, probe_rate, with_noise
+from trackbench.doctor.right_answers import named
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.models.sensors import SENSOR_MODELS
@@ -101,7 +103,19 @@ def _polar(name: str, started: list[FirstEstimate]) -> list[Finding]:
         f"at px {estimate.mean[0]:.4g}, py {estimate.mean[1]:.4g}; the target is at {truth[0]:.4g}, {truth[1]:.4g} "
         f"({len(best)} of {len(started)} tracks)"
     )
-    return [Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name)]
+    exhibit = _first_shown(best[0])
+    return [Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name, exhibit=exhibit)]
+
+
+def _first_shown(first: FirstEstimate) -> Predictions:
+    """The first estimate beside the measured position and the true velocity."""
+    position = SENSOR_MODELS[first.scan.kind].position(first.scan)
+    covariance = np.full((4, 4), np.nan)
+    covariance[:2, :2] = position.covariance
+    right = Gaussian("measured position, true velocity", np.concatenate([position.mean, first.truth[2:]]), covariance)
+    return Predictions(
+        f"First estimate of a track: {first.probe.description}", None, named("tracker", first.estimate), right
+    )
 
 
 def _position(first: FirstEstimate, relative: bool) -> Array:
@@ -127,7 +141,8 @@ def _reversed(name: str, started: list[FirstEstimate]) -> list[Finding]:
         f"{estimate.mean[3]:.3g}: it is reversed for all {len(wrong)} targets that move toward -x, and for none of the "
         f"other {len(known) - len(wrong)}"
     )
-    return [Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name)]
+    exhibit = _first_shown(wrong[0])
+    return [Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name, exhibit=exhibit)]
 
 
 def confidence(tracker: TrackerUnderTest) -> PartResult:
@@ -135,6 +150,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
     question = "Is the first covariance as large as the first errors?"
     random = np.random.default_rng([tracker.seed, 0])
     nees: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
+    errors: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
     for _ in range(STARTS):
         bearing, course = random.uniform(-np.pi, np.pi, 2)
         distance, speed = random.uniform(15.0, 60.0), random.uniform(3.0, 20.0)
@@ -152,6 +168,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
             tracker.output_checks.add(first.estimate, first.scan, probe.name, first.given)
             if finite(first.estimate):
                 nees[name].append(_nees(first))
+                errors[name].append(_normalised(first))
     known = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}
     if not known:
         return PartResult([CheckResult("start_confidence", question, None, "no track started")])
@@ -165,8 +182,24 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
     if over:
         name = max(over, key=lambda item: over[item])
         shown_by = tracker.probes.general[0].name
-        result.findings.append(Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by))
+        exhibit = _errors_shown(name, np.array(errors[name]), int(np.argmax(means[name][1])))
+        finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by, exhibit=exhibit)
+        result.findings.append(finding)
     return result
+
+
+def _errors_shown(name: str, errors: Array, part: int) -> Points:
+    """First errors ``(tracks, 4)`` in their stated standard deviations; of the position (0) or of the velocity (1)."""
+    axes = (("px error, sigma", "py error, sigma"), ("vx error, sigma", "vy error, sigma"))[part]
+    ring = Ring("2 sigma: 86 % within", np.zeros(2), np.eye(2), 2.0)
+    shown = errors[:, 2 * part : 2 * part + 2].T
+    return Points(f"Errors of first estimates from {name}", axes, f"{shown.shape[1]} tracks", shown, None, ring)
+
+
+def _normalised(first: FirstEstimate) -> Array:
+    """``(4,)`` the first error, each component in its stated standard deviations."""
+    sigma = np.sqrt(np.maximum(np.diag(first.estimate.covariance), np.finfo(float).tiny))
+    return np.asarray((first.estimate.mean - first.truth) / sigma)
 
 
 def _nees(first: FirstEstimate) -> Array:

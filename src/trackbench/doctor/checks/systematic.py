@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.doctor.findings import Finding
+from trackbench.doctor.right_answers import measurement_shown
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Mask
@@ -53,7 +55,9 @@ def systematic_error(sensor: str, trials: Sequence[Trial], clear: float) -> Find
     if not fits:
         return None
     best = min(fits, key=lambda fit: float(np.sum(_spread(fit, offsets, sigma) ** 2)))
-    return _finding(sensor, known, best, offsets, clear)
+    clearest = int(np.argmax(np.max(np.abs(offsets) / sigma, axis=1)))
+    exhibit = measurement_shown(known[clearest], known[clearest].predicted_measurement + offsets[clearest], clear)
+    return replace(_finding(sensor, known, best, offsets, clear), exhibit=exhibit)
 
 
 def _bias(offsets: Array) -> Fit:

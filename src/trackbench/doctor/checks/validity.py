@@ -9,17 +9,20 @@ import numpy as np
 from trackbench.doctor.covariance_origin import (
     ROUNDING,
     asymmetric,
+    asymmetry_shown,
     indefinite,
     indefinite_entries,
+    indefinite_shown,
     mirrored_entries,
     named,
 )
+from trackbench.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.output_checks import WorstCase
 from trackbench.doctor.probes import Probe, with_noise
 from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.types import Array, Estimate
+from trackbench.types import Array, Estimate, Scan
 
 #: Deviation of a tracker that draws random numbers from its own mean, in standard deviations of its estimate: of a mean
 #: of N samples it is N^-1/2, so that this is 4 samples, or that chance adds a quarter to the variance of the error.
@@ -50,8 +53,10 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
         # A track that has diverged may overflow for that alone.
-        confidence = 0.98 if _well_before(tracker, bad) else 0.85
-        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
+        before, after = _around(tracker, bad)
+        confidence = 0.98 if before is None or plausible(before) else 0.85
+        exhibit = _not_finite_shown(before, after, bad)
+        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where, exhibit=exhibit))
     result.checks += [_symmetric(tracker, result.findings), _definite(tracker, result.findings)]
     return result
 
@@ -65,7 +70,8 @@ def _symmetric(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResul
         found = asymmetric(tracker.make, worst.given())
         fault = named("covariance_asymmetric", found)
         said = text if found is None else f"{text}; it arises {found.words}: {mirrored_entries(found)}"
-        findings.append(Finding(fault, 0.95, said, shown_by=worst.where))
+        exhibit = None if found is None else asymmetry_shown(found)
+        findings.append(Finding(fault, 0.95, said, shown_by=worst.where, exhibit=exhibit))
     return CheckResult("symmetric", question, worst.size < ROUNDING, text)
 
 
@@ -85,16 +91,32 @@ def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult
         said = text if found is None else f"{text}; it arises {found.words}: {indefinite_entries(found)}"
         diverged = found is not None and found.before is not None and np.abs(np.diag(found.before)).max() > FAR**2
         confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
-        findings.append(Finding(fault, confidence, said, shown_by=worst.where))
+        exhibit = None if found is None else indefinite_shown(found)
+        findings.append(Finding(fault, confidence, said, shown_by=worst.where, exhibit=exhibit))
     return CheckResult("definite", question, share < RARE, text)
 
 
-def _well_before(tracker: TrackerUnderTest, bad: WorstCase) -> bool:
-    """Whether the estimate before the first one that is not finite is still plausible."""
-    session, before = TrackerSession(tracker.make), None
-    for scan in bad.given()[:-1]:
-        before = session.step(scan)
-    return before is None or plausible(before)
+def _around(tracker: TrackerUnderTest, bad: WorstCase) -> tuple[Estimate | None, Estimate | None]:
+    """The estimate before the first one that is not finite, and that one."""
+    session, before, after = TrackerSession(tracker.make), None, None
+    for scan in bad.given():
+        before, after = after, session.step(scan)
+    return before, after
+
+
+def _not_finite_shown(before: Estimate | None, after: Estimate | None, bad: WorstCase) -> Matrices | None:
+    """Means and standard deviations before and after the step."""
+    if after is None:
+        return None
+    panels = [Panel(f"after {bad.sensor} at {bad.time:.4g} s", _mean_and_sigma(after))]
+    if before is not None:
+        panels.insert(0, Panel("before", _mean_and_sigma(before), "before"))
+    marked = tuple((int(i), int(j)) for i, j in np.argwhere(~np.isfinite(panels[-1].values)))
+    return Matrices("The first estimate that is not finite", STATE, ("mean", "sigma"), tuple(panels), marked)
+
+
+def _mean_and_sigma(estimate: Estimate) -> Array:
+    return np.column_stack([estimate.mean, np.sqrt(np.diag(estimate.covariance))])
 
 
 def _at(worst: WorstCase) -> str:
@@ -155,8 +177,15 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
             return PartResult([CheckResult("repeatable", question, True, text)])
     return PartResult(
         [CheckResult("repeatable", question, False, text)],
-        [Finding("not_deterministic", 0.99, text, shown_by=probe.name)],
+        [Finding("not_deterministic", 0.99, text, shown_by=probe.name, exhibit=_apart_shown(scans, runs))],
     )
+
+
+def _apart_shown(scans: Sequence[Scan], runs: Sequence[Array]) -> OverTime:
+    apart = np.max([np.hypot(*(run - runs[0]).T[:2]) for run in runs[1:]], axis=0)
+    time = np.array([scan.time - scans[0].time for scan in scans])
+    course = Course("positions apart, m", apart, np.zeros(len(time)))
+    return OverTime("Fresh trackers, given the same measurements", "time, s", time, (course,), right_name="the same")
 
 
 def _copied(session: TrackerSession) -> str:

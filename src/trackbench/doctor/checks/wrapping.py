@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.checks.expectation import ZERO
+from trackbench.doctor.exhibits import Gaussian, Predictions
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
+from trackbench.doctor.right_answers import named
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial
@@ -58,6 +60,7 @@ class Jump(NamedTuple):
     """Whether the update by the predicted measurement differs too."""
     confirmed: bool
     """Whether the update is right where the same target is seen by a sensor mounted at another yaw."""
+    exhibit: Predictions | None = None
     innovation: float = np.nan
     """That of the predicted azimuth, in standard deviations of the measurement."""
 
@@ -95,7 +98,7 @@ def _course(worst: Jump) -> Finding:
     # Wrong gains are not turned with the target either.
     confidence = 0.97 if worst.size > 5 * FAR else 0.75
     # The drive on a circle passes the course pi; the probe's own has no other target.
-    return Finding("course_not_wrapped", confidence, worst.text, shown_by="long_run")
+    return Finding("course_not_wrapped", confidence, worst.text, shown_by="long_run", exhibit=worst.exhibit)
 
 
 def _azimuth(jumps: Sequence[Jump], worst: Jump) -> Finding:
@@ -107,7 +110,7 @@ def _azimuth(jumps: Sequence[Jump], worst: Jump) -> Finding:
         text += "predicted measurement differs too"
         if abs(worst.innovation) > FAR:
             text += f", and its azimuth has an innovation of {worst.innovation:+.3g} sigma"
-    return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name)
+    return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name, exhibit=worst.exhibit)
 
 
 def _jumps(
@@ -177,7 +180,26 @@ def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) ->
     angular = list(SENSOR_MODELS[here.scan.kind].angular)
     measured = bool(np.any(np.abs(beside[angular] - centre[angular]) > np.pi))
     text = _text(here, side, size)
-    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured, False, False)
+    shown = _shown(here, turned, both, side)
+    return Jump(max(size, FAR) if lost else size, text, here.scan.sensor, probe, measured, False, False, shown)
+
+
+def _shown(here: Trial, turned: Trial, both: Array, side: float) -> Predictions | None:
+    """The update beside the target, and that of the turned target, turned back to it ``(4, 4)``."""
+    after, other, centre = (
+        here.posterior(_beside(here, side)),
+        turned.posterior(_beside(turned, side)),
+        turned.prediction,
+    )
+    if after is None or other is None:
+        return None
+    mean = here.prediction.mean + both @ (other.mean - centre.mean)
+    return Predictions(
+        f"Update with {here.scan.sensor}: {here.description}",
+        named("before the measurement", here.prediction),
+        named("tracker, after it", after),
+        Gaussian("as of the same target turned away", mean, both @ other.covariance @ both.T),
+    )
 
 
 def _moved(here: Trial, mounted: Trial) -> bool:
@@ -210,7 +232,18 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         f"after 3 s of measurements without noise {probe.description} has the velocity {vx:.3g}, {vy:.3g} m/s, where "
         f"{true[0]:.3g}, {true[1]:.3g} is right; that of the same target turned away is right to {usual:.2g} m/s"
     )
-    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, False, False, False)
+    both = np.kron(np.eye(2), np.array([[np.cos(TURN), np.sin(TURN)], [-np.sin(TURN), np.cos(TURN)]]))
+    shown = Predictions(
+        f"After 3 s of measurements without noise: {probe.description}",
+        None,
+        named("tracker", here.prediction),
+        Gaussian(
+            "the same target turned away",
+            both @ other.prediction.mean,
+            both @ other.prediction.covariance @ both.T,
+        ),
+    )
+    return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, False, False, False, shown)
 
 
 def _equally_certain(one: Trial, other: Trial) -> bool:

@@ -21,6 +21,7 @@ from trackbench.document import (
     Table,
     Tone,
 )
+from trackbench.report.examination.exhibits import exhibit_figure
 from trackbench.report.examination.figures import figures
 from trackbench.report.examination.sentences import consequences, facts, mark, roots, verdict
 
@@ -53,13 +54,16 @@ def _findings(examination: Examination) -> Iterator[Block]:
     known = known_faults()
     for number, finding in enumerate(roots(examination), 1):
         fault = known[finding.fault]
+        about = Paragraph(f"{finding.fault}: {', '.join(facts(finding))}")
         advice = (
             Item(finding.evidence, "Evidence"),
             Item(fault.where, "Where to look"),
             Item(fault.fix, "Fix"),
         )
-        about = Paragraph(f"{finding.fault}: {', '.join(facts(finding))}")
-        yield Section(f"{number}. {fault.title}", (about, Items(advice)))
+        shown: tuple[Block, ...] = (Items(advice),)
+        if finding.exhibit is not None:
+            shown = (Row((exhibit_figure(f"finding-{number}", finding.exhibit), *shown)),)
+        yield Section(f"{number}. {fault.title}", (about, *shown))
     caused = consequences(examination)
     if caused:
         items = [Item(f"{one.evidence} (of {one.consequence_of})", known[one.fault].title) for one in caused]

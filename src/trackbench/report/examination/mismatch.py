@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.evidence import SensorInnovations
+from trackbench.doctor.exhibits import UNITS
 
 #: Difference from which on applied and expected innovation are not the same, in standard deviations of the measurement.
 DIFFERENT = 3.0
@@ -46,7 +47,7 @@ def first_mismatch(innovations: SensorInnovations) -> Mismatch | None:
 
 def innovation_unit(component: str) -> str:
     """The unit of a component of a measurement."""
-    return {"azimuth": "rad", "range_rate": "m/s", "speed": "m/s"}.get(component, "m")
+    return UNITS.get(component, "m")
 
 
 def _gap(innovations: SensorInnovations) -> np.ndarray:

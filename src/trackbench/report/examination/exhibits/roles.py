@@ -1,0 +1,40 @@
+"""Colours and ellipses that all figures of findings share."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from trackbench.document.drawing import MUTED
+from trackbench.metrics.consistency import point95
+from trackbench.palette import TRACKER_COLOURS
+from trackbench.types import Array
+
+TRACKER, REFERENCE = TRACKER_COLOURS[4], TRACKER_COLOURS[5]
+COLOURS = {"tracker": TRACKER, "right": REFERENCE, "before": MUTED}
+#: Size of an ellipse with 95 % of a Gaussian in a plane, standard deviations.
+SIZE = float(np.sqrt(point95(2)))
+_POINTS = 73
+
+
+def outline(mean: Array, covariance: Array, size: float = SIZE) -> Array:
+    """``(2, k)`` points of the ellipse ``(x - mean)^T covariance^-1 (x - mean) = size^2``; none of an indefinite one."""
+    if not np.isfinite(covariance).all():
+        return np.empty((2, 0))
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    if values[0] < 0.0:
+        return np.empty((2, 0))
+    angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
+    return np.asarray(mean[:, None] + size * (vectors * np.sqrt(values)) @ np.array([np.cos(angle), np.sin(angle)]))
+
+
+def fit_equal(axes: Axes, drawn: list[Array]) -> None:
+    """Equal scales and limits around all points ``(2, k)``, in as much of the box as there is."""
+    points = np.concatenate(drawn, axis=1)
+    points = points[:, np.isfinite(points).all(axis=0)]
+    if points.size:
+        low, high = points.min(axis=1), points.max(axis=1)
+        half = 0.55 * max(float((high - low).max()), 1e-9)
+        middle = (low + high) / 2
+        axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
+    axes.set_aspect("equal", adjustable="box")
