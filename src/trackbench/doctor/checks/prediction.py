@@ -24,8 +24,8 @@ STEPS = (0.002, 0.01, 0.05, 0.1, 0.2, 0.4, 1.0)
 TOLERANCE = 0.1
 #: Steps up to this are short enough to identify a unit even if they are taken a thousand times too long, s.
 SHORT = 0.01
-#: Longest step that is drawn: the one after it turns a track of a turning model, s.
-SHOWN = 0.4
+#: Time of motion from which on the shortest step is drawn instead of the longest one, s.
+TOO_FAR = 10.0
 #: Longest time of motion of an estimate that does not move, s.
 STILL = 1e-3
 #: Time after which a measurement shows whether there is a prediction to it, s, and the share of the motion in it by
@@ -79,8 +79,8 @@ def prediction(tracker: TrackerUnderTest) -> PartResult:
     passed = float(np.mean(wrong)) < 0.1
     finding = None if passed else _explained(tracker, step, moved, previous)
     if finding is not None:
-        clearest = max(steps, key=lambda one: one.step if one.step <= SHOWN else 0.0)
-        finding = replace(finding, exhibit=clearest.shown)
+        shown = steps[-1] if abs(steps[-1].moved) < TOO_FAR else steps[0]
+        finding = replace(finding, exhibit=shown.shown)
     return PartResult([CheckResult("prediction", question, passed, text)], [] if finding is None else [finding])
 
 
@@ -231,7 +231,7 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
 
 
 def _block(now: Estimate, then: Estimate) -> Array:
-    """``(2, 2)`` d position / d velocity, of a white acceleration: the velocity's variance is its mean over the step."""
+    """``(2, 2)`` d position / d velocity, with the mean covariance of the velocity over the step."""
     grown = (then.covariance - now.covariance)[:2, 2:]
     return np.asarray(grown @ np.linalg.pinv(0.5 * (now.covariance + then.covariance)[2:, 2:]))
 

@@ -42,7 +42,8 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
         return PartResult([CheckResult("process_noise", question, None, "there was no estimate to predict")])
     growth = float(np.median([one[-1] for one in found]))
     if growth < NONE:
-        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {max(one[-1] for one in found):.2g} m/s)"
+        most = max(float(one[-1]) for one in found)
+        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {most:.2g} m/s)"
         shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
         finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by, exhibit=exhibit)
         return PartResult([CheckResult("process_noise", question, False, text)], [finding])
@@ -74,11 +75,11 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
 
 def _growth_shown(found: Sequence[Array]) -> OverTime:
     """The growth beside the reference's; the variances of white accelerations are in proportion to the time."""
-    time = STEP * np.arange(len(found[0]))
+    time = STEP * np.arange(1, len(found[0]))
     low, high = (bound * np.sqrt(time) for bound in BAND)
     course = Course(
         "growth of the speed's sigma, m/s",
-        np.median(found, axis=0),
+        np.median(found, axis=0)[1:],
         REFERENCE * np.sqrt(time),
         (low, high),
         f"fits road vehicles: {BAND[0]:g} to {BAND[1]:g} m/s in 1 s",

@@ -182,10 +182,13 @@ def repeatability(tracker: TrackerUnderTest) -> PartResult:
 
 
 def _apart_shown(scans: Sequence[Scan], runs: Sequence[Array]) -> OverTime:
-    apart = np.max([np.hypot(*(run - runs[0]).T[:2]) for run in runs[1:]], axis=0)
+    apart = np.max([np.abs(run - runs[0]) for run in runs[1:]], axis=0)
     time = np.array([scan.time - scans[0].time for scan in scans])
-    course = Course("positions apart, m", apart, np.zeros(len(time)))
-    return OverTime("Fresh trackers, given the same measurements", "time, s", time, (course,), right_name="the same")
+    courses = (
+        Course("position apart, m", np.max(apart[:, :2], axis=1)),
+        Course("velocity apart, m/s", np.max(apart[:, 2:], axis=1)),
+    )
+    return OverTime("Fresh trackers, given the same measurements", "time, s", time, courses)
 
 
 def _copied(session: TrackerSession) -> str:

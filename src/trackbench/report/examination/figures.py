@@ -10,18 +10,18 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import LogLocator
 
 from trackbench.doctor.evidence import EvidenceRun, SensorInnovations
+from trackbench.doctor.exhibits import OverTime
 from trackbench.doctor.run_errors import RunErrors, run_errors
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.axes import TIME_LABEL, fit_value_axis, time_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.palette import TRACKER_COLOURS
+from trackbench.report.examination.exhibits.roles import REFERENCE, TRACKER
 from trackbench.report.examination.mismatch import first_mismatch, innovation_unit, mismatched_components
-from trackbench.report.numbers import joined
-from trackbench.types import COMMON_STATE, Array
+from trackbench.report.numbers import joined, percent
+from trackbench.types import COMMON_STATE, Array, Mask
 
-TRACKER, REFERENCE = TRACKER_COLOURS[4], TRACKER_COLOURS[5]
 _HEIGHT = 250.0
 _PANEL = 150.0
 _TALLEST = 400.0
@@ -34,13 +34,14 @@ _TRACKER_ENTRY, _REFERENCE_ENTRY = LegendEntry("tracker", TRACKER), LegendEntry(
 
 
 def figures(run: EvidenceRun) -> Iterator[Figure]:
-    """The innovations of the sensors that findings name, the map, the position error and the NEES."""
+    """The innovations of the sensors that findings name, the map, and unless a finding shows them error and NEES."""
     for innovations in _relevant(run):
         yield innovation_figure(run, innovations)
     of = run_errors(run)
-    yield _map(run)
-    yield _errors(run, of)
-    yield _nees(run, of)
+    yield _map(run, of)
+    if not any(isinstance(one.exhibit, OverTime) and one.shown_by == run.drive for one in run.findings):
+        yield _errors(run, of)
+        yield _nees(run, of)
 
 
 def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figure:
@@ -72,10 +73,7 @@ def innovation_figure(run: EvidenceRun, innovations: SensorInnovations) -> Figur
     return Figure(
         _identity(f"{run.drive}-innovation-{innovations.sensor}"),
         f"Innovation of {innovations.sensor}",
-        f"Innovations of {innovations.sensor} ({names}). Applied: the innovation by which the tracker's estimate "
-        "moved. Expected: the measurement minus that of the tracker's own prediction, by the right measurement model. "
-        "The two lines should be the same. After a wrong update the prediction is off, and the expected innovation "
-        f"grows. The band is two standard deviations of the sensor's noise. {said}",
+        f"{said} Expected is the measurement minus that of the tracker's own prediction.",
         f"Innovations of {innovations.sensor} over time, {names}, applied and expected. {said}",
         paint,
         max(_HEIGHT, _PANEL * len(chosen)),
@@ -93,7 +91,7 @@ def _relevant(run: EvidenceRun) -> list[SensorInnovations]:
     return [one for one in run.innovations if one.sensor in named] or run.innovations
 
 
-def _map(run: EvidenceRun) -> Figure:
+def _map(run: EvidenceRun, of: dict[str, RunErrors]) -> Figure:
     x, y = run.target[:2]
     poses = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
     (left, right), (bottom, top) = _limits(run, x, poses[0], 0), _limits(run, y, poses[1], 1)
@@ -113,8 +111,8 @@ def _map(run: EvidenceRun) -> Figure:
     return Figure(
         _identity(f"{run.drive}-map"),
         "From above",
-        f"From above, {run.description}. Dashed: the truth, from the dot on. Square: the sensors at the start. Small "
-        "dots: measurements. A tracker that has lost its target may leave the map.",
+        f"Farthest from the truth: tracker {_largest(of['tracker'].position, run)}, reference "
+        f"{_largest(of['reference'].position, run)}. The truth starts at its dot, the sensors at the square.",
         f"Map of {run.description}: the true path, the tracker's and the reference's.",
         paint,
         float(np.clip(60 + (WIDTH - 50) * (top - bottom) / (right - left), 160, _TALLEST)),
@@ -158,10 +156,11 @@ def _errors(run: EvidenceRun, of: dict[str, RunErrors]) -> Figure:
     return Figure(
         _identity(f"{run.drive}-error"),
         "Position error",
-        "Distance of the estimated position from the true one. Dashed: twice the standard deviation by the tracker's "
-        "own covariance; the error should nearly always be below it.",
-        f"Position error over time. Largest: tracker {_largest(mine.position)} m, reference "
-        f"{_largest(theirs.position)} m.",
+        f"Largest: tracker {_largest(mine.position, run)}, reference {_largest(theirs.position, run)}. Below its own 2 "
+        f"sigma: tracker {_share(mine.position <= mine.two_sigma, mine.position)} of the time, reference "
+        f"{_share(theirs.position <= theirs.two_sigma, theirs.position)}.",
+        f"Position error over time. Largest: tracker {_largest(mine.position, run)}, reference "
+        f"{_largest(theirs.position, run)}.",
         paint,
         _HEIGHT,
         legend=(_TRACKER_ENTRY, _REFERENCE_ENTRY, LegendEntry("tracker's own 2 sigma", TRACKER, "dash")),
@@ -171,6 +170,11 @@ def _errors(run: EvidenceRun, of: dict[str, RunErrors]) -> Figure:
 def _nees(run: EvidenceRun, of: dict[str, RunErrors]) -> Figure:
     mine, theirs = of["tracker"].nees, of["reference"].nees
     low, high = (float(bound) for bound in mean_bounds(len(COMMON_STATE), 1))
+    shares = [_share((nees > low) & (nees < high), nees) for nees in (mine, theirs)]
+    said = (
+        f"Mean: tracker {_mean(mine)}, reference {_mean(theirs)} ({len(COMMON_STATE)} expected). In the band: tracker "
+        f"{shares[0]} of the time, reference {shares[1]} (95 % expected)."
+    )
 
     def paint(canvas: Canvas) -> None:
         axes = canvas.add_subplot(xlabel=TIME_LABEL, ylabel="NEES")
@@ -183,17 +187,28 @@ def _nees(run: EvidenceRun, of: dict[str, RunErrors]) -> Figure:
     return Figure(
         _identity(f"{run.drive}-nees"),
         "NEES",
-        "Squared error of position and velocity, normalised by the tracker's own covariance. For a consistent tracker "
-        "it is in the grey band 95 % of the time, and 4 on average.",
-        f"NEES over time. Largest: tracker {_largest(mine)}, reference {_largest(theirs)}.",
+        said,
+        f"NEES over time. {said}",
         paint,
         _HEIGHT,
         legend=(_TRACKER_ENTRY, _REFERENCE_ENTRY, LegendEntry("95 % of a consistent tracker", MUTED, "band")),
     )
 
 
-def _largest(values: Array) -> str:
-    return f"{np.nanmax(values):.3g}" if np.isfinite(values).any() else "unknown"
+def _largest(distance: Array, run: EvidenceRun) -> str:
+    if not np.isfinite(distance).any():
+        return "unknown"
+    k = int(np.nanargmax(distance))
+    return f"{distance[k]:.3g} m at {run.time[k]:.3g} s"
+
+
+def _mean(values: Array) -> str:
+    return f"{np.nanmean(values):.3g}" if np.isfinite(values).any() else "unknown"
+
+
+def _share(within: Mask, of: Array) -> str:
+    known = np.isfinite(of)
+    return percent(float(np.mean(within[known]))) if known.any() else "unknown"
 
 
 def _end(run: EvidenceRun) -> float:

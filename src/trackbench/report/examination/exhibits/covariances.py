@@ -11,7 +11,7 @@ from trackbench.document.drawing import DASHED
 from trackbench.report.examination.exhibits.roles import COLOURS, fit_equal, outline
 from trackbench.types import Array
 
-_HEIGHT = 235.0
+_HEIGHT = 215.0
 _PARTS = {"position, m": slice(0, 2), "velocity, m/s": slice(2, 4)}
 #: The tracker's lies on top of the one before where it is the same.
 _LINES = {"before": ("solid", 4.0), "right": ("solid", 1.6), "tracker": (DASHED, 1.6)}
@@ -34,7 +34,7 @@ def covariances_figure(name: str, of: Covariances) -> Figure:
                     *rings[-1], color=COLOURS[role], linestyle=style, linewidth=width, alpha=alpha, gid=f"shown-{role}"
                 )
             what, _, unit = label.partition(", ")
-            axes.set(xlabel=f"error of {what[0]}x, {unit}", ylabel=f"error of {what[0]}y, {unit}")
+            axes.set(xlabel=f"{what[0]}x, {unit}", ylabel=f"{what[0]}y, {unit}")
             fit_equal(axes, rings)
 
     said = " ".join(

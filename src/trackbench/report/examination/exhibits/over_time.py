@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
@@ -16,6 +17,8 @@ from trackbench.types import Array, Mask
 _PANEL, _LEAST = 170.0, 230.0
 #: So few values are drawn as points too.
 _FEW = 5
+#: Share of what is right below which a value is next to nothing.
+_NOTHING = 1e-3
 
 
 def over_time_figure(name: str, of: OverTime) -> Figure:
@@ -32,10 +35,8 @@ def over_time_figure(name: str, of: OverTime) -> Figure:
             if course.right is not None:
                 axes.plot(of.at, course.right, color=REFERENCE, marker=marker, gid="shown-right")
             axes.plot(of.at, course.tracker, color=TRACKER, marker=marker, gid="shown-tracker")
-            bounds = () if course.band is None else (course.band[1][-1:],)
-            right = () if course.right is None else (course.right,)
             axes.set_ylabel(course.label)
-            fit_value_axis(axes, [course.tracker, *right, *bounds])
+            _fit(axes, course)
             axes.set_xlim(min(0.0, float(of.at.min())), float(of.at.max()))
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         panels[-1].set_xlabel(of.axis)
@@ -54,20 +55,36 @@ def over_time_figure(name: str, of: OverTime) -> Figure:
     return Figure(name, of.title, said, f"{of.title}. {said}", paint, height, legend=tuple(entries), tooltips=tooltips)
 
 
-def _numbers(of: OverTime, course: Course) -> str:
-    """Of the marked interval, or at the end."""
-    if of.marked is None:
-        where, chosen = f"at {of.at[-1]:g} {of.axis.rpartition(', ')[2]}", np.arange(len(of.at)) == len(of.at) - 1
+def _fit(axes: Axes, course: Course) -> None:
+    """Limits around all; with zero on the axis where the tracker's values are next to nothing."""
+    others = [] if course.right is None else [course.right]
+    others += [] if course.band is None else [course.band[1]]
+    largest = max((float(np.nanmax(one)) for one in others), default=0.0)
+    if largest > 0.0 and not (course.tracker > _NOTHING * largest).any():
+        axes.set_ylim(-0.05 * largest, 1.06 * largest)
     else:
-        where, chosen = f"from {of.marked[0]:g} to {of.marked[1]:g} s", (of.at >= of.marked[0]) & (of.at < of.marked[1])
-    label, _, unit = course.label.partition(", ")
+        fit_value_axis(axes, [course.tracker, *others])
+
+
+def _numbers(of: OverTime, course: Course) -> str:
+    """The means of the marked interval, or the values at both ends."""
+    unit = of.axis.rpartition(", ")[2]
+    if of.marked is None:
+        ends = (0, len(of.at) - 1)
+        said = "; ".join(f"at {of.at[k]:.3g} {unit} {_said(of, course, np.arange(len(of.at)) == k)}" for k in ends)
+    else:
+        within = (of.at >= of.marked[0]) & (of.at < of.marked[1])
+        said = f"mean from {of.marked[0]:g} to {of.marked[1]:g} {unit} {_said(of, course, within)}"
+    return f"{course.label[0].upper()}{course.label[1:]}: {said}."
+
+
+def _said(of: OverTime, course: Course, chosen: Mask) -> str:
     numbers = [f"tracker {_mean(course.tracker, chosen):.3g}"]
     if course.right is not None:
         numbers.append(f"{of.right_name} {_mean(course.right, chosen):.3g}")
     if course.band is not None:
         numbers.append(f"band {_mean(course.band[0], chosen):.3g} to {_mean(course.band[1], chosen):.3g}")
-    mean = ", mean" if of.marked is not None else ""
-    return f"{label[0].upper()}{label[1:]} {where}{mean}{', ' + unit if unit else ''}: {', '.join(numbers)}."
+    return ", ".join(numbers)
 
 
 def _mean(values: Array, chosen: Mask) -> float:

@@ -17,7 +17,7 @@ from trackbench.types import Array
 _PARTS = {"position": slice(0, 2), "velocity": slice(2, 4)}
 _UNITS = {"position": "m", "velocity": "m/s"}
 _MARKS: dict[str, Literal["dot", "ring", "cross"]] = {"before": "dot", "right": "ring", "tracker": "cross"}
-_ONE, _TWO = 300.0, 235.0
+_ONE, _TWO = 300.0, 215.0
 #: Distance of two means below which a plane shows no difference, in standard deviations.
 _SAME = 0.02
 

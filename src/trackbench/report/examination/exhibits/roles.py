@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from trackbench.document.drawing import MUTED
 from trackbench.metrics.consistency import point95
@@ -18,7 +19,7 @@ _POINTS = 73
 
 
 def outline(mean: Array, covariance: Array, size: float = SIZE) -> Array:
-    """``(2, k)`` points of the ellipse ``(x - mean)^T covariance^-1 (x - mean) = size^2``; none of an indefinite one."""
+    """``(2, k)`` points of an ellipse of ``size`` standard deviations; none of an indefinite covariance."""
     if not np.isfinite(covariance).all():
         return np.empty((2, 0))
     values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
@@ -37,4 +38,6 @@ def fit_equal(axes: Axes, drawn: list[Array]) -> None:
         half = 0.55 * max(float((high - low).max()), 1e-9)
         middle = (low + high) / 2
         axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
     axes.set_aspect("equal", adjustable="box")
