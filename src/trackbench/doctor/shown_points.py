@@ -27,8 +27,8 @@ def points_shown(before: Estimate, after: Estimate, *, weights: float = 1.0, row
         weights: the sum of the weights. Where it is wrong the points are right.
         rows: whether the points lie along the rows of the lower Cholesky factor, not along its columns.
     """
-    factor = np.linalg.cholesky(linalg.symmetrise(before.covariance))
-    applied = factor if weights != 1.0 else factor.T if rows else _root(after.covariance, factor)
+    factor = np.asarray(np.linalg.cholesky(linalg.symmetrise(before.covariance)), dtype=float)
+    applied: Array = factor if weights != 1.0 else factor.T if rows else _root(after.covariance, factor)
     # The difference of rows from columns is in px, vx: px, py are nearly uncorrelated with each other.
     plane = slice(0, 4, 2) if rows else slice(0, 2)
     names = STATE[plane]
@@ -48,7 +48,7 @@ def points_shown(before: Estimate, after: Estimate, *, weights: float = 1.0, row
 def _root(covariance: Array, otherwise: Array) -> Array:
     """The lower Cholesky factor; another one where there is none."""
     p = linalg.symmetrise(covariance)
-    return np.linalg.cholesky(p) if np.linalg.eigvalsh(p)[0] > 0.0 else otherwise
+    return np.asarray(np.linalg.cholesky(p), dtype=float) if np.linalg.eigvalsh(p)[0] > 0.0 else otherwise
 
 
 def _drawn(mean: Array, factor: Array) -> Array:

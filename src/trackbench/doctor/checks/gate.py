@@ -66,7 +66,7 @@ def _shown(one: Return) -> OverTime:
     course = Course(
         "distance from the target, m", distance, None, (np.zeros(len(distance)), taken_up), "taken up again"
     )
-    time = 0.1 * np.arange(len(distance))
+    time = np.asarray(0.1 * np.arange(len(distance)))
     return OverTime(f"After a gap of {GAP:g} s: {one.probe.description}", "time of measurements, s", time, (course,))
 
 

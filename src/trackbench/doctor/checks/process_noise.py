@@ -75,7 +75,7 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
 
 def _growth_shown(found: Sequence[Array]) -> OverTime:
     """The growth beside the reference's; the variances of white accelerations are in proportion to the time."""
-    time = STEP * np.arange(1, len(found[0]))
+    time: Array = STEP * np.arange(1.0, len(found[0]))
     low, high = (bound * np.sqrt(time) for bound in BAND)
     course = Course(
         "growth of the speed's sigma, m/s",
@@ -118,9 +118,13 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
 
 def _steps_shown(pair: tuple[float, float]) -> OverTime:
     step = np.array(STEPS)
-    course = Course("growth of the velocity's variance, m²/s²", np.array(pair), pair[1] * step / step[1])
+    course = Course("growth of variance, m²/s²", np.array(pair), pair[1] * step / step[1])
     return OverTime(
-        "Process noise of a step", "length of the step, s", step, (course,), right_name="in proportion to the step"
+        "Growth of the velocity's variance in a step",
+        "length of the step, s",
+        step,
+        (course,),
+        right_name="in proportion to the step",
     )
 
 

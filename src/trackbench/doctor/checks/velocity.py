@@ -11,6 +11,7 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.right_answers import named, predicted, update_shown
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.doctor.trial import Trial
 from trackbench.types import Estimate
 
 #: A step so short that no motion model changes the velocity, s, and the change of the speed from which on one does.
@@ -66,7 +67,7 @@ def _prediction_shown(tracker: TrackerUnderTest, step: float) -> Predictions | N
 
 def _update_shown(tracker: TrackerUnderTest, ratio: float) -> Predictions | None:
     """The update whose ratio is nearest to a given one."""
-    found = []
+    found: list[tuple[float, int, Trial]] = []
     for trials in tracker.trials.values():
         for trial in trials:
             update = trial.update(trial.predicted_measurement)

@@ -171,7 +171,7 @@ def _jump(here: Trial, turned: Trial, back: Array, side: float, probe: Probe) ->
     change, other = _change(here, side), _change(turned, side)
     if change is None or other is None:
         return None
-    both = np.kron(np.eye(2), back)
+    both: Array = np.asarray(np.kron(np.eye(2), back))
     apart = np.abs(change - both @ other) / here.state_sigma
     usual = np.abs(both @ other) / here.state_sigma
     size = float(np.max(apart))

@@ -7,17 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import LogLocator
 
 from trackbench.doctor.evidence import EvidenceRun, SensorInnovations
 from trackbench.doctor.exhibits import OverTime
 from trackbench.doctor.run_errors import RunErrors, run_errors
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import TIME_LABEL, fit_value_axis, time_axis
+from trackbench.document.axes import TIME_LABEL, time_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.report.examination.exhibits.roles import REFERENCE, TRACKER
+from trackbench.report.examination.exhibits.roles import REFERENCE, TRACKER, fit_values
 from trackbench.report.examination.mismatch import first_mismatch, innovation_unit, mismatched_components
 from trackbench.report.numbers import joined, percent
 from trackbench.types import COMMON_STATE, Array, Mask
@@ -26,8 +25,6 @@ _HEIGHT = 250.0
 _PANEL = 150.0
 _TALLEST = 400.0
 _MARGIN_M = 6.0
-#: An axis that spans more than this factor has room for powers of ten alone.
-_MANY = 3e3
 #: How far a map follows a tracker that has lost its target, beyond the extent of the true path, m.
 _REACH_M = 40.0
 _TRACKER_ENTRY, _REFERENCE_ENTRY = LegendEntry("tracker", TRACKER), LegendEntry("reference", REFERENCE)
@@ -216,12 +213,8 @@ def _end(run: EvidenceRun) -> float:
 
 
 def _fit(axes: Axes, drawn: list[Array]) -> None:
-    if not fit_value_axis(axes, drawn):
-        return
-    axes.set_ylabel(f"{axes.get_ylabel()}, logarithmic")
-    low, high = axes.get_ylim()
-    if high > _MANY * low:
-        axes.yaxis.set_major_locator(LogLocator(numticks=7))
+    if fit_values(axes, drawn):
+        axes.set_ylabel(f"{axes.get_ylabel()}, logarithmic")
 
 
 def _identity(name: str) -> str:

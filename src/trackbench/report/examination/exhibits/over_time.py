@@ -9,14 +9,15 @@ from matplotlib.ticker import MaxNLocator
 
 from trackbench.doctor.exhibits import Course, OverTime
 from trackbench.document import Figure, LegendEntry
-from trackbench.document.axes import fit_value_axis
 from trackbench.document.drawing import MUTED
-from trackbench.report.examination.exhibits.roles import REFERENCE, TRACKER
+from trackbench.report.examination.exhibits.roles import REFERENCE, TRACKER, fit_values
 from trackbench.types import Array, Mask
 
 _PANEL, _LEAST = 170.0, 230.0
 #: So few values are drawn as points too.
 _FEW = 5
+#: Of more time than this only so much is drawn, s.
+_LONG = 20.0
 #: Share of what is right below which a value is next to nothing.
 _NOTHING = 1e-3
 
@@ -37,7 +38,7 @@ def over_time_figure(name: str, of: OverTime) -> Figure:
             axes.plot(of.at, course.tracker, color=TRACKER, marker=marker, gid="shown-tracker")
             axes.set_ylabel(course.label)
             _fit(axes, course)
-            axes.set_xlim(min(0.0, float(of.at.min())), float(of.at.max()))
+            axes.set_xlim(*_span(of))
             axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 5, 10]))
         panels[-1].set_xlabel(of.axis)
 
@@ -55,6 +56,15 @@ def over_time_figure(name: str, of: OverTime) -> Figure:
     return Figure(name, of.title, said, f"{of.title}. {said}", paint, height, legend=tuple(entries), tooltips=tooltips)
 
 
+def _span(of: OverTime) -> tuple[float, float]:
+    """All of the time, or where that is long what is around the marked interval."""
+    begin, end = min(0.0, float(of.at.min())), float(of.at.max())
+    if of.marked is None or end - begin < _LONG:
+        return begin, end
+    middle = float(np.clip(sum(of.marked) / 2, begin + _LONG / 2, end - _LONG / 2))
+    return middle - _LONG / 2, max(middle + _LONG / 2, of.marked[1])
+
+
 def _fit(axes: Axes, course: Course) -> None:
     """Limits around all; with zero on the axis where the tracker's values are next to nothing."""
     others = [] if course.right is None else [course.right]
@@ -63,7 +73,7 @@ def _fit(axes: Axes, course: Course) -> None:
     if largest > 0.0 and not (course.tracker > _NOTHING * largest).any():
         axes.set_ylim(-0.05 * largest, 1.06 * largest)
     else:
-        fit_value_axis(axes, [course.tracker, *others])
+        fit_values(axes, [course.tracker, *others])
 
 
 def _numbers(of: OverTime, course: Course) -> str:

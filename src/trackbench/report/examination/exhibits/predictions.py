@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Literal
 
 import numpy as np
@@ -77,6 +78,11 @@ def _numbers(of: Predictions, part: str) -> str:
     own, right = of.tracker.mean[plane], of.right.mean[plane]
     apart = float(np.hypot(*(own - right)))
     return (
-        f"{part.capitalize()}: {of.tracker.name} {own[0]:.4g}, {own[1]:.4g} {unit}; {of.right.name} {right[0]:.4g}, "
-        f"{right[1]:.4g} {unit}: {apart:.3g} {unit} apart."
+        f"{part.capitalize()}: {_short(of.tracker)} {own[0]:.4g}, {own[1]:.4g} {unit}; {_short(of.right)} "
+        f"{right[0]:.4g}, {right[1]:.4g} {unit}: {apart:.3g} {unit} apart."
     )
+
+
+def _short(one: Gaussian) -> str:
+    """What it is called, without what stands after a comma or colon."""
+    return re.split("[,:]", one.name)[0]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 
+from trackbench.document.axes import fit_value_axis
 from trackbench.document.drawing import MUTED
 from trackbench.metrics.consistency import point95
 from trackbench.palette import TRACKER_COLOURS
@@ -16,6 +19,8 @@ COLOURS = {"tracker": TRACKER, "right": REFERENCE, "before": MUTED}
 #: Size of an ellipse with 95 % of a Gaussian in a plane, standard deviations.
 SIZE = float(np.sqrt(point95(2)))
 _POINTS = 73
+#: An axis that spans more than this factor has room for powers of ten alone.
+_MANY = 3e3
 
 
 def outline(mean: Array, covariance: Array, size: float = SIZE) -> Array:
@@ -27,6 +32,15 @@ def outline(mean: Array, covariance: Array, size: float = SIZE) -> Array:
         return np.empty((2, 0))
     angle = np.linspace(0.0, 2.0 * np.pi, _POINTS)
     return np.asarray(mean[:, None] + size * (vectors * np.sqrt(values)) @ np.array([np.cos(angle), np.sin(angle)]))
+
+
+def fit_values(axes: Axes, drawn: Sequence[Array]) -> bool:
+    """As :func:`fit_value_axis`, with room between the numbers also of many powers of ten."""
+    logarithmic = fit_value_axis(axes, drawn)
+    low, high = axes.get_ylim()
+    if logarithmic and high > _MANY * low:
+        axes.yaxis.set_major_locator(LogLocator(numticks=7))
+    return logarithmic
 
 
 def fit_equal(axes: Axes, drawn: list[Array]) -> None:
