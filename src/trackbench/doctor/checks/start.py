@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.probes import Probe, ProbeObserver, probe_rate, with_noise
+from trackbench.doctor.probes import Probe, probe_rate, with_noise
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.models.sensors import SENSOR_MODELS
@@ -144,7 +144,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
             speed * np.cos(course),
             speed * np.sin(course),
         )
-        probe = Probe("start", "a random target at its first measurement", target, ProbeObserver())
+        probe = Probe("start", "a random target at its first measurement", target).placed(tracker.probes.site)
         for name in tracker.sensors:
             first = _first_estimate(tracker, probe, name, random)
             if first is None:

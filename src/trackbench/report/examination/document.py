@@ -22,7 +22,7 @@ from trackbench.document import (
     Tone,
 )
 from trackbench.report.examination.figures import figures
-from trackbench.report.examination.sentences import consequences, facts, mark, roots, verdict
+from trackbench.report.examination.sentences import consequences, facts, mark, not_made, roots, verdict
 
 
 def examination_document(examination: Examination, evidence: Sequence[EvidenceRun] = ()) -> Document:
@@ -47,6 +47,9 @@ def _verdict(examination: Examination) -> Iterator[Block]:
     yield Paragraph(verdict(examination), strong=True)
     yield Status(*(("no fault found", "good") if examination.healthy else ("not healthy", "bad")))
     yield Status(f"{passed} of {len(made)} checks passed", "good" if passed == len(made) else "bad")
+    if left_out := not_made(examination):
+        yield Paragraph("Not made:")
+        yield Items(tuple(Item(reason, ", ".join(names)) for reason, names in left_out))
 
 
 def _findings(examination: Examination) -> Iterator[Block]:
