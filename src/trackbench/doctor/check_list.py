@@ -54,7 +54,7 @@ _CHECKS = {
         motion=True,
         finds=("ego_motion_ignored",),
     ),
-    "gain": Check("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True),
+    "gain": Check("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
     "covariance_update": Check(
         "covariance_update", "Does a measurement reduce the predicted covariance?", each_sensor=True, misses=True
     ),
