@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,12 +35,12 @@ class Probe(NamedTuple):
         px, py, vx, vy = self.target
         px, py = px - x, py - y
         target = (x + c * px - s * py, y + s * px + c * py, c * vx - s * vy, s * vx + c * vy)
-        return self._replace(name=f"{self.name}_turned", target=tuple(float(value) for value in target))
+        return self._replace(name=f"{self.name}_turned", target=_plain(target))
 
     def placed(self, site: Site) -> Probe:
         """The probe at a site: its target has the same place and velocity relative to the sensor there."""
         target = site.target(np.array(self.target), self.observer)
-        return self._replace(target=tuple(float(value) for value in target), observer=site.carrier(self.observer))
+        return self._replace(target=_plain(target), observer=site.carrier(self.observer))
 
     def standing(self) -> Probe:
         """The probe with its observer at rest and the same relative velocity."""
@@ -62,6 +62,11 @@ class Probe(NamedTuple):
         return Scan(
             time, name, sensor.type, measurement, np.array(True), sensor.noise_covariance(), pose, velocity, time
         )
+
+
+def _plain(state: Iterable[float]) -> tuple[float, float, float, float]:
+    px, py, vx, vy = (float(value) for value in state)
+    return px, py, vx, vy
 
 
 def with_noise(scan: Scan, random: np.random.Generator) -> Scan:

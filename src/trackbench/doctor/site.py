@@ -58,7 +58,7 @@ class Site(NamedTuple):
         relative = _turned(state - np.array([own.x, own.y, own.vx, own.vy]), -own.yaw)
         arm = np.array([*self.mount[:2], 0.0, 0.0])
         turned = _turned(arm + _turned(relative, self.mount[2]), to.yaw)
-        return turned + np.array([to.x, to.y, to.vx, to.vy])
+        return np.asarray(turned + np.array([to.x, to.y, to.vx, to.vy]))
 
     @property
     def yaw(self) -> float:
