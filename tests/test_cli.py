@@ -190,6 +190,7 @@ def test_lists(cli: Cli, tiny: Path) -> None:
         "sensors": "lidar",
         "metrics": "nees.verdict",
         "envs": "roundabout-v1",
+        "checks": "azimuth_wrapping",
     }
     for what, name in expected.items():
         done = cli("list", what)

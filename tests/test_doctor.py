@@ -68,6 +68,7 @@ NAMES = [
     "axis_swapped",
     "axis_mirrored",
     "ego_motion_ignored",
+    "sensor_pose_ignored",
     "measurement_ignored",
     "late_processed_as_new",
     "nonfinite",
@@ -80,6 +81,7 @@ NAMES = [
 ]
 #: Found in other trackers.
 ELSEWHERE = (
+    "sensor_pose_ignored",  # needs a sensor that stands still: test_doctor_assumptions.py
     "late_processed_as_new",  # needs a scenario that has late scans: test_doctor_late.py
     *("invalid_estimate", "process_ended"),  # test_doctor_failures.py
     *("too_far_off", "covariance_unbelievable"),  # of no other name: test_doctor_drives.py

@@ -116,7 +116,7 @@ def test_a_fault_is_named_and_the_status_is_1(faulty: Faulty) -> None:
     first = said["findings"][0]
     assert (first["fault"], first["sensor"], first["consequence_of"]) == ("azimuth_not_wrapped", "radar", None)
     assert all(set(finding) == KEYS for finding in said["findings"])
-    assert all(set(check) == {"name", "question", "passed", "result"} for check in said["checks"])
+    assert all(set(check) == {"name", "question", "passed", "skipped", "result"} for check in said["checks"])
 
 
 def test_json_is_what_is_written_and_nothing_else_is_printed(faulty: Faulty) -> None:
@@ -276,6 +276,9 @@ def test_an_interrupt_leaves_nothing(cli: Callable[..., Any], tmp_path: Path, mo
             ["MODULE:Good", "--option", "gian=1"],
             "'MODULE:Good' does not start with these options: got an unexpected keyword argument 'gian'",
         ),
+        (["MODULE:Good", "--skip", "gian"], "--skip: there is no check 'gian': did you mean 'gain'?"),
+        (["MODULE:Good", "--identities", "hidden", "--skip", "gain"], "--skip: only for a tracker of one object"),
+        (["MODULE:Good", "--identities", "hidden", "--no-misses"], "--no-misses: only for a tracker of one object"),
         (["MODULE:Good", "--scenario", "none.yaml"], "none.yaml: there is no such file"),
         (["MODULE:Good", "--out", "/proc/doctor/x"], "--out: cannot write to /proc/doctor"),
         (["MODULE:Good", "--out", "."], ".: there already, and not a folder with examination.json: not replaced"),
@@ -310,7 +313,7 @@ def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
     assert "mine: 1 fault found" in said
     assert "jacobian_wrong: confidence 90 %, sensor radar, factor 4" in said
     assert "  r_too_small (of jacobian_wrong): a sentence" in said
-    assert "Checks: 1 of 2 passed, failed:\n  b: Why?\n1 check could not be made: c" in said
+    assert "Checks: 1 of 2 passed, failed:\n  b: Why?\n1 check not made:\n  c: could not" in said
     assert "FAILED   b: Why?" in every
 
 

@@ -11,9 +11,9 @@ import pytest
 from tests.scenes import NOISE, tracker
 
 from trackbench.doctor.checks.late import late
-from trackbench.doctor.examine import simplified
 from trackbench.doctor.findings import PartResult
 from trackbench.doctor.probes import GENERAL, PASSING, Probes
+from trackbench.doctor.simplified import simplified
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.models.sensors import Lidar, Radar
 from trackbench.trackers.raw import RawTracker

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 import numpy as np
@@ -41,7 +41,7 @@ CANNOT_RUN = 3
     "--scenario",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Use the sensors of this scenario.",
+    help="Use the sensors and the observer of this scenario.",
 )
 @click.option(
     "--out",
@@ -54,6 +54,11 @@ CANNOT_RUN = 3
     type=click.Choice(["known", "hidden"]),
     help="hidden: a class that follows several objects.  [default: known]",
 )
+@click.option("--static-sensors", is_flag=True, help="The sensors stand still: nothing is tried with moving ones.")
+@click.option("--no-misses", is_flag=True, help="Every scan has a detection: no others are given.")
+@click.option(
+    "--skip", multiple=True, metavar="CHECK", help="Leave a check out; `trackbench list checks` shows their names."
+)
 @isolation_options
 @click.option("--all-checks", is_flag=True, help="Print the result of every check.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON, and nothing else.")
@@ -63,6 +68,9 @@ def doctor_command(
     scenario: Path | None,
     out: Path | None,
     identities: Identities | None,
+    static_sensors: bool,
+    no_misses: bool,
+    skip: tuple[str, ...],
     isolation: Isolation,
     all_checks: bool,
     as_json: bool,
@@ -76,6 +84,7 @@ def doctor_command(
     Examples:
       trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
+      trackbench doctor my_tracker:Tracker --scenario my_car.yaml --no-misses --skip gate
       trackbench doctor my_tracks:Tracker --identities hidden
 
     \b
@@ -95,6 +104,8 @@ def doctor_command(
             examined = subject(tracker, given, scenario, isolation, identities)
     except TrackFault as fault:
         raise InputError(f"{tracker!r} does not start: {fault}") from fault
+    stated = Stated(static_sensors, no_misses, skip)
+    stated.require_fit(examined)
     folder = out or Path("results", "doctor", _file_name(examined.name))
     results.require_replaceable(folder, EXAMINATION)
     results.require_writable(folder.parent)
@@ -102,7 +113,7 @@ def doctor_command(
         click.echo(f"{examined.name}: {note}", err=True)
     try:
         with _tracker_output():
-            examination, evidence = _examine(examined)
+            examination, evidence = _examine(examined, stated)
     except (CannotRun, TrackFault) as error:
         with _tracker_output():
             hint = "" if "#" in tracker else other_kind(tracker, given, isolation, hidden=examined.multi_object)
@@ -118,14 +129,32 @@ def doctor_command(
     raise click.exceptions.Exit(0 if examination.healthy else FOUND)
 
 
-def _examine(examined: Subject) -> tuple[Examination, list[EvidenceRun]]:
+class Stated(NamedTuple):
+    """What the user states of the tracker and its sensors."""
+
+    static_sensors: bool
+    no_misses: bool
+    skip: tuple[str, ...]
+
+    def require_fit(self, examined: Subject) -> None:
+        """Refuse what its examination does not have."""
+        from trackbench.doctor.check_list import require_known
+
+        if not examined.multi_object:
+            require_known(self.skip, examined.sensors, "--skip")
+        elif self.no_misses or self.skip:
+            option = "--no-misses" if self.no_misses else "--skip"
+            raise InputError("only for a tracker of one object; this one follows several", key=option)
+
+
+def _examine(examined: Subject, stated: Stated) -> tuple[Examination, list[EvidenceRun]]:
     from trackbench.doctor.examine import Doctor
     from trackbench.doctor.traffic.examine import TrafficDoctor
 
     if examined.multi_object:
         with progress(f"examining {examined.name}", "parts") as advance:
             return TrafficDoctor(examined.sensors).examine(examined.name, examined.make, advance), []
-    doctor = Doctor(examined.sensors)
+    doctor = Doctor(examined.sensors, observer=examined.observer, **stated._asdict())
     with progress(f"examining {examined.name}", "parts") as advance:
         examination = doctor.examine(examined.name, examined.make, advance)
         return examination, doctor.evidence(examination, examined.make)

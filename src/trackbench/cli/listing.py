@@ -119,6 +119,13 @@ def _envs() -> Iterable[Row]:
     return ((name, "") for name in list_envs())
 
 
+def _checks() -> Iterable[Row]:
+    from trackbench.doctor.check_list import checks
+
+    for name, check in checks().items():
+        yield name, check.asks + (" For each sensor." if check.each_sensor else "")
+
+
 LISTS: dict[str, Callable[[], Iterable[Row]]] = {
     "scenarios": _scenarios,
     "trackers": _trackers,
@@ -128,16 +135,17 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
     "truth-sources": _truth_sources,
     "metrics": _metrics,
     "envs": _envs,
+    "checks": _checks,
 }
 
 
 @click.command("list")
 @click.argument("what", type=NearestChoice(list(LISTS)), metavar="WHAT")
 def list_command(what: str) -> None:
-    """Show what a scenario can name.
+    """Show what a scenario can name, and the checks of `trackbench doctor`.
 
-    WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics or
-    envs. The options of a plug-in are shown with their units; one that cannot be imported is shown with the reason.
+    WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics, envs or
+    checks. The options of a plug-in are shown with their units; one that cannot be imported is shown with the reason.
 
     \b
     Example:

@@ -40,7 +40,9 @@ class Origin(NamedTuple):
         if self.step == "start":
             return f"in the first estimate, at {self.scan.time:.4g} s"
         of = f" with {self.scan.sensor}" if self.step == "update" else ""
-        return f"in the {self.step}{of} at {self.scan.time:.4g} s"
+        # What was predicted to it is not known of a tracker that is given no scans without a detection.
+        step = "step" if self.before is None else self.step
+        return f"in the {step}{of} at {self.scan.time:.4g} s"
 
 
 def asymmetric(make: Make, scans: Sequence[Scan]) -> Origin | None:

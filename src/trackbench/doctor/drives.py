@@ -12,8 +12,11 @@ import yaml
 from pydantic import Field
 
 from trackbench.config import Config, Name, NonNegative, Positive, Probability
+from trackbench.doctor.site import Carrier, Site
 from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.truth.config import MovingObserver
+from trackbench.truth.config.scripted import ScriptedStart
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
 from trackbench.types import Array, Scan
@@ -38,6 +41,12 @@ class DriveConfig(Config):
     mismatch: float = Field(1.0, ge=1.0)
     """How many times larger the NEES may be than elsewhere, for sound motion models that do not have its manoeuvre."""
 
+    @property
+    def carrier(self) -> Carrier:
+        """The observer."""
+        of = self.truth.observer
+        return Carrier(of.x, of.y, np.deg2rad(of.yaw_deg), of.vx_mps, of.vy_mps, np.deg2rad(of.turn_rate_degps))
+
 
 @cache
 def drive_configs() -> Mapping[Name, DriveConfig]:
@@ -48,6 +57,18 @@ def drive_configs() -> Mapping[Name, DriveConfig]:
 
 def _with_source(entry: dict[str, Any]) -> dict[str, Any]:
     return {**entry, "truth": {"source": "scripted", "rate_hz": TRUTH_RATE, **entry["truth"]}}
+
+
+class Setting(NamedTuple):
+    """In what drives differ from drives.yaml."""
+
+    site: Site = Site()
+    standing: bool = False
+    """Whether no observer moves: drives with a moving one are left out."""
+    no_misses: bool = False
+    """Whether every scan has a detection: the others are left out."""
+    own_rates: bool = False
+    """Whether the sensors keep their rates in all drives."""
 
 
 class TestDrive(NamedTuple):
@@ -63,23 +84,55 @@ class TestDrive(NamedTuple):
     """``(4, scans, runs or 1)`` px, py, vx, vy of the target at each scan."""
 
 
-def simulate_drives(sensors: Mapping[str, Sensor], seed: int) -> list[TestDrive]:
-    """Every drive, measured by the sensors."""
-    return [_simulate(name, config, sensors, seed) for name, config in drive_configs().items()]
+def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting) -> list[TestDrive]:
+    """Every drive, measured by the sensors.
+
+    Args:
+        sensors: by name.
+        seed: of the noise.
+        setting: where, and what is assumed.
+    """
+    found = [_simulate(name, config, sensors, seed, setting) for name, config in drive_configs().items()]
+    return [drive for drive in found if not (setting.standing and drive.config.carrier.moves)]
 
 
-def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed: int) -> TestDrive:
-    truth = script(drive.truth, seed, name, drive.runs)
+def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed: int, setting: Setting) -> TestDrive:
+    truth = script(_placed(drive, setting.site), seed, name, drive.runs)
     changed = {}
     for number, (sensor, config) in enumerate(sensors.items()):
-        update: dict[str, Any] = {"detection_probability": drive.detection_probability}
-        if drive.rates_hz is not None:
+        update: dict[str, Any] = {"detection_probability": 1.0 if setting.no_misses else drive.detection_probability}
+        if drive.rates_hz is not None and not setting.own_rates:
             update["rate_hz"] = drive.rates_hz[number % len(drive.rates_hz)]
         if drive.silent_s is not None:
             update["dropouts"] = [Dropout(from_s=drive.silent_s[0], to_s=drive.silent_s[1])]
         changed[sensor] = config.model_copy(update=update)
     scans = sense(ideal_sensors(truth, changed), seed, name, range(drive.runs)).scans
+    if setting.no_misses:
+        scans = [scan for scan in scans if scan.valid.all()]
     time = np.array([scan.time for scan in scans])
     at = np.searchsorted(truth.time, time - 1e-9)
     target = np.stack([field[at, 0] for field in (truth.px, truth.py, truth.vx, truth.vy)])
     return TestDrive(name, drive, scans, time, target)
+
+
+def _placed(drive: DriveConfig, site: Site) -> ScriptedTruth:
+    """The truth with the observer of a site, and its target at the same place relative to the sensor."""
+    own, to, truth = drive.carrier, site.carrier(drive.carrier), drive.truth
+    if to == own and not any(site.mount):
+        return truth
+    (name, body), *_ = truth.objects.items()
+    course = np.deg2rad(body.start.course_deg or 0.0)
+    speed = body.start.speed_mps or 0.0
+    state = np.array([body.start.x, body.start.y, speed * np.cos(course), speed * np.sin(course)])
+    x, y, vx, vy = (float(value) for value in site.target(state, own))
+    start = ScriptedStart(x=x, y=y, speed_mps=None, course_deg=None, vx_mps=vx, vy_mps=vy)
+    observer = MovingObserver(
+        x=to.x,
+        y=to.y,
+        yaw_deg=float(np.rad2deg(to.yaw)),
+        vx_mps=to.vx,
+        vy_mps=to.vy,
+        turn_rate_degps=float(np.rad2deg(to.yaw_rate)),
+    )
+    objects = {name: body.model_copy(update={"start": start})}
+    return truth.model_copy(update={"objects": objects, "observer": observer})

@@ -15,7 +15,6 @@ from trackbench.doctor.rollout import Rollout, one_run
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Scan
 from trackbench.units import difference
@@ -129,7 +128,7 @@ class _Innovation(NamedTuple):
 
 
 def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> _Innovation | None:
-    prediction = session.peek(masked(scan))
+    prediction = session.predict(scan)
     if prediction is None:
         return None
     trial = Trial(drive.name, drive.config.description, scan, prediction, session)

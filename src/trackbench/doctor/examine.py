@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from trackbench.doctor.assumptions import Assumptions
+from trackbench.doctor.check_list import require_known
 from trackbench.doctor.checks.covariance_update import covariance_update
 from trackbench.doctor.checks.drives import drives
 from trackbench.doctor.checks.expectation import expectation
@@ -31,26 +33,30 @@ from trackbench.doctor.checks.start import confidence, first_position
 from trackbench.doctor.checks.validity import repeatability, validity
 from trackbench.doctor.checks.velocity import velocity
 from trackbench.doctor.checks.wrapping import wrapping
-from trackbench.doctor.drives import TestDrive, simulate_drives
+from trackbench.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.doctor.evidence import EvidenceRun, evidence_run
 from trackbench.doctor.failures import failure_findings, require_runnable
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probes, varied
 from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.root_causes import rank
+from trackbench.doctor.session import WithoutMisses
+from trackbench.doctor.simplified import simplified
+from trackbench.doctor.site import Carrier, site_of
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
 from trackbench.execution import one_blas_thread
 from trackbench.input_files import read_bytes
-from trackbench.models.sensors import Mount, Sensor
+from trackbench.models.sensors import Sensor
 from trackbench.stepping.faults import TrackFault
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.builtin import ekf
 from trackbench.types import Progress, no_progress
 
+Part = Callable[[TrackerUnderTest], PartResult]
 #: In this order: first estimates, predictions, single measurements, whole tracks; `validity` comes last, because it
 #: reports on the estimates of all others.
-PARTS: tuple[Callable[[TrackerUnderTest], PartResult], ...] = (
+PARTS: tuple[Part, ...] = (
     repeatability,
     output,
     first_position,
@@ -137,11 +143,6 @@ class Examination:
             raise InputError(f"not a readable examination: {error}", file=file) from error
 
 
-def _not_made(part: Callable[[TrackerUnderTest], PartResult]) -> CheckResult:
-    question = (part.__doc__ or "").partition("\n")[0]
-    return CheckResult(part.__name__, question, None, "the tracker's process had ended")
-
-
 def reference() -> Tracker:
     """The tracker that others are compared with: an extended Kalman filter with constant velocity."""
     return ekf(motion="cv", acceleration_sigma_mps2=3.0)
@@ -151,21 +152,55 @@ class Doctor:
     """Examines trackers with given sensors.
 
     Args:
-        sensors: by name. Only their kinds, their noise and their latency are used: in an examination they are mounted
-            at the observer's centre, see all around, and have fixed rates.
+        sensors: by name. Their kinds, noise, rates, mountings and latency are used: in an examination they see all
+            around, and miss and delay nothing.
         seed: of the noise and of the variation of the probes; None for the probes as they are, and noise of seed 0.
+        observer: that carries them; None for one that stands at the origin and the examination's own that move.
+        static_sensors: whether no sensor moves, whatever the observer does.
+        no_misses: whether every scan has a detection.
+        skip: checks that are not made, by name or by name and sensor: "gain", "gain.radar".
+
+    Raises:
+        InputError: there is no such check.
     """
 
-    def __init__(self, sensors: Mapping[str, Sensor], seed: int | None = None) -> None:
-        self._probes = Probes() if seed is None else varied(np.random.default_rng(seed))
-        self._seed = seed or 0
+    def __init__(
+        self,
+        sensors: Mapping[str, Sensor],
+        seed: int | None = None,
+        *,
+        observer: Carrier | None = None,
+        static_sensors: bool = False,
+        no_misses: bool = False,
+        skip: Sequence[str] = (),
+    ) -> None:
+        require_known(skip, sensors)
+        still = ""
+        if static_sensors:
+            still = "--static-sensors"
+        elif observer is not None and not observer.moves:
+            still = "the scenario's stands still"
+        self._assumptions = Assumptions(no_misses=no_misses, skip=tuple(skip), still=still)
         self.sensors = {name: simplified(sensor) for name, sensor in sensors.items()}
+        probes = Probes() if seed is None else varied(np.random.default_rng(seed))
+        # Angles are those of a sensor that has some.
+        polar_first = sorted(self.sensors.values(), key=lambda sensor: sensor.type == "lidar")
+        sites = [
+            site_of(sensor.mount, observer.at_rest() if observer and still else observer) for sensor in polar_first
+        ]
+        self._probes = (probes.standing() if still else probes).placed(sites)
+        self._setting = Setting(sites[0], bool(still), no_misses, observer is not None)
+        self._seed = seed or 0
         self._late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0}
 
     @cached_property
     def _drives(self) -> list[tuple[TestDrive, Rollout]]:
         """The test drives, each with the estimates of the reference."""
-        return [(drive, rollout(reference, drive.scans)) for drive in simulate_drives(self.sensors, self._seed)]
+        return [(drive, rollout(reference, drive.scans)) for drive in self._simulated()]
+
+    def _simulated(self) -> list[TestDrive]:
+        skip = self._assumptions.skip
+        return [drive for drive in simulate_drives(self.sensors, self._seed, self._setting) if drive.name not in skip]
 
     @one_blas_thread()
     def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = no_progress) -> Examination:
@@ -185,22 +220,41 @@ class Doctor:
             return self._examine(name, make, progress)
 
     def _examine(self, name: str, make: Callable[[], Tracker], progress: Progress) -> Examination:
-        tracker = TrackerUnderTest(make, self.sensors, self._drives, self._probes, self._seed, self._late)
+        tracker = TrackerUnderTest(
+            make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions
+        )
         require_runnable(tracker)
         results = []
         for done, part in enumerate(PARTS, start=1):
             try:
                 with tracker.recording_failures(part.__name__):
-                    if not (part in FOR_FILTERS and tracker.memoryless):
-                        results.append(part(tracker))
+                    results.append(self._made(part, tracker))
             except TrackFault:
                 # Its process has ended, and no tracker can be made any more.
-                results.append(PartResult([_not_made(of) for of in PARTS[done - 1 :]]))
+                ended = "the tracker's process had ended"
+                results += [PartResult(self._not_made(of, tracker, ended)) for of in PARTS[done - 1 :]]
                 break
             progress(done, len(PARTS))
         findings = [finding for result in results for finding in result.findings]
         findings += failure_findings(tracker)
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
+
+    def _made(self, part: Part, tracker: TrackerUnderTest) -> PartResult:
+        """The checks of a part, those that are not made with the reason."""
+        left_out = self._not_made(part, tracker)
+        asked = self._not_made(part, tracker, "")
+        if asked and {check.name for check in asked} == {check.name for check in left_out}:
+            return PartResult(left_out)
+        if part in FOR_FILTERS and tracker.memoryless:
+            why = "it predicts no motion, and its position is that of the last measurement"
+            return PartResult(self._not_made(part, tracker, why))
+        return self._assumptions.applied(part(tracker), left_out, part.__name__)
+
+    def _not_made(self, part: Part, tracker: TrackerUnderTest, why: str | None = None) -> list[CheckResult]:
+        """The checks of a part that are not made by what the user states, or all of them for another reason."""
+        if part is instants and len(self.sensors) < 2:
+            return []
+        return self._assumptions.left_out(part.__name__, list(self._late if part is late else self.sensors), why)
 
     @one_blas_thread()
     def evidence(self, examination: Examination, make: Callable[[], Tracker]) -> list[EvidenceRun]:
@@ -210,9 +264,12 @@ class Doctor:
             if finding.consequence_of is None and len(shown) < MOST_SHOWN:
                 shown.setdefault(self._drive_of(finding), []).append(finding)
         drives = {drive.name: (drive, reference) for drive, reference in self._drives}
+        given: Callable[[], Tracker] = WithoutMisses(make) if self._assumptions.no_misses else make
         try:
             return [
-                evidence_run(make, *drives[name], findings) for name, findings in (shown or {DEFAULT_DRIVE: []}).items()
+                evidence_run(given, *drives[name], findings)
+                for name, findings in (shown or {DEFAULT_DRIVE: []}).items()
+                if name in drives
             ]
         except TrackFault:
             # Its process has ended.
@@ -223,17 +280,3 @@ class Doctor:
             if finding.shown_by == drive.name or finding.fault in drive.config.shows:
                 return drive.name
         return DEFAULT_DRIVE
-
-
-def simplified(sensor: Sensor) -> Sensor:
-    """The sensor with its kind and noise, and without limits of view, missed detections, delays and biases."""
-    biases = {field: 0.0 for field in type(sensor).model_fields if "_bias_" in field}
-    rate = 10.0 if sensor.type == "lidar" else 20.0
-    unlimited: dict[str, Any] = {
-        "mount": Mount(),
-        "fov_deg": 360.0,
-        "max_range_m": None,
-        "detection_probability": 1.0,
-        "dropouts": [],
-    }
-    return sensor.model_copy(update={**biases, **unlimited, "rate_hz": rate, "phase_s": 0.0, "latency_s": 0})

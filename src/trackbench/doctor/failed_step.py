@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.exhibits import Matrices, Panel, components_of
-from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.doctor.session import MissGiven, StepFailed, TrackerSession, finite
 from trackbench.doctor.turned import TURNS, rotation, turned_mounting, turned_scene
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.stepping.steppers import masked
@@ -31,8 +31,8 @@ class Circumstances(NamedTuple):
     """After the scan before."""
     predicted: Estimate | None
     """Predicted to the time of the scan, as for a missed measurement."""
-    missed_fails: bool
-    """Whether a missed measurement at that time fails as well."""
+    missed_fails: bool | None
+    """Whether a missed measurement at that time fails as well; None where none may be given."""
 
 
 def circumstances(make: Make, failure: StepFailed) -> Circumstances:
@@ -46,6 +46,8 @@ def circumstances(make: Make, failure: StepFailed) -> Circumstances:
         before = session.step(scan)
     try:
         return Circumstances(before, session.step(masked(failure.scan)), False)
+    except MissGiven:
+        return Circumstances(before, None, None)
     except StepFailed:
         return Circumstances(before, None, True)
 
@@ -149,7 +151,13 @@ def _same(one: Estimate | None, other: Estimate | None, back: Array) -> bool:
 
 
 def _prediction(make: Make, given: Sequence[Scan], scan: Scan) -> Estimate | None:
-    estimate = _after(make, given, masked(scan))
+    session = TrackerSession(make)
+    try:
+        for earlier in given:
+            session.step(earlier)
+        estimate = session.predict(scan)
+    except StepFailed:
+        return None
     return estimate if estimate is not None and finite(estimate) else None
 
 

@@ -156,7 +156,7 @@ def _replayed(failure: StepFailed, known: Circumstances | None) -> list[str]:
 
 
 def _missed(failure: StepFailed, known: Circumstances) -> str:
-    if not failure.scan.valid.any():
+    if not failure.scan.valid.any() or known.missed_fails is None:
         return ""
     return f"a missed measurement at that time {'breaks it too' if known.missed_fails else 'does not break it'}"
 

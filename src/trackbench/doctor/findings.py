@@ -98,11 +98,19 @@ class CheckResult:
     passed: bool | None
     """None where the check could not be made."""
     result: str
-    """What was measured, with its numbers."""
+    """What was measured, with its numbers; of a check that was not made, the reason."""
+    skipped: bool = False
+    """Whether it was not made because the user did not ask for it."""
 
     def json(self) -> dict[str, Any]:
         """As ``--json`` prints it."""
-        return {"name": self.name, "question": self.question, "passed": self.passed, "result": self.result}
+        return {
+            "name": self.name,
+            "question": self.question,
+            "passed": self.passed,
+            "skipped": self.skipped,
+            "result": self.result,
+        }
 
 
 @dataclass

@@ -50,7 +50,7 @@ def sampling_noise(tracker: TrackerUnderTest) -> float:
     for replica in (False, True):
         session = tracker.session_at(probe, sensor_set, replica=replica)
         with tracker.recording_failures(probe.name):
-            estimate = None if session is None else session.peek(masked(scan))
+            estimate = None if session is None else session.predict(scan)
             if estimate is None or not finite(estimate):
                 return 0.0
             answers.append(estimate)
@@ -80,7 +80,7 @@ def linearises(tracker: TrackerUnderTest) -> bool | None:
 def after_gap(tracker: TrackerUnderTest, probe: Probe, name: str, session: TrackerSession, gap: float) -> Trial | None:
     """A trial of a sensor some time after the last measurement."""
     scan = probe.scan(name, tracker.sensors[name], gap)
-    prediction = tracker.peek(session, masked(scan), probe.name)
+    prediction = tracker.predict(session, scan, probe.name)
     return None if prediction is None else Trial(probe.name, probe.description, scan, prediction, session)
 
 

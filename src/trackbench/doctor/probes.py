@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.site import Carrier, Site
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.types import Array, Observer, Scan
-
-
-class ProbeObserver(NamedTuple):
-    """The observer of a probe at time 0; its velocity and yaw are constant."""
-
-    x: float = 0.0
-    """m"""
-    y: float = 0.0
-    """m"""
-    yaw: float = 0.0
-    """rad"""
-    vx: float = 0.0
-    """m/s"""
-    vy: float = 0.0
-    """m/s"""
 
 
 class Probe(NamedTuple):
@@ -33,19 +20,34 @@ class Probe(NamedTuple):
     description: str
     target: tuple[float, float, float, float]
     """px, py, vx, vy in the fixed frame at time 0."""
-    observer: ProbeObserver = ProbeObserver()
+    observer: Carrier = Carrier()
+    """Its yaw is constant in a probe."""
 
     def truth(self, time: float) -> Array:
         """``(4,)`` px, py, vx, vy of the target at a time."""
         px, py, vx, vy = self.target
         return np.array([px + vx * time, py + vy * time, vx, vy])
 
-    def turned(self, angle: float) -> Probe:
-        """The probe with its target turned about the origin by an angle in rad."""
+    def turned(self, angle: float, sensor: Sensor) -> Probe:
+        """The probe with its target turned about a sensor of the standing observer by an angle in rad."""
         c, s = np.cos(angle), np.sin(angle)
+        x, y, _ = self.scan("", sensor, 0.0).sensor_pose
         px, py, vx, vy = self.target
-        target = (c * px - s * py, s * px + c * py, c * vx - s * vy, s * vx + c * vy)
-        return self._replace(name=f"{self.name}_turned", target=target)
+        px, py = px - x, py - y
+        target = (x + c * px - s * py, y + s * px + c * py, c * vx - s * vy, s * vx + c * vy)
+        return self._replace(name=f"{self.name}_turned", target=_plain(target))
+
+    def placed(self, site: Site) -> Probe:
+        """The probe at a site: its target has the same place and velocity relative to the sensor there."""
+        target = site.target(np.array(self.target), self.observer)
+        return self._replace(target=_plain(target), observer=site.carrier(self.observer))
+
+    def standing(self) -> Probe:
+        """The probe with its observer at rest and the same relative velocity."""
+        px, py, vx, vy = self.target
+        return self._replace(
+            target=(px, py, vx - self.observer.vx, vy - self.observer.vy), observer=self.observer.at_rest()
+        )
 
     def scan(self, name: str, sensor: Sensor, time: float) -> Scan:
         """A sensor's measurement of the target without noise."""
@@ -62,6 +64,11 @@ class Probe(NamedTuple):
         )
 
 
+def _plain(state: Iterable[float]) -> tuple[float, float, float, float]:
+    px, py, vx, vy = (float(value) for value in state)
+    return px, py, vx, vy
+
+
 def with_noise(scan: Scan, random: np.random.Generator) -> Scan:
     """The scan with measurement noise of its stated variances."""
     noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
@@ -70,7 +77,7 @@ def with_noise(scan: Scan, random: np.random.Generator) -> Scan:
 
 def probe_rate(sensor: Sensor) -> float:
     """Scans of a sensor per second at a probe, Hz."""
-    return min(sensor.rate_hz or 20.0, 20.0)
+    return sensor.rate_hz or 20.0
 
 
 GENERAL = (
@@ -87,17 +94,17 @@ MOVING = (
         "moving_ahead",
         "a target ahead of a moving, turned observer",
         (35.0, 10.0, 3.0, 7.0),
-        ProbeObserver(12.0, -9.0, 0.7, 9.0, 4.0),
+        Carrier(12.0, -9.0, 0.7, 9.0, 4.0),
     ),
     Probe(
         "moving_behind",
         "a target behind a moving, turned observer",
         (-18.0, 16.0, 6.0, -5.0),
-        ProbeObserver(9.0, 20.0, -0.9, -7.0, 8.0),
+        Carrier(9.0, 20.0, -0.9, -7.0, 8.0),
     ),
 )
 PASSING = (
-    Probe("oncoming", "oncoming traffic in the next lane", (1.0, 11.0, -13.0, 0.0), ProbeObserver(vx=14.0)),
+    Probe("oncoming", "oncoming traffic in the next lane", (1.0, 11.0, -13.0, 0.0), Carrier(vx=14.0)),
     Probe("crossing", "crossing traffic close ahead", (9.0, -2.0, 2.0, 16.0)),
 )
 #: At an azimuth of pi: the prediction's own sigma points, narrow or wide, cross it in the first, and only the
@@ -123,6 +130,34 @@ class Probes(NamedTuple):
     course_axis: Probe = COURSE_AXIS
     at_rest: Probe = AT_REST
     at_sensor: Probe = AT_SENSOR
+    site: Site = Site()
+
+    def standing(self) -> Probes:
+        """The probes without a moving observer."""
+        return self._replace(moving=(), passing=tuple(probe.standing() for probe in self.passing))
+
+    def placed(self, sites: Sequence[Site]) -> Probes:
+        """The probes at the site of the first sensor, and those with an azimuth of pi at the site of each."""
+        site = sites[0]
+
+        def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:
+            return tuple(probe.placed(site) for probe in probes)
+
+        return Probes(
+            all_placed(self.general),
+            self.radial.placed(site),
+            self.tangential.placed(site),
+            all_placed(self.passing),
+            all_placed(self.moving),
+            tuple(dict.fromkeys(probe.placed(one) for one in sites for probe in self.axes)),
+            # Its course is that of the fixed frame.
+            self.course_axis.placed(site)._replace(
+                target=(*self.course_axis.placed(site).target[:2], *self.course_axis.target[2:])
+            ),
+            self.at_rest.placed(site),
+            self.at_sensor.placed(site),
+            site,
+        )
 
     @property
     def regular(self) -> tuple[Probe, ...]:

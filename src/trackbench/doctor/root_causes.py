@@ -22,6 +22,7 @@ EXACT = (
     "doppler_sign",
     "speed_for_range_rate",
     "ego_motion_ignored",
+    "sensor_pose_ignored",
     "measurement_ignored",
     "second_measurement_dropped",
     "missed_scan_not_predicted",
@@ -35,6 +36,8 @@ EXACT = (
 MOTION = ("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted")
 #: What a prediction over no time shows of the sums over sigma points. Wide points have other courses and azimuths.
 _SUMS = ("sigma_weights_wrong", "sigma_points_misdrawn", "sigma_spread_wrong")
+#: Of the sensor's own pose and velocity.
+_EGO = ("ego_motion_ignored", "sensor_pose_ignored")
 #: What the estimates of drives show of any fault.
 DRIVEN = ("too_far_off", "covariance_unbelievable")
 
@@ -52,7 +55,7 @@ DIRECT = (
     ("second_measurement_dropped", "measurement_ignored"),
     ("sigma_weights_wrong", "arctan_quadrant"),
     *product(_SUMS, ("course_not_wrapped", "angle_mean_not_circular", *NUMERICAL)),
-    *(("velocity_unit", fault) for fault in ("ego_motion_ignored", "doppler_sign", "speed_for_range_rate")),
+    *(("velocity_unit", fault) for fault in (*_EGO, "doppler_sign", "speed_for_range_rate")),
     ("process_noise_twice", "q_too_large"),
     *(("covariance_not_reduced", fault) for fault in MOTION),
 )
@@ -76,7 +79,7 @@ _MEASURED = (*_GAIN, "course_not_wrapped", "overconfident_start", *_STEP, *_POIN
 #: Of a wrong step of the state, after which the innovations of all measurements are wrong too.
 _STEPPED = (*_GAIN, *_NOISE, *_GROWTH, *_OFFSET, *_STEP, *_POINTS, *_ANGLE, "overconfident_start", *NUMERICAL)
 _COVARIANCE = (*_GAIN, "azimuth_not_wrapped", *_NOISE, *_GROWTH, *_STEP, "overconfident_start")
-_AXES = ("arctan_quadrant", *_ANGLE, "ego_motion_ignored", *_MEASURED, *_NOISE, *_GROWTH, "wrong_dt", "velocity_unit")
+_AXES = ("arctan_quadrant", *_ANGLE, *_EGO, *_MEASURED, *_NOISE, *_GROWTH, "wrong_dt", "velocity_unit")
 
 #: The consequences that each fault can have; causes are tried in this order.
 CONSEQUENCES: dict[str, tuple[str, ...]] = {
@@ -85,11 +88,12 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "sigma_weights_wrong": ("wrong_dt", "velocity_unit", "arctan_quadrant", *_STEPPED),
     "sigma_points_misdrawn": ("sigma_spread_wrong", "wrong_dt", *_STEPPED),
     "sigma_spread_wrong": ("wrong_dt", *_STEPPED),
-    "velocity_unit": ("wrong_dt", "ego_motion_ignored", "doppler_sign", "speed_for_range_rate", *_STEPPED),
+    "velocity_unit": ("wrong_dt", *_EGO, "doppler_sign", "speed_for_range_rate", *_STEPPED),
     "axis_swapped": _AXES,
     "axis_mirrored": _AXES,
     "degrees_for_radians": ("arctan_quadrant", *_ANGLE, *_NOISE, *_MEASURED),
     "ego_motion_ignored": ("arctan_quadrant", *_NOISE, *_MEASURED),
+    "sensor_pose_ignored": ("polar_start", "arctan_quadrant", *_ANGLE, *_NOISE, *_MEASURED),
     "arctan_quadrant": (*_ANGLE, *_MEASURED),
     # Their third row of the Jacobian is wrong too, unless it is left right.
     "doppler_sign": _MEASURED,

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from trackbench.stepping.alone import Alone
 from trackbench.stepping.faults import fault_of
 from trackbench.stepping.remote import RemoteTracker
+from trackbench.stepping.steppers import masked
 from trackbench.trackers.answers import TOO_LARGE, TrackerFault
 from trackbench.trackers.base import Tracker
 from trackbench.types import Estimate, Scan
@@ -35,6 +37,23 @@ class StepFailed(Exception):
         self.given = tuple(given)
 
 
+class MissGiven(StepFailed):
+    """A tracker that may assume that every scan has a detection would be given another one; it is not."""
+
+    def __init__(self, scan: Scan) -> None:
+        super().__init__(TrackerFault("it is given no scans without a detection"), scan)
+
+
+@dataclass(frozen=True)
+class WithoutMisses:
+    """A fresh tracker that is given no scan without a detection."""
+
+    make: Callable[[], Tracker]
+
+    def __call__(self) -> Tracker:
+        return self.make()
+
+
 class TrackerSession:
     """A fresh tracker that follows one target; scans and estimates have no batch axes.
 
@@ -43,6 +62,7 @@ class TrackerSession:
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
         self._own = Alone(make)
+        self._no_misses = isinstance(make, WithoutMisses)
         self._batched = bool(getattr(self._own.tracker, "batched", False))
         self._started = False
 
@@ -62,7 +82,10 @@ class TrackerSession:
 
         Raises:
             StepFailed: the tracker raised, or returned no valid estimate.
+            MissGiven: the scan has no detection, and it may not be given.
         """
+        if self._no_misses and not scan.valid.any():
+            raise MissGiven(scan)
         given = _batch_of_one(scan) if self._batched else scan
         before = len(self._own.given)
         try:
@@ -86,6 +109,25 @@ class TrackerSession:
         """
         return self._copied(scan).step(scan)
 
+    def predict(self, scan: Scan) -> Estimate | None:
+        """The estimate at the time of a scan before its measurement: that at a missed measurement then.
+
+        Where none may be given, the last estimate moved by its own velocity, without process noise.
+
+        Raises:
+            StepFailed: as of ``peek``.
+        """
+        if not self._no_misses:
+            return self.peek(masked(scan))
+        latest = self._own.latest
+        if latest is not None and self._batched:
+            latest = self._of_one(latest)
+        if latest is None:
+            return None
+        transition = np.eye(4)
+        transition[0, 2] = transition[1, 3] = scan.time - self._own.given[-1].time
+        return Estimate(transition @ latest.mean, transition @ latest.covariance @ transition.T, latest.state)
+
     def copy(self) -> TrackerSession:
         """An independent session with the same state.
 
@@ -97,6 +139,7 @@ class TrackerSession:
     def _copied(self, scan: Scan) -> TrackerSession:
         twin = TrackerSession.__new__(TrackerSession)
         twin._batched, twin._started = self._batched, self._started
+        twin._no_misses = self._no_misses
         try:
             twin._own = self._own.copy()
         except Exception as error:

@@ -7,10 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from trackbench.doctor.simplified import RATES, rate_of
+from trackbench.doctor.site import Carrier, carrier_of
 from trackbench.errors import InputError, nearest
 from trackbench.models.sensors import Lidar, Radar, Sensor
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.shipped import at_hand
+from trackbench.scenario.truth import truth_of
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.stepping.remote import fresh, fresh_tracks
 from trackbench.testing.kinds import Identities
@@ -19,6 +24,7 @@ from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.initial_config import InitialConfig
+from trackbench.truth.config import FixedObserver, HighwayOptions
 
 #: For a tracker without a scenario.
 SENSORS: Mapping[str, Sensor] = {
@@ -38,6 +44,8 @@ class Subject:
     multi_object: bool = False
     notes: tuple[str, ...] = ()
     """How the examination differs from the scenario."""
+    observer: Carrier | None = None
+    """That of the scenario; None without one, and of a tracker of several objects."""
 
 
 def subject(
@@ -52,8 +60,8 @@ def subject(
     Args:
         target: the name.
         options: keyword arguments of a class; not with ``SCENARIO#NAME``.
-        scenario: the file whose sensors are used. By default those of the tracker's own scenario, or else a radar and
-            a lidar.
+        scenario: the file whose sensors and observer are used. By default those of the tracker's own scenario, or
+            else a radar and a lidar.
         isolation: whether a tracker that is not built in gets a process of its own.
         identities: hidden of a class that follows several objects, known unless given. A tracker's scenario says it.
 
@@ -66,18 +74,36 @@ def subject(
     if not mark and (Path(target).suffix in (".yaml", ".yml") or target in at_hand()):
         trackers = [f"{target}#{name}" for name in load_scenario(target).config.trackers]
         raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
-    sensors = SENSORS if scenario is None else load_scenario(scenario).config.sensors
+    given = None if scenario is None else load_scenario(scenario)
+    sensors = SENSORS if given is None else given.config.sensors
     if mark:
         loaded = load_scenario(Path(file))
         own = loaded.config.sensing.identities
         if identities not in (None, own):
             raise InputError(f"the scenario's identities are {own}: leave --identities out", file=Path(file))
-        return _of_scenario(loaded, name, options, None if scenario is None else sensors, isolation)
+        own_subject = _of_scenario(loaded, name, options, None if given is None else sensors, isolation)
+        return own_subject if own_subject.multi_object else _observed(own_subject, given or loaded)
     folder = None if scenario is None else scenario.resolve().parent
     if identities == "hidden":
         tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
         return _of_several(target, tracker, sensors, folder, isolation)
-    return _startable(Subject(target, fresh(target, dict(options), folder, isolation), sensors))
+    alone = _startable(Subject(target, fresh(target, dict(options), folder, isolation), sensors))
+    return alone if given is None else _observed(alone, given)
+
+
+def _observed(of: Subject, scenario: Scenario) -> Subject:
+    """The tracker with the observer of a scenario, and with a note of rates that the examination does not have."""
+    truth = scenario.config.truth
+    if isinstance(truth, HighwayOptions) and isinstance(truth.observer, FixedObserver):
+        # It is known without a simulation.
+        fixed = truth.observer
+        observer = Carrier(fixed.x, fixed.y, float(np.deg2rad(fixed.yaw_deg)))
+    else:
+        observer = carrier_of(truth_of(scenario).truth.observer)
+    least, most = RATES
+    other = [name for name, sensor in of.sensors.items() if sensor.rate_hz and not least <= sensor.rate_hz <= most]
+    notes = [f"the rate of {name} is {rate_of(of.sensors[name]):g} Hz here" for name in other]
+    return replace(of, observer=observer, notes=(*of.notes, *notes))
 
 
 def _of_scenario(

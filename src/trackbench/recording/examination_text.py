@@ -10,12 +10,15 @@ from trackbench.doctor.findings import Finding, known_faults
 
 def findings(examination: Examination) -> str:
     """The findings with their evidence, and the failed checks."""
-    lines = [f"## {examination.tracker}", "", "Healthy: no fault found." if examination.healthy else ""]
+    lines = [f"## {examination.tracker}", "", "No fault found." if examination.healthy else ""]
     for finding in examination.findings:
         lines += _finding(finding)
     failed = [check for check in examination.checks if check.passed is False]
     if failed:
         lines += ["", "### Failed checks", "", *(f"- **{check.name}**: {check.result}" for check in failed)]
+    left_out = [check for check in examination.checks if check.passed is None]
+    if left_out:
+        lines += ["", "### Checks not made", "", *(f"- **{check.name}**: {check.result}" for check in left_out)]
     lines += [
         "",
         "### In the pictures",

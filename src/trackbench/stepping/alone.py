@@ -42,6 +42,11 @@ class Alone:
         self._state: Any = None
         self._latest: Estimate | None = None
 
+    @property
+    def latest(self) -> Estimate | None:
+        """The estimate after the last scan."""
+        return self._latest
+
     def step(self, scan: Scan) -> Estimate | None:
         """The estimate after a scan."""
         self._state, answer = unpack(self.tracker.step(self._state, scan))

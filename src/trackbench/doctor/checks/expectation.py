@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,7 +35,27 @@ def expectation(tracker: TrackerUnderTest) -> PartResult:
             result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
             continue
         _examine(sensor, trials, ZERO + ERRORS * tracker.sampling_noise, result)
+    if not tracker.assumptions.still:
+        result.checks.append(_ego_motion(tracker, result.findings))
+    else:
+        result.findings = [_of_standing(finding) for finding in result.findings]
     return result
+
+
+def _ego_motion(tracker: TrackerUnderTest, findings: Sequence[Finding]) -> CheckResult:
+    question = "Do the measurements of a moving observer count for where it is and how it moves?"
+    moving = {probe.name for probe in tracker.probes.regular if probe.observer.moves}
+    trials = [trial for of in tracker.trials.values() for trial in of if trial.name in moving]
+    if not trials:
+        return CheckResult("ego_motion", question, None, "there was no estimate")
+    largest = max(_innovation(trial, trial.predicted_measurement) for trial in trials)
+    text = f"from moving observers the largest innovation of the predicted measurement is {largest:.2f} sigma"
+    return CheckResult("ego_motion", question, not any(one.fault == "ego_motion_ignored" for one in findings), text)
+
+
+def _of_standing(finding: Finding) -> Finding:
+    """Of a sensor that stands still the pose alone can be left out."""
+    return replace(finding, fault="sensor_pose_ignored") if finding.fault == "ego_motion_ignored" else finding
 
 
 def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResult) -> None:

@@ -79,8 +79,11 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
         session = session.copy()
         asked = sensor_set[0]
         predicted = None
-        for k in range(int(GAP * 10) + 1):
-            predicted = session.step(masked(probe.scan(asked, tracker.sensors[asked], 0.1 * k)))
+        if tracker.assumptions.no_misses:
+            predicted = session.predict(probe.scan(asked, tracker.sensors[asked], GAP))
+        else:
+            for k in range(int(GAP * 10) + 1):
+                predicted = session.step(masked(probe.scan(asked, tracker.sensors[asked], 0.1 * k)))
         if predicted is None or not finite(predicted):
             return None
         sigma = float(np.sqrt(max(0.0, np.trace(predicted.covariance[:2, :2]))))
@@ -102,7 +105,7 @@ def _return(tracker: TrackerUnderTest, probe: Probe) -> Return | None:
 def _moved(probe: Probe, error: np.ndarray, away: float) -> Probe:
     """The target with the same velocity, at a distance from its prediction, outward from the sensor."""
     px, py, vx, vy = probe.target
-    outward = np.array([px + GAP * vx, py + GAP * vy])
+    outward = np.array([px + GAP * vx - probe.observer.x, py + GAP * vy - probe.observer.y])
     outward = outward / max(float(np.hypot(*outward)), 1e-9)
     shift = error + away * outward
     return probe._replace(target=(px + shift[0], py + shift[1], vx, vy))

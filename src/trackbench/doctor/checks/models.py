@@ -18,7 +18,6 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.units_ratio import conversion
-from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 
 MODELS = ("measurement", "transition")
@@ -69,7 +68,7 @@ def _entries(tracker: TrackerUnderTest, name: str) -> Iterator[WorstEntry]:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         for sensor in tracker.sensors if name == "measurement" else list(tracker.sensors)[:1]:
             scan = probe.scan(sensor, tracker.sensors[sensor], 0.0)
-            estimate = tracker.peek(session, masked(scan), probe.name)
+            estimate = tracker.predict(session, scan, probe.name)
             if estimate is None or estimate.state is None:
                 continue
             given: Any = scan if name == "measurement" else 0.1

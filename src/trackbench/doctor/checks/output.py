@@ -10,7 +10,6 @@ from trackbench.doctor.exhibits import STATE, Matrices, Panel
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.stepping.steppers import masked
 from trackbench.types import Array
 
 #: Largest error after following a target without noise, m and m/s.
@@ -52,7 +51,7 @@ def output(tracker: TrackerUnderTest) -> PartResult:
         session = tracker.session_at(probe, tracker.sensor_sets()[-1])
         name = tracker.sensor_sets()[-1][0]
         scan = probe.scan(name, tracker.sensors[name], 0.0)
-        estimate = tracker.peek(session, masked(scan), probe.name)
+        estimate = tracker.predict(session, scan, probe.name)
         if estimate is not None and finite(estimate):
             pairs.append((estimate.mean, probe.truth(0.0)))
     if not pairs:

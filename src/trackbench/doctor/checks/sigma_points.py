@@ -80,7 +80,7 @@ def no_time(tracker: TrackerUnderTest) -> PartResult:
     question = "Does a prediction over no time leave the estimate as it is?"
     found: list[Unmoved] = []
     gains: list[tuple[Trial, Array, Array]] = []
-    for probe in FAST:
+    for probe in (fast.placed(tracker.probes.site) for fast in FAST):
         for name in tracker.sensors:
             found += list(_unmoved(tracker, probe, name))
             gains += list(_first_gains(tracker, probe, name))

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.doctor.exhibits import Gaussian, Points, Predictions, Ring
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.probes import Probe, ProbeObserver, probe_rate, with_noise
+from trackbench.doctor.probes import Probe, probe_rate, with_noise
 from trackbench.doctor.right_answers import named
 from trackbench.doctor.session import TrackerSession, finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -160,7 +160,7 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
             speed * np.cos(course),
             speed * np.sin(course),
         )
-        probe = Probe("start", "a random target at its first measurement", target, ProbeObserver())
+        probe = Probe("start", "a random target at its first measurement", target).placed(tracker.probes.site)
         for name in tracker.sensors:
             first = _first_estimate(tracker, probe, name, random)
             if first is None:

@@ -10,9 +10,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from trackbench.doctor.examine import Examination, simplified
+from trackbench.doctor.examine import Examination
 from trackbench.doctor.failures import CannotRun
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.simplified import simplified
 from trackbench.doctor.traffic.checks import begins, empty_scan, false_alarms, following, leaving, order, together
 from trackbench.doctor.traffic.gate import gate
 from trackbench.doctor.traffic.ranking import ranked

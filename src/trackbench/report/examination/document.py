@@ -23,7 +23,7 @@ from trackbench.document import (
 )
 from trackbench.report.examination.exhibits import exhibit_figure
 from trackbench.report.examination.figures import figures
-from trackbench.report.examination.sentences import consequences, facts, mark, roots, verdict
+from trackbench.report.examination.sentences import consequences, facts, mark, not_made, roots, verdict
 
 
 def examination_document(examination: Examination, evidence: Sequence[EvidenceRun] = ()) -> Document:
@@ -48,6 +48,9 @@ def _verdict(examination: Examination) -> Iterator[Block]:
     yield Paragraph(verdict(examination), strong=True)
     yield Status(*(("no fault found", "good") if examination.healthy else ("not healthy", "bad")))
     yield Status(f"{passed} of {len(made)} checks passed", "good" if passed == len(made) else "bad")
+    if left_out := not_made(examination):
+        yield Paragraph("Not made:")
+        yield Items(tuple(Item(reason, ", ".join(names)) for reason, names in left_out))
 
 
 def _findings(examination: Examination) -> Iterator[Block]:

@@ -15,7 +15,22 @@ def verdict(examination: Examination) -> str:
         return f"{examination.tracker}: {counted(len(found), 'fault')} found"
     if failed:
         return f"{examination.tracker}: no known fault found, but {counted(failed, 'check')} failed"
-    return f"{examination.tracker}: healthy"
+    return f"{examination.tracker}: {_healthy(examination)}"
+
+
+def _healthy(examination: Examination) -> str:
+    """How much of the examination could be made."""
+    asked = [check for check in examination.checks if not check.skipped]
+    open_ = [check.name for check in asked if check.passed is None]
+    skipped = len(examination.checks) - len(asked)
+    but = f" but for {counted(skipped, 'check')} skipped" if skipped else ""
+    if not open_:
+        return f"healthy{but}"
+    made = len(asked) - len(open_)
+    and_skipped = f"; {skipped} skipped" if skipped else ""
+    return (
+        f"healthy in {made} of {counted(len(asked), 'check')}; {len(open_)} not made: {', '.join(open_)}{and_skipped}"
+    )
 
 
 def roots(examination: Examination) -> list[Finding]:
@@ -40,4 +55,13 @@ def facts(finding: Finding) -> list[str]:
 
 def mark(check: CheckResult) -> str:
     """Whether the check passed."""
-    return {True: "passed", False: "FAILED", None: "not made"}[check.passed]
+    return "skipped" if check.skipped else {True: "passed", False: "FAILED", None: "not made"}[check.passed]
+
+
+def not_made(examination: Examination) -> list[tuple[str, list[str]]]:
+    """The reasons for which checks were not made, with the names of these checks."""
+    reasons: dict[str, list[str]] = {}
+    for check in examination.checks:
+        if check.passed is None:
+            reasons.setdefault(check.result, []).append(check.name)
+    return list(reasons.items())

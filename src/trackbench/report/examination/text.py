@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from trackbench.doctor.examine import Examination
-from trackbench.doctor.findings import CheckResult, Finding, known_faults
-from trackbench.report.examination.sentences import consequences, facts, mark, roots, verdict
+from trackbench.doctor.findings import Finding, known_faults
+from trackbench.report.examination.sentences import consequences, facts, mark, not_made, roots, verdict
 from trackbench.words import counted
 
 WIDTH = 80
@@ -27,7 +27,7 @@ def text(examination: Examination, every_check: bool = False) -> str:
     if caused:
         lines += ["", "Probably consequences; check them again after the fix:"]
         lines += [_short(f"  {one.fault} (of {one.consequence_of}): {one.evidence}") for one in caused]
-    return "\n".join([*lines, "", *_checks(examination.checks, every_check)])
+    return "\n".join([*lines, "", *_checks(examination, every_check)])
 
 
 def _finding(number: int, finding: Finding) -> Iterator[str]:
@@ -38,11 +38,11 @@ def _finding(number: int, finding: Finding) -> Iterator[str]:
         yield from _wrapped(f"   {label:<9} {said}", " " * 13)
 
 
-def _checks(checks: Iterable[CheckResult], every: bool) -> Iterator[str]:
+def _checks(examination: Examination, every: bool) -> Iterator[str]:
+    checks = examination.checks
     made = [check for check in checks if check.passed is not None]
     failed = [check for check in made if not check.passed]
     yield f"Checks: {len(made) - len(failed)} of {len(made)} passed" + (", failed:" if failed and not every else "")
-    left_out = [check for check in checks if check.passed is None]
     if every:
         for check in checks:
             yield from _wrapped(f"  {mark(check):<8} {check.name}: {check.question}", " " * 11)
@@ -50,9 +50,11 @@ def _checks(checks: Iterable[CheckResult], every: bool) -> Iterator[str]:
         return
     for check in failed:
         yield from _wrapped(f"  {check.name}: {check.question}", "    ")
+    left_out = len(checks) - len(made)
     if left_out:
-        names = ", ".join(check.name for check in left_out)
-        yield from _wrapped(f"{counted(len(left_out), 'check')} could not be made: {names}", "  ")
+        yield f"{counted(left_out, 'check')} not made:"
+        for reason, names in not_made(examination):
+            yield from _wrapped(f"  {', '.join(names)}: {reason}", "    ")
 
 
 def _wrapped(said: str, indent: str = "") -> list[str]:
