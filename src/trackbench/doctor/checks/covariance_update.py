@@ -14,6 +14,7 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.doctor.trial import Trial, TrialUpdate
 from trackbench.stepping.steppers import masked
+from trackbench.types import Array
 
 #: Change of the covariance that is none but rounding, relative to its variances.
 SAME = 1e-6
@@ -103,7 +104,10 @@ def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUp
 
 
 def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None:
-    """What the update adds to the variance of the velocity, over what the last step added."""
+    """What the update adds to the variance of the speed, over what the last step added.
+
+    A turning model's uncertain course adds to the rest of the velocity, and nothing to first order to the speed.
+    """
     trial, used = update.trial, update.used
     if trial.curvature.max() > CURVED:
         return None
@@ -112,9 +116,16 @@ def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None
         return None
     remaining = np.eye(4) - update.gain[:, used] @ trial.jacobian[used]
     started_from = np.linalg.pinv(remaining) @ update.estimate.covariance
-    added = float(np.trace((started_from - trial.prediction.covariance)[2:, 2:]))
-    step = float(np.trace((trial.prediction.covariance - last.covariance)[2:, 2:]))
-    return added / step if step > SAME * float(np.trace(last.covariance[2:, 2:])) else None
+    added = _of_speed(trial, started_from - trial.prediction.covariance)
+    step = _of_speed(trial, trial.prediction.covariance - last.covariance)
+    return added / step if step > SAME * _of_speed(trial, last.covariance) else None
+
+
+def _of_speed(trial: Trial, covariance: Array) -> float:
+    """The part of a ``(4, 4)`` covariance along the predicted velocity, m^2/s^2."""
+    velocity = trial.prediction.mean[2:]
+    along = velocity / max(float(np.hypot(*velocity)), 1e-9)
+    return float(along @ covariance[2:, 2:] @ along)
 
 
 def _position_sigma(update: TrialUpdate) -> float:
