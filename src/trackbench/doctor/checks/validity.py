@@ -15,7 +15,7 @@ from trackbench.doctor.covariance_origin import (
     named,
 )
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.output_checks import WorstCase
+from trackbench.doctor.output_checks import WorstCase, least_eigenvalue, scaled
 from trackbench.doctor.probes import Probe, with_noise
 from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -28,6 +28,9 @@ SAMPLES = 0.5
 STARTED = 4
 #: Share of indefinite covariances below which they are probably the consequence of another fault.
 SELDOM = 0.02
+#: Time of one prediction after which a wrong process noise outweighs the covariance before it, s; at how many probes
+#: it has to.
+LONG, AT_LEAST = 1.0, 2
 #: Share below which they are no fault: sigma points started from two measurements close together lose one at times.
 RARE = 1e-3
 
@@ -52,7 +55,11 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         # A track that has diverged may overflow for that alone.
         confidence = 0.98 if _well_before(tracker, bad) else 0.85
         result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where))
-    result.checks += [_symmetric(tracker, result.findings), _definite(tracker, result.findings)]
+    result.checks += [
+        _symmetric(tracker, result.findings),
+        _definite(tracker, result.findings),
+        _predicted_definite(tracker, result.findings),
+    ]
     return result
 
 
@@ -87,6 +94,30 @@ def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult
         confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
         findings.append(Finding(fault, confidence, said, shown_by=worst.where))
     return CheckResult("definite", question, share < RARE, text)
+
+
+def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    """With short steps a process noise that is no covariance can hide in the covariance before it."""
+    question = f"Does a prediction over {LONG:g} s leave the covariance positive definite?"
+    least = {}
+    for probe in tracker.probes.general:
+        over = tracker.predicted(probe, LONG)
+        if over is not None:
+            before, after = (float(least_eigenvalue(scaled(one.covariance))) for one in over)
+            if before > 0.0:
+                least[probe] = (before, after)
+    if not least:
+        return CheckResult("predicted_definite", question, None, "there was no covariance to predict")
+    probe = min(least, key=lambda one: least[one][1])
+    before, after = least[probe]
+    text = (
+        f"its smallest eigenvalue, scaled to unit variances, is {before:.3g} before and {after:.3g} after it "
+        f"({probe.description})"
+    )
+    wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
+    if wrong:
+        findings.append(Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name))
+    return CheckResult("predicted_definite", question, not wrong, text)
 
 
 def _well_before(tracker: TrackerUnderTest, bad: WorstCase) -> bool:
