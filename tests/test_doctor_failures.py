@@ -224,6 +224,7 @@ def test_neither_of_two_independent_findings_is_a_consequence(first: Finding, se
         (Finding("angle_mean_not_circular", 0.95, "", sensor="radar"), Finding("azimuth_not_wrapped", 0.97, "")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("velocity_not_kept", 0.95, "")),
         (Finding("velocity_unit", 0.97, ""), Finding("doppler_sign", 0.99, "", sensor="radar")),
+        (Finding("jacobian_wrong", 0.83, "", sensor="radar"), Finding("azimuth_not_wrapped", 0.85, "", sensor="radar")),
         (Finding("sigma_spread_wrong", 0.95, ""), Finding("invalid_estimate", 0.85, "")),
         (Finding("doppler_sign", 0.99, "", sensor="radar"), Finding("too_far_off", 0.85, "")),
     ],

@@ -98,6 +98,19 @@ def test_a_course_that_is_not_wrapped_is_named(variant: str) -> None:
     assert {one.fault for one in wrapping(examined(injected.make)).findings} == {"course_not_wrapped"}
 
 
+@pytest.mark.parametrize("variant", ["rate_velocity_swapped", "azimuth_in_degrees"])
+def test_a_wrong_jacobian_is_no_angle_that_is_not_wrapped(variant: str) -> None:
+    """With the velocities' entries swapped the track of the target with the course pi diverges."""
+    assert wrapping(examined(mutant(f"jacobian_wrong/{variant}").make)).findings == []
+
+
+def test_process_noise_that_is_added_twice_in_a_turning_model_is_named() -> None:
+    (radar, lidar) = covariance_update(examined(mutant("process_noise_twice/update", "plain_ukf").make)).findings
+    assert {radar.fault, lidar.fault} == {"process_noise_twice"}
+    assert radar.factor == pytest.approx(2.0, abs=0.01)
+    assert lidar.factor == pytest.approx(2.0, abs=0.01)
+
+
 def test_the_factor_of_a_scale_is_that_of_the_measurements() -> None:
     (finding,) = expectation(examined(mutant("scale_error/range_1.02").make)).findings
     assert finding.factor == pytest.approx(1.02, abs=1e-3)

@@ -89,10 +89,12 @@ def _plain() -> dict[str, Make]:
     }
 
 
+#: Particles are where the target is after a turn without measurements; a Gaussian reaches farther than its samples.
+LIVELY = {"acceleration_sigma": 6.0}
 #: Filters of other kinds: with samples, with a hidden state, with a noise or a mode that adapts itself.
 OTHERS: dict[str, Make] = {
-    "particles": ParticleFilter,
-    "particles, seeded": partial(ParticleFilter, seed=3),
+    "particles": partial(ParticleFilter, **LIVELY),
+    "particles, seeded": partial(ParticleFilter, seed=3, **LIVELY),
     "ensemble": EnsembleFilter,
     "ensemble, seeded": partial(EnsembleFilter, seed=3),
     "square-root ensemble": SquareRootEnsemble,

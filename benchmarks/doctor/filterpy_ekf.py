@@ -82,6 +82,7 @@ class FilterPyUkf(Held, PlainUkf):
 
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
         kalman = self.kalman
+        kalman.x, kalman.P, kalman.sigmas_f = x, P, self.points_for_update(x, P)
         kalman.residual_z = lambda a, b: self.residual(scan.kind, a, b)
         kalman.z_mean = lambda points, weights: self.measurement_mean(scan.kind, points, weights)
         kalman.update(

@@ -116,5 +116,4 @@ def raising(subject: Subject) -> Mutant:
 def sigma_points(subject: Subject) -> Iterator[Mutant]:
     for fault, variant, mixin, kind in SIGMA_POINTS:
         yield subject.mixed(fault, variant, mixin, kind)
-    kept = points.NotRedrawnInFilterPy if subject.name.startswith("filterpy") else points.NotRedrawn
-    yield subject.mixed("sigma_points_not_redrawn", "update", kept)
+    yield subject.mixed("sigma_points_not_redrawn", "update", points.NotRedrawn)

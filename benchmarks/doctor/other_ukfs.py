@@ -23,8 +23,13 @@ class ScaledUkf(PlainUkf):
 
 
 class CubatureFilter(PlainUkf):
-    """Points on either side alone, with equal weights (Arasaratnam and Haykin 2009)."""
+    """Points on either side alone, with equal weights (Arasaratnam and Haykin 2009).
 
+    They lie sqrt(5) standard deviations away, which is less than half a turn of the course; wrapped to the other side,
+    they would leave it uncorrelated with the position for good.
+    """
+
+    unknown_angle = 1.2
     mean_weights = np.array([0, *[0.5 / SIZE] * 2 * SIZE])
     covariance_weights = mean_weights
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from .plain import Array, Belief, PlainTracker, symmetric, wrap
 
-UNKNOWN_ANGLE = np.pi / np.sqrt(3)
 MIN_SPEED = 1e-3
 MIN_YAW_RATE = 1e-6
 SIZE = 5
@@ -25,6 +24,9 @@ def root(P: Array) -> Array:
 
 class ConstantTurnRate(PlainTracker):
     """State px, py, v, yaw, yaw rate with white acceleration along the path and white yaw acceleration."""
+
+    #: Standard deviation of a course of which nothing is known, rad.
+    unknown_angle = np.pi / np.sqrt(3)
 
     def __init__(
         self,
@@ -60,7 +62,7 @@ class ConstantTurnRate(PlainTracker):
         T = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, c, s], [0, 0, -s / divisor, c / divisor]])
         own = np.zeros((SIZE, SIZE))
         own[:4, :4] = symmetric(T @ P @ T.T)
-        shrink = min(1.0, UNKNOWN_ANGLE / np.sqrt(own[3, 3]))
+        shrink = min(1.0, self.unknown_angle / np.sqrt(own[3, 3]))
         own[3] *= shrink
         own[:, 3] *= shrink
         own[4, 4] = self.yaw_rate_sigma**2

@@ -62,16 +62,30 @@ class SampledTracker(PlainTracker):
 
 
 class ParticleFilter(SampledTracker):
-    """Bootstrap filter with resampled particles that are moved a little, without a change of their mean and covariance
-    (Liu and West 2001)."""
+    """Regularised particle filter with progressive correction (Musso, Oudjane and Le Gland 2001).
+
+    A likelihood that would leave few particles is applied in several powers. Resampled particles are moved a little,
+    without a change of their mean and covariance (Liu and West 2001).
+    """
 
     keep = 0.97
+    #: Share of the particles that has to remain effective in each power.
+    effective = 0.3
 
     def update(self, x: Array, P: Array, scan: Any) -> Belief:
-        y = self.differences(scan, scan.measurement[:, None], self.seen(scan))
-        logs = -0.5 * np.einsum("in,ij,jn->n", y, np.linalg.inv(self.noise(scan)), y)
-        weights = np.exp(logs - logs.max())
-        weights /= weights.sum()
+        remaining = 1.0
+        while remaining > 0.0:
+            y = self.differences(scan, scan.measurement[:, None], self.seen(scan))
+            logs = -0.5 * np.einsum("in,ij,jn->n", y, np.linalg.inv(self.noise(scan)), y)
+            power = remaining
+            while (weights := normalised(power * logs)) @ weights * self.effective * self.count > 1.0:
+                power /= 2
+            remaining -= power
+            mean, P = self.resample(weights)
+        return mean, P
+
+    def resample(self, weights: Array) -> Belief:
+        """The weighted moments; the particles have no weights then."""
         mean = self.samples @ weights
         apart = self.samples - mean[:, None]
         P = apart * weights @ apart.T
@@ -80,6 +94,11 @@ class ParticleFilter(SampledTracker):
         noise = np.linalg.cholesky(P + 1e-12 * np.eye(4)) @ self.draw(4, self.count)
         self.samples = self.keep * chosen + (1 - self.keep) * mean[:, None] + np.sqrt(1 - self.keep**2) * noise
         return mean, P
+
+
+def normalised(logs: Array) -> Array:
+    weights = np.exp(logs - logs.max())
+    return weights / weights.sum()
 
 
 class EnsembleFilter(SampledTracker):

@@ -85,15 +85,6 @@ class NotRedrawn:
         return self.moved
 
 
-class NotRedrawnInFilterPy(NotRedrawn):
-    """The same, as FilterPy keeps the points in its object."""
-
-    def predict(self, x: Array, P: Array, dt: float) -> Belief:
-        belief = super().predict(x, P, dt)
-        self.kalman.sigmas_f = self.moved
-        return belief
-
-
 class NoiseOmitted:
     """The innovation covariance without the measurement noise."""
 

@@ -114,16 +114,26 @@ def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUp
 
 
 def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None:
-    """What the update adds to the variance of the velocity, over what the last step added."""
+    """What the update adds to the variance of the speed, over what the last step added.
+
+    A turning model's uncertain course adds to the rest of the velocity, and nothing to first order to the speed.
+    """
     trial = update.trial
     if trial.curvature.max() > CURVED:
         return None
     last = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.session.given[-1].time)), trial.name)
     if last is None:
         return None
-    added = float(np.trace((_started_from(update) - trial.prediction.covariance)[2:, 2:]))
-    step = float(np.trace((trial.prediction.covariance - last.covariance)[2:, 2:]))
-    return added / step if step > SAME * float(np.trace(last.covariance[2:, 2:])) else None
+    added = _of_speed(trial, _started_from(update) - trial.prediction.covariance)
+    step = _of_speed(trial, trial.prediction.covariance - last.covariance)
+    return added / step if step > SAME * _of_speed(trial, last.covariance) else None
+
+
+def _of_speed(trial: Trial, covariance: Array) -> float:
+    """The part of a ``(4, 4)`` covariance along the predicted velocity, m^2/s^2."""
+    velocity = trial.prediction.mean[2:]
+    along = velocity / max(float(np.hypot(*velocity)), 1e-9)
+    return float(along @ covariance[2:, 2:] @ along)
 
 
 def _started_from(update: TrialUpdate) -> Array:

@@ -28,7 +28,8 @@ STEP = 0.05
 STEPS, CONSTANT = (0.002, 0.2), 0.3
 #: Growth of the variance of the velocity over the long step that is one, relative to it.
 LEAST_GROWTH = 1e-6
-#: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory.
+#: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory: none with
+#: constant velocity, and what other motions add in so short a step.
 ONLY = 0.2
 
 
@@ -97,7 +98,7 @@ def _per_step(tracker: TrackerUnderTest) -> PartResult:
             continue
         now, short, long = over[0][0], over[0][1], over[1][1]
         variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
-        if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short):
+        if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short, STEPS[0]):
             pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
     if not pairs:
         return PartResult(
@@ -128,9 +129,15 @@ def _steps_shown(pair: tuple[float, float]) -> OverTime:
     )
 
 
-def _faded(before: Estimate, after: Estimate) -> bool:
-    """Whether the covariance has only been multiplied, as at each step of a filter with a fading memory."""
-    p, grown = before.covariance, after.covariance - before.covariance
+def _faded(before: Estimate, after: Estimate, step: float) -> bool:
+    """Whether the covariance, moved with the estimate, has only been multiplied, as with a fading memory.
+
+    Entries count by their standard deviations: the velocity's growth alone can be in proportion to its variances.
+    """
+    motion = np.eye(4) + step * np.eye(4, k=2)
+    moved = motion @ before.covariance @ motion.T
+    spread = np.sqrt(np.abs(np.diag(moved)))
+    p, grown = (matrix / np.outer(spread, spread) for matrix in (moved, after.covariance - moved))
     share = float(np.trace(grown) / np.trace(p))
     return float(np.linalg.norm(grown - share * p)) < ONLY * float(np.linalg.norm(grown))
 

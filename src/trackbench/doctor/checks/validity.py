@@ -18,7 +18,7 @@ from trackbench.doctor.covariance_origin import (
 )
 from trackbench.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.output_checks import WorstCase
+from trackbench.doctor.output_checks import WorstCase, least_eigenvalue, scaled
 from trackbench.doctor.probes import Probe, with_noise
 from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -31,6 +31,9 @@ SAMPLES = 0.5
 STARTED = 4
 #: Share of indefinite covariances below which they are probably the consequence of another fault.
 SELDOM = 0.02
+#: Time of one prediction after which a wrong process noise outweighs the covariance before it, s; at how many probes
+#: it has to.
+LONG, AT_LEAST = 1.0, 2
 #: Share below which they are no fault: sigma points started from two measurements close together lose one at times.
 RARE = 1e-3
 
@@ -57,7 +60,11 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
         confidence = 0.98 if before is None or plausible(before) else 0.85
         exhibit = _not_finite_shown(before, after, bad)
         result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where, exhibit=exhibit))
-    result.checks += [_symmetric(tracker, result.findings), _definite(tracker, result.findings)]
+    result.checks += [
+        _symmetric(tracker, result.findings),
+        _definite(tracker, result.findings),
+        _predicted_definite(tracker, result.findings),
+    ]
     return result
 
 
@@ -94,6 +101,30 @@ def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult
         exhibit = None if found is None else indefinite_shown(found)
         findings.append(Finding(fault, confidence, said, shown_by=worst.where, exhibit=exhibit))
     return CheckResult("definite", question, share < RARE, text)
+
+
+def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    """With short steps a process noise that is no covariance can hide in the covariance before it."""
+    question = f"Does a prediction over {LONG:g} s leave the covariance positive definite?"
+    least = {}
+    for probe in tracker.probes.general:
+        over = tracker.predicted(probe, LONG)
+        if over is not None:
+            before, after = (float(least_eigenvalue(scaled(one.covariance))) for one in over)
+            if before > 0.0:
+                least[probe] = (before, after)
+    if not least:
+        return CheckResult("predicted_definite", question, None, "there was no covariance to predict")
+    probe = min(least, key=lambda one: least[one][1])
+    before, after = least[probe]
+    text = (
+        f"its smallest eigenvalue, scaled to unit variances, is {before:.3g} before and {after:.3g} after it "
+        f"({probe.description})"
+    )
+    wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
+    if wrong:
+        findings.append(Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name))
+    return CheckResult("predicted_definite", question, not wrong, text)
 
 
 def _around(tracker: TrackerUnderTest, bad: WorstCase) -> tuple[Estimate | None, Estimate | None]:

@@ -43,8 +43,12 @@ SIDES = (-2.0, 2.0)
 ASTRAY, WORSE = 0.05, 5.0
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
 NEAR_PI = 0.02
-#: Angle by which the target is turned, rad: no angle is near pi then.
-TURN = -1.2
+#: The same error from which on the track has diverged: a wrong course, of any speed that is about right, has up to 2.
+DIVERGED = 5.0
+#: Angles by which the target is turned, rad: no angle is near pi then.
+TURN, OTHER_TURN = -1.2, 1.9
+#: Share of a jump which the two turned targets may differ by.
+ALIKE = 0.2
 
 
 class Jump(NamedTuple):
@@ -131,11 +135,11 @@ def _jumps(
     # Where the other update is wrong, the two differ for another reason.
     if here is None or turned is None or not (here.usable and _right(turned, away)):
         return []
-    c, s = np.cos(-TURN), np.sin(-TURN)
-    back = np.array([[c, -s], [s, c]])
-    found = [jump for side in SIDES if (jump := _jump(here, turned, back, side, probe)) is not None]
-    if not azimuth or all(jump.size < FAR for jump in found):
+    found = [jump for side in SIDES if (jump := _jump(here, turned, _rotation(-TURN), side, probe)) is not None]
+    if all(jump.size < FAR for jump in found):
         return found
+    if not azimuth:
+        return [] if _turns_differ(tracker, probe, turned, max(jump.size for jump in found)) else found
     mounted = _mounted(tracker, probe, name, sensor_set)
     if mounted is None or not _right(mounted, probe):
         return found
@@ -151,6 +155,22 @@ def _jumps(
         for jump in again
         if jump is not None
     ]
+
+
+def _rotation(angle: float) -> Array:
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _turns_differ(tracker: TrackerUnderTest, probe: Probe, turned: Trial, size: float) -> bool:
+    """Whether the updates of two turned targets, whose courses are not near pi, differ like that of the probe: a wrong
+    gain is not turned with the target either."""
+    other = tracker.trial(
+        probe.turned(OTHER_TURN, tracker.sensors[turned.scan.sensor]), turned.scan.sensor, turned.sensor_set
+    )
+    if other is None or not other.usable:
+        return False
+    jumps = (_jump(turned, other, _rotation(TURN - OTHER_TURN), side, probe) for side in SIDES)
+    return any(jump is not None and jump.size > ALIKE * size for jump in jumps)
 
 
 def _mounted(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Trial | None:
@@ -227,16 +247,18 @@ def _azimuth_innovation(here: Trial) -> float:
 
 
 def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Jump | None:
-    """A target that was followed without noise and has another velocity then, where the turned target has its own."""
-    turned = probe.turned(TURN, tracker.sensors[sensor_set[0]])
-    here, other = (tracker.trial(one, sensor_set[0], sensor_set) for one in (probe, turned))
-    if here is None or other is None:
-        return None
+    """A target that was followed without noise and has another velocity then, where turned targets have their own."""
     true, speed = probe.truth(0.0)[2:], float(np.hypot(*probe.target[2:]))
-    error = float(np.nan_to_num(np.hypot(*(here.prediction.mean[2:] - true)), nan=speed))
-    usual = float(np.nan_to_num(np.hypot(*(other.prediction.mean - turned.truth(0.0))[2:]), nan=speed))
-    if error < max(ASTRAY * speed, WORSE * usual):
+    here, error = _followed(tracker, probe, sensor_set)
+    if here is None or not ASTRAY * speed <= error < DIVERGED * speed:
         return None
+    usual, others = 0.0, []
+    for turn in (TURN, OTHER_TURN):
+        turned, of_turned = _followed(tracker, probe.turned(turn, tracker.sensors[sensor_set[0]]), sensor_set)
+        usual = max(usual, of_turned)
+        if turned is None or error < WORSE * usual:
+            return None
+        others.append(turned.prediction)
     vx, vy = here.prediction.mean[2:]
     text = (
         f"after 3 s of measurements without noise {probe.description} has the velocity {vx:.3g}, {vy:.3g} m/s, where "
@@ -249,11 +271,20 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         named("tracker", here.prediction),
         Gaussian(
             "the same target turned away",
-            both @ other.prediction.mean,
-            both @ other.prediction.covariance @ both.T,
+            both @ others[0].mean,
+            both @ others[0].covariance @ both.T,
         ),
     )
     return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, False, False, False, shown)
+
+
+def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[Trial | None, float]:
+    """The trial of a target, and the error of its velocity; its speed where that is not a number, m/s."""
+    trial = tracker.trial(probe, sensor_set[0], sensor_set)
+    if trial is None:
+        return None, np.inf
+    error = float(np.hypot(*(trial.prediction.mean - probe.truth(0.0))[2:]))
+    return trial, error if np.isfinite(error) else float(np.hypot(*probe.target[2:]))
 
 
 def _equally_certain(one: Trial, other: Trial) -> bool:
