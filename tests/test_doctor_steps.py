@@ -17,6 +17,7 @@ from trackbench.doctor.checks.instants import instants
 from trackbench.doctor.checks.integers import integers
 from trackbench.doctor.checks.prediction import prediction
 from trackbench.doctor.checks.process_noise import process_noise
+from trackbench.doctor.checks.validity import validity
 from trackbench.doctor.checks.velocity import velocity
 from trackbench.doctor.checks.wrapping import wrapping
 from trackbench.doctor.findings import Finding, PartResult
@@ -35,6 +36,7 @@ PARTS: dict[Part, list[str]] = {
     integers: ["integer_state_matrix/state", "integer_state_matrix/covariance", "integer_state_matrix/start"],
     prediction: ["missed_scan_not_predicted/skipped", "missed_scan_not_predicted/time_stored"],
     process_noise: ["q_constant_per_step/0.1", "q_constant_per_step/0.05"],
+    validity: ["predicted_covariance_not_psd/correlation_beyond_one"],
     velocity: ["velocity_not_kept/prediction", "velocity_not_kept/update"],
 }
 FAULTY = [(part, name) for part, names in PARTS.items() for name in names]
