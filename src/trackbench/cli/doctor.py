@@ -84,7 +84,7 @@ def doctor_command(
     Examples:
       trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
-      trackbench doctor my_tracker:Tracker --scenario my_car.yaml --no-misses --skip gate
+      trackbench doctor my_tracker:Tracker --no-misses --skip gate
       trackbench doctor my_tracks:Tracker --identities hidden
 
     \b

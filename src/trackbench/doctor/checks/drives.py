@@ -8,6 +8,7 @@ import numpy as np
 
 from trackbench.doctor.drives import TestDrive
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.output_checks import SINGULAR
 from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.session import StepFailed
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -59,7 +60,13 @@ class Judged(NamedTuple):
 
     @property
     def far(self) -> float:
-        """How many times too far off; below 1 where it is not."""
+        """How many times too far off; below 1 where it is not.
+
+        Not judged where the direction to the target is undefined: a scan more or less leads sound turning models of a
+        slow radar elsewhere.
+        """
+        if self.drive.name in SINGULAR:
+            return 0.0
         own, other = self.rms
         return own / max(FAR * other, NEAR)
 
