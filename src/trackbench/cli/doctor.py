@@ -89,7 +89,8 @@ def doctor_command(
 
     \b
     Exit status:
-      0 healthy   1 faults found   2 bad input   3 nothing could be asked   4 cannot write
+      0 healthy   1 faults found   2 bad input
+      3 nothing could be asked   4 cannot write
     """
     from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.other_kind import other_kind
