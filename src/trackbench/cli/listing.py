@@ -145,8 +145,8 @@ def list_command(what: str) -> None:
     """Show what a scenario or an option can name.
 
     WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics, envs or checks. The options
-    of a plug-in are shown with their units; one that cannot be imported is shown with the reason. The checks are those of
-    `trackbench doctor`.
+    of a plug-in are shown with their units; one that cannot be imported is shown with the reason. The checks are
+    those of `trackbench doctor`.
 
     \b
     Example:
