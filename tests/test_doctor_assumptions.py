@@ -24,7 +24,7 @@ from trackbench.doctor.site import Carrier, Site, site_of
 from trackbench.doctor.subject import SENSORS, subject
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
-from trackbench.models.sensors import SENSOR_MODELS, Mount, Radar
+from trackbench.models.sensors import Mount, Radar
 from trackbench.report.examination.sentences import verdict
 from trackbench.report.examination.text import text
 from trackbench.stepping.steppers import masked
@@ -296,13 +296,3 @@ def test_the_observer_of_a_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
     assert fixed == Carrier(-34.0, 34.0, pytest.approx(-np.pi / 4))
     assert fixed is not None
     assert not fixed.moves
-
-
-def test_the_range_rate_of_a_target_that_moves_with_its_observer() -> None:
-    """Closed form: the range does not change."""
-    with_it = Probe("with_it", "", (10.0, 5.0, 0.0, 0.0)).placed(Site())
-    moving = Probe("moving", "", (10.0, 5.0, 7.0, 2.0), Carrier(vx=7.0, vy=2.0)).placed(Site(moving=MOVING))
-    for probe in (with_it, moving):
-        scan = probe.scan("radar", SENSORS["radar"], 0.0)
-        assert scan.measurement[2] == pytest.approx(0.0, abs=1e-12)
-        assert SENSOR_MODELS["radar"].components[2] == "range_rate"

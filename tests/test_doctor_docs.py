@@ -19,7 +19,7 @@ Fenced = Callable[[Path], list[Any]]
 
 @pytest.mark.docs_pages
 def test_the_case_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
-    assert run_page(PAGE, tmp_path) == 6
+    assert run_page(PAGE, tmp_path) == 10
     assert (tmp_path / "results" / "doctor" / "sensor_fusion_student_Tracker" / "report.html").exists()
 
 

@@ -84,12 +84,13 @@ def doctor_command(
     Examples:
       trackbench doctor highway#ekf_cv
       trackbench doctor my_tracker:Tracker --option sigma=3
-      trackbench doctor my_tracker:Tracker --scenario my_car.yaml --no-misses --skip gate
+      trackbench doctor my_tracker:Tracker --no-misses --skip gate
       trackbench doctor my_tracks:Tracker --identities hidden
 
     \b
     Exit status:
-      0 healthy   1 faults found   2 bad input   3 nothing could be asked   4 cannot write
+      0 healthy   1 faults found   2 bad input
+      3 nothing could be asked   4 cannot write
     """
     from trackbench.doctor.failures import CannotRun
     from trackbench.doctor.other_kind import other_kind

@@ -142,10 +142,11 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
 @click.command("list")
 @click.argument("what", type=NearestChoice(list(LISTS)), metavar="WHAT")
 def list_command(what: str) -> None:
-    """Show what a scenario can name, and the checks of `trackbench doctor`.
+    """Show what a scenario or an option can name.
 
-    WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics, envs or
-    checks. The options of a plug-in are shown with their units; one that cannot be imported is shown with the reason.
+    WHAT is scenarios, trackers, filters, motion-models, sensors, truth-sources, metrics, envs or checks. The options
+    of a plug-in are shown with their units; one that cannot be imported is shown with the reason. The checks are
+    those of `trackbench doctor`.
 
     \b
     Example:

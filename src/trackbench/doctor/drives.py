@@ -71,6 +71,9 @@ class Setting(NamedTuple):
     """Whether the sensors keep their rates in all drives."""
 
 
+AS_WRITTEN = Setting()
+
+
 class TestDrive(NamedTuple):
     """The truth and the scans of a drive."""
 
@@ -84,7 +87,7 @@ class TestDrive(NamedTuple):
     """``(4, scans, runs or 1)`` px, py, vx, vy of the target at each scan."""
 
 
-def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting) -> list[TestDrive]:
+def simulate_drives(sensors: Mapping[str, Sensor], seed: int, setting: Setting = AS_WRITTEN) -> list[TestDrive]:
     """Every drive, measured by the sensors.
 
     Args:

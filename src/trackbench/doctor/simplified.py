@@ -8,8 +8,9 @@ import numpy as np
 
 from trackbench.models.sensors import Sensor
 
-#: Least and largest rate of a sensor, Hz: drives are short, and have 100 steps a second.
-RATES = (5.0, 50.0)
+#: Least and largest rate of a sensor, Hz: at 5 Hz sound turning models lose targets at the sensor, and the second order
+#: of sigma points has innovations; the truth of drives has 100 steps a second.
+RATES = (10.0, 50.0)
 
 
 def rate_of(sensor: Sensor) -> float:

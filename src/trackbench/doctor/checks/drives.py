@@ -62,7 +62,13 @@ class Judged(NamedTuple):
 
     @property
     def far(self) -> float:
-        """How many times too far off; below 1 where it is not."""
+        """How many times too far off; below 1 where it is not.
+
+        Not judged where the direction to the target is undefined: a scan more or less leads sound turning models of a
+        slow radar elsewhere.
+        """
+        if self.drive.name in SINGULAR:
+            return 0.0
         own, other = self.rms
         return own / max(FAR * other, NEAR)
 
