@@ -18,7 +18,7 @@ from trackbench.doctor.covariance_origin import (
 )
 from trackbench.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.output_checks import WorstCase, least_eigenvalue, scaled
+from trackbench.doctor.output_checks import WorstCase, asymmetry, least_eigenvalue, scaled
 from trackbench.doctor.probes import Probe, with_noise
 from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -109,7 +109,8 @@ def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> C
     least = {}
     for probe in tracker.probes.general:
         over = tracker.predicted(probe, LONG)
-        if over is not None:
+        # An entry added on one side alone has a name of its own.
+        if over is not None and asymmetry(scaled(over[1].covariance)) < ROUNDING:
             before, after = (float(least_eigenvalue(scaled(one.covariance))) for one in over)
             if before > 0.0:
                 least[probe] = (before, after)
