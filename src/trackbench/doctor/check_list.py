@@ -96,6 +96,12 @@ _LAST = {
         "Is every covariance positive definite?",
         finds=("covariance_not_psd", "predicted_covariance_not_psd"),
     ),
+    "predicted_definite": Check(
+        "validity",
+        "Does a prediction over 1 s leave the covariance positive definite?",
+        misses=True,
+        finds=("predicted_covariance_not_psd",),
+    ),
 }
 
 
