@@ -22,7 +22,7 @@ BAD_USAGE = [
     (["run", "tiny.yaml", "--runs", "many"], "'many' is not a valid integer"),
     (["run", "tiny.yaml", "--workers", "0"], "0 is not in the range x>=1"),
     (["list", "tracker"], "'tracker' is not one of 'scenarios', 'trackers'"),
-    (["list", "motion"], "'envs'. Did you mean 'motion-models'?"),
+    (["list", "motion"], "'checks'. Did you mean 'motion-models'?"),
     (["report", "results", "--format", "tex"], "Did you mean 'latex'?"),
     (["run", "tiny.yaml", "--out", "tiny.yaml"], "'tiny.yaml' is a file"),
     (["snapshot", "empty", "--at", "5"], "name the picture after the run: empty empty.png"),

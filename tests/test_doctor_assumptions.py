@@ -20,7 +20,7 @@ from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import GENERAL, PASSING, Probe, Probes
 from trackbench.doctor.session import MissGiven, TrackerSession, WithoutMisses
 from trackbench.doctor.simplified import simplified
-from trackbench.doctor.site import Carrier, Site, site_of
+from trackbench.doctor.site import Carrier, SensorSite, site_of
 from trackbench.doctor.subject import SENSORS, subject
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
@@ -165,7 +165,7 @@ def test_a_sensor_measures_the_same_wherever_its_observer_is(probe: Probe, obser
 
 
 def test_the_bench_s_own_probes_stay_where_they_are() -> None:
-    assert Probes().placed([Site()]) == Probes()
+    assert Probes().placed([SensorSite()]) == Probes()
 
 
 def test_drives_keep_their_geometry_and_their_scans() -> None:

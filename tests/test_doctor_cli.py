@@ -69,6 +69,11 @@ class Ends(Good):
 
             os._exit(5)
         return super().step(state, scan)
+
+
+class Silent(Good):
+    def step(self, state, scan):
+        return None
 """
 
 
@@ -90,6 +95,7 @@ def test_a_healthy_tracker_ends_with_0(cli: Callable[..., Any], tmp_path: Path) 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
+        ("Silent", "it gave no estimate at any scan"),
         (
             "Raises",
             "KeyError: 'rho' (MODULE.py:16, in step, at -3 s of ahead_left, at a measurement of lidar: lidar measures "

@@ -14,19 +14,19 @@ from trackbench.doctor.checks.covariance_update import covariance_update
 from trackbench.doctor.checks.expectation import expectation
 from trackbench.doctor.checks.gain import gain
 from trackbench.doctor.checks.prediction import prediction
-from trackbench.doctor.covariance_origin import Origin, asymmetry_shown, indefinite_shown
+from trackbench.doctor.covariance_origin import FaultyStep, asymmetry_shown, indefinite_shown
 from trackbench.doctor.exhibits import (
     STATE,
     Course,
     Covariances,
     Exhibit,
-    Gaussian,
     Matrices,
     OverTime,
     Panel,
     Points,
     Predictions,
     Ring,
+    StatedBelief,
 )
 from trackbench.doctor.findings import PartResult
 from trackbench.doctor.probes import GENERAL, Probes
@@ -39,9 +39,9 @@ from trackbench.report.examination.exhibits import exhibit_figure
 from trackbench.report.examination.exhibits.roles import outline
 from trackbench.types import Estimate
 
-BEFORE = Gaussian("before", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
-TRACKER = Gaussian("tracker", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
-RIGHT = Gaussian("right", np.array([14.0, 7.0, 4.0, 2.0]), np.diag([1.0, 1.0, 1.0, 1.0]))
+BEFORE = StatedBelief("before", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
+TRACKER = StatedBelief("tracker", np.array([10.0, 5.0, 4.0, 2.0]), np.diag([0.04, 0.04, 1.0, 1.0]))
+RIGHT = StatedBelief("right", np.array([14.0, 7.0, 4.0, 2.0]), np.diag([1.0, 1.0, 1.0, 1.0]))
 TIME = np.linspace(0.0, 10.0, 101)
 
 EXHIBITS: dict[str, tuple[Exhibit, set[str]]] = {
@@ -157,15 +157,15 @@ def test_the_entries_of_a_covariance_that_are_named_are_marked() -> None:
     radar_scan = GENERAL[0].scan("radar", SENSORS["radar"], 0.0)
     before, after = np.eye(4), np.eye(4)
     after[0, 2] = 0.3
-    shown = asymmetry_shown(Origin("update", radar_scan, before, after))
+    shown = asymmetry_shown(FaultyStep("update", radar_scan, before, after))
     assert set(shown.marked) == {(0, 2), (2, 0)}
     assert [panel.role for panel in shown.panels] == ["before", "tracker", "tracker"]
     assert shown.panels[2].values[0, 2] == pytest.approx(0.3)
     after = np.diag([1.0, -0.2, 1.0, 1.0])
-    assert indefinite_shown(Origin("prediction", radar_scan, before, after)).marked == ((1, 1),)
+    assert indefinite_shown(FaultyStep("prediction", radar_scan, before, after)).marked == ((1, 1),)
     after = np.eye(4)
     after[1, 3] = after[3, 1] = 1.5
-    assert set(indefinite_shown(Origin("prediction", radar_scan, before, after)).marked) == {(1, 3), (3, 1)}
+    assert set(indefinite_shown(FaultyStep("prediction", radar_scan, before, after)).marked) == {(1, 3), (3, 1)}
 
 
 def exhibit_of(part: Callable[[TrackerUnderTest], PartResult], name: str) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from trackbench.doctor.check_list import Check, checks
+from trackbench.doctor.check_list import KnownCheck, checks
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 
 
@@ -44,7 +44,7 @@ class Assumptions:
         made = [check for check in result.checks if check.name not in names]
         return PartResult([*made, *left_out], [one for one in result.findings if not self._drops(one, part)])
 
-    def _reason(self, check: Check) -> str | None:
+    def _reason(self, check: KnownCheck) -> str | None:
         if check.misses and self.no_misses:
             return "it needs scans without a detection (--no-misses)"
         return f"it needs an observer that moves ({self.still})" if check.motion and self.still else None
@@ -60,5 +60,5 @@ class Assumptions:
 NONE = Assumptions()
 
 
-def _of(part: str) -> dict[str, Check]:
+def _of(part: str) -> dict[str, KnownCheck]:
     return {name: check for name, check in checks().items() if check.part == part}

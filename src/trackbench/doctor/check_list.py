@@ -9,7 +9,7 @@ from trackbench.doctor.drives import drive_configs
 from trackbench.errors import InputError, nearest
 
 
-class Check(NamedTuple):
+class KnownCheck(NamedTuple):
     """What is known of a check before it is made."""
 
     part: str
@@ -26,77 +26,85 @@ class Check(NamedTuple):
 
 
 _CHECKS = {
-    "repeatable": Check("repeatability", "Do three fresh trackers give the same estimates?"),
-    "output": Check("output", "Is the estimate px, py, vx, vy in the fixed frame?"),
-    "start": Check("first_position", "Do tracks start at the target?", each_sensor=True),
-    "start_confidence": Check("confidence", "Is the first covariance as large as the first errors?"),
-    "integers": Check("integers", "Are the estimates fractions, as the measurements are?"),
-    "no_time": Check("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),
-    "prediction": Check("prediction", "Is the estimate predicted by its velocity times the time step?", misses=True),
-    "velocity": Check("velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True),
-    "spreading": Check("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),
-    "process_noise": Check(
+    "repeatable": KnownCheck("repeatability", "Do three fresh trackers give the same estimates?"),
+    "output": KnownCheck("output", "Is the estimate px, py, vx, vy in the fixed frame?"),
+    "start": KnownCheck("first_position", "Do tracks start at the target?", each_sensor=True),
+    "start_confidence": KnownCheck("confidence", "Is the first covariance as large as the first errors?"),
+    "integers": KnownCheck("integers", "Are the estimates fractions, as the measurements are?"),
+    "no_time": KnownCheck("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),
+    "prediction": KnownCheck(
+        "prediction", "Is the estimate predicted by its velocity times the time step?", misses=True
+    ),
+    "velocity": KnownCheck(
+        "velocity", "Does the velocity stay as it is where nothing says that it changed?", misses=True
+    ),
+    "spreading": KnownCheck("spreading", "Does the uncertainty of the velocity spread to the position?", misses=True),
+    "process_noise": KnownCheck(
         "process_noise",
         "Is the process noise that of a road vehicle?",
         misses=True,
         finds=("q_too_small", "q_too_large", "process_noise_omitted"),
     ),
-    "noise_per_step": Check(
+    "noise_per_step": KnownCheck(
         "process_noise",
         "Does the process noise of a step depend on its length?",
         misses=True,
         finds=("q_constant_per_step",),
     ),
-    "expectation": Check("expectation", "Is the right measurement predicted for the own estimate?", each_sensor=True),
-    "ego_motion": Check(
+    "expectation": KnownCheck(
+        "expectation", "Is the right measurement predicted for the own estimate?", each_sensor=True
+    ),
+    "ego_motion": KnownCheck(
         "expectation",
         "Do the measurements of a moving observer count for where it is and how it moves?",
         motion=True,
         finds=("ego_motion_ignored",),
     ),
-    "gain": Check("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
-    "covariance_update": Check(
+    "gain": KnownCheck("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
+    "covariance_update": KnownCheck(
         "covariance_update", "Does a measurement reduce the predicted covariance?", each_sensor=True, misses=True
     ),
-    "same_instant": Check(
+    "same_instant": KnownCheck(
         "instants",
         "Do two sensors' measurements of one instant both count?",
         finds=("second_measurement_dropped",),
     ),
-    "same_time": Check(
+    "same_time": KnownCheck(
         "instants",
         "Is the estimate of one instant the same, whichever sensor's scan asks for it?",
         misses=True,
         finds=("time_offset",),
     ),
-    "models": Check("models", "Are the Jacobians that the tracker provides right?"),
-    "azimuth_wrapping": Check(
+    "models": KnownCheck("models", "Are the Jacobians that the tracker provides right?"),
+    "azimuth_wrapping": KnownCheck(
         "wrapping",
         "Is the update of a target with the azimuth pi the same as with any other?",
         finds=("azimuth_not_wrapped", "angle_mean_not_circular"),
     ),
-    "course_wrapping": Check(
+    "course_wrapping": KnownCheck(
         "wrapping",
         "Is the update of a target with the course pi the same as with any other?",
         finds=("course_not_wrapped",),
     ),
-    "gate": Check("gate", "Is a target that is elsewhere after a gap taken up again?"),
-    "innovations": Check("innovations", "Are all angles in the innovations wrapped?", each_sensor=True),
-    "late": Check("late", "Are late measurements held against where the target was?", each_sensor=True, misses=True),
+    "gate": KnownCheck("gate", "Is a target that is elsewhere after a gap taken up again?"),
+    "innovations": KnownCheck("innovations", "Are all angles in the innovations wrapped?", each_sensor=True),
+    "late": KnownCheck(
+        "late", "Are late measurements held against where the target was?", each_sensor=True, misses=True
+    ),
 }
 _LAST = {
-    "finite": Check("validity", "Is every number of every estimate finite?", finds=("nonfinite",)),
-    "symmetric": Check(
+    "finite": KnownCheck("validity", "Is every number of every estimate finite?", finds=("nonfinite",)),
+    "symmetric": KnownCheck(
         "validity",
         "Is every covariance symmetric?",
         finds=("covariance_asymmetric", "predicted_covariance_asymmetric"),
     ),
-    "definite": Check(
+    "definite": KnownCheck(
         "validity",
         "Is every covariance positive definite?",
         finds=("covariance_not_psd", "predicted_covariance_not_psd"),
     ),
-    "predicted_definite": Check(
+    "predicted_definite": KnownCheck(
         "validity",
         "Does a prediction over 1 s leave the covariance positive definite?",
         misses=True,
@@ -105,10 +113,10 @@ _LAST = {
 }
 
 
-def checks() -> dict[str, Check]:
+def checks() -> dict[str, KnownCheck]:
     """All checks by name, in the order in which they are made."""
     driven = {
-        name: Check(
+        name: KnownCheck(
             "drives",
             f"Is the tracker as near to its target as it states ({drive.description})?",
             motion=drive.carrier.moves,

@@ -24,7 +24,7 @@ Blame = Callable[[Array, Array, Array | None], bool]
 """Of the covariances before a step, predicted and after it: whether the prediction is to blame."""
 
 
-class Origin(NamedTuple):
+class FaultyStep(NamedTuple):
     """The first step of a track that makes its covariance wrong."""
 
     step: Literal["start", "prediction", "update"]
@@ -45,7 +45,7 @@ class Origin(NamedTuple):
         return f"in the {step}{of} at {self.scan.time:.4g} s"
 
 
-def asymmetric(make: Make, scans: Sequence[Scan]) -> Origin | None:
+def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
     """The step after which the covariance is first not symmetric."""
 
     def adds_more(before: Array, predicted: Array, after: Array | None) -> bool:
@@ -56,7 +56,7 @@ def asymmetric(make: Make, scans: Sequence[Scan]) -> Origin | None:
     return _origin(make, scans, _asymmetry, adds_more)
 
 
-def indefinite(make: Make, scans: Sequence[Scan]) -> Origin | None:
+def indefinite(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
     """The step after which the covariance is first not positive definite."""
 
     def is_wrong(_before: Array, predicted: Array, _after: Array | None) -> bool:
@@ -74,12 +74,12 @@ def _indefiniteness(relative: Array) -> float:
     return -float(least_eigenvalue(relative))
 
 
-def named(fault: str, of: Origin | None) -> str:
+def named(fault: str, of: FaultyStep | None) -> str:
     """The fault of an update, or the same of a prediction where it arises there."""
     return f"predicted_{fault}" if of is not None and of.step == "prediction" else fault
 
 
-def mirrored_entries(of: Origin) -> str:
+def mirrored_entries(of: FaultyStep) -> str:
     """The two mirrored entries that differ most, and what they were before."""
     i, j = _mirrored(of)
     row, column = COMPONENTS[i], COMPONENTS[j]
@@ -87,7 +87,7 @@ def mirrored_entries(of: Origin) -> str:
     return text if of.before is None else f"{text} ({of.before[i, j]:.6g} and {of.before[j, i]:.6g} before it)"
 
 
-def indefinite_entries(of: Origin) -> str:
+def indefinite_entries(of: FaultyStep) -> str:
     """The negative variance or the correlation beyond one, if there is one, and the smallest eigenvalues."""
     variances = np.diag(of.after)
     relative = scaled(of.after)
@@ -103,14 +103,14 @@ def indefinite_entries(of: Origin) -> str:
     return text
 
 
-def asymmetry_shown(of: Origin) -> Matrices:
+def asymmetry_shown(of: FaultyStep) -> Matrices:
     """The covariance before and after the step, and the latter minus its transpose, with the mirrored entries."""
     i, j = _mirrored(of)
     panels = (*_before_and_after(of), Panel("after, minus its transpose", of.after - of.after.T))
     return state_matrices(f"Covariance {of.words}", panels, ((i, j), (j, i)))
 
 
-def indefinite_shown(of: Origin) -> Matrices:
+def indefinite_shown(of: FaultyStep) -> Matrices:
     """The covariance before and after the step, with the negative variance or the correlation beyond one."""
     variances, relative = np.diag(of.after), np.abs(scaled(of.after))
     i, j = _correlated(of)
@@ -120,23 +120,23 @@ def indefinite_shown(of: Origin) -> Matrices:
     return state_matrices(f"Covariance {of.words}", _before_and_after(of), marked)
 
 
-def _before_and_after(of: Origin) -> tuple[Panel, ...]:
+def _before_and_after(of: FaultyStep) -> tuple[Panel, ...]:
     after = Panel(f"after the {of.step}" if of.step != "start" else "first", of.after)
     return (after,) if of.before is None else (Panel(f"before the {of.step}", of.before, "before"), after)
 
 
-def _mirrored(of: Origin) -> tuple[int, int]:
+def _mirrored(of: FaultyStep) -> tuple[int, int]:
     relative = scaled(of.after)
     i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(relative - relative.T)))), (4, 4))
     return int(i), int(j)
 
 
-def _correlated(of: Origin) -> tuple[int, int]:
+def _correlated(of: FaultyStep) -> tuple[int, int]:
     i, j = np.unravel_index(int(np.argmax(np.triu(np.abs(scaled(of.after)), 1))), (4, 4))
     return int(i), int(j)
 
 
-def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> Origin | None:
+def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Blame) -> FaultyStep | None:
     """Give scans to a fresh tracker until a covariance is wrong or the step fails; then predict alone to that scan."""
     session, before = TrackerSession(make), None
     for k, scan in enumerate(scans):
@@ -145,11 +145,11 @@ def _origin(make: Make, scans: Sequence[Scan], size: Measure, in_prediction: Bla
             before = after
             continue
         if before is None:
-            return None if after is None else Origin("start", scan, None, after)
+            return None if after is None else FaultyStep("start", scan, None, after)
         predicted = _covariance(_followed(make, scans[:k]).peek, masked(scan))[0] if scan.valid else after
         if predicted is not None and in_prediction(before, predicted, after):
-            return Origin("prediction", scan, before, predicted)
-        return None if after is None else Origin("update", scan, predicted, after)
+            return FaultyStep("prediction", scan, before, predicted)
+        return None if after is None else FaultyStep("update", scan, predicted, after)
     return None
 
 

@@ -12,7 +12,7 @@ import yaml
 from pydantic import Field
 
 from trackbench.config import Config, Name, NonNegative, Positive, Probability
-from trackbench.doctor.site import Carrier, Site
+from trackbench.doctor.site import Carrier, SensorSite
 from trackbench.models.sensors import Dropout, Sensor
 from trackbench.sensing.scans import ideal_sensors, sense
 from trackbench.truth.config import MovingObserver
@@ -62,7 +62,7 @@ def _with_source(entry: dict[str, Any]) -> dict[str, Any]:
 class Setting(NamedTuple):
     """In what drives differ from drives.yaml."""
 
-    site: Site = Site()
+    site: SensorSite = SensorSite()
     standing: bool = False
     """Whether no observer moves: drives with a moving one are left out."""
     no_misses: bool = False
@@ -118,7 +118,7 @@ def _simulate(name: str, drive: DriveConfig, sensors: Mapping[str, Sensor], seed
     return TestDrive(name, drive, scans, time, target)
 
 
-def _placed(drive: DriveConfig, site: Site) -> ScriptedTruth:
+def _placed(drive: DriveConfig, site: SensorSite) -> ScriptedTruth:
     """The truth with the observer of a site, and its target at the same place relative to the sensor."""
     own, to, truth = drive.carrier, site.carrier(drive.carrier), drive.truth
     if to == own and not any(site.mount):

@@ -35,7 +35,7 @@ from trackbench.doctor.checks.velocity import velocity
 from trackbench.doctor.checks.wrapping import wrapping
 from trackbench.doctor.drives import Setting, TestDrive, simulate_drives
 from trackbench.doctor.evidence import EvidenceRun, evidence_run
-from trackbench.doctor.failures import failure_findings, require_runnable
+from trackbench.doctor.failures import CannotRun, failure_findings, require_runnable
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probes, varied
 from trackbench.doctor.rollout import Rollout, rollout
@@ -212,7 +212,7 @@ class Doctor:
             progress: called after each part with the number of parts done and of all parts.
 
         Raises:
-            CannotRun: the tracker cannot process one scan of any sensor.
+            CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
         """
         # The checks look for numbers that are not finite; NumPy's warnings of them say nothing more.
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -237,6 +237,8 @@ class Doctor:
             progress(done, len(PARTS))
         findings = [finding for result in results for finding in result.findings]
         findings += failure_findings(tracker)
+        if not findings and tracker.output_checks.estimates == 0:
+            raise CannotRun("it gave no estimate at any scan")
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
 
     def _made(self, part: Part, tracker: TrackerUnderTest) -> PartResult:

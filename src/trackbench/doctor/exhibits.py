@@ -52,7 +52,7 @@ class Matrices(Exhibit):
     """The entries that the finding names."""
 
 
-class Gaussian(NamedTuple):
+class StatedBelief(NamedTuple):
     """An estimate with what it is called; NaN where a component is unknown."""
 
     name: str
@@ -67,9 +67,9 @@ class Predictions(Exhibit):
     """The estimate after a step as the tracker has it, the right one, and the one before the step."""
 
     title: str
-    before: Gaussian | None
-    tracker: Gaussian
-    right: Gaussian
+    before: StatedBelief | None
+    tracker: StatedBelief
+    right: StatedBelief
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +77,9 @@ class Covariances(Exhibit):
     """Covariances of one state, around the same point."""
 
     title: str
-    before: Gaussian
-    tracker: Gaussian
-    right: Gaussian | None = None
+    before: StatedBelief
+    tracker: StatedBelief
+    right: StatedBelief | None = None
 
 
 class Course(NamedTuple):

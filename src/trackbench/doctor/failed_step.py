@@ -120,7 +120,7 @@ def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingA
         f"turned about the origin by {angle:g} rad the same scans do not break it: the course jumps at pi, first at "
         f"{scans[k].time:.4g} s"
     )
-    return JumpingAngle("azimuth_not_wrapped", text, None, None)
+    return JumpingAngle("course_not_wrapped", text, None, None)
 
 
 def _near_pi(angle: float) -> bool:

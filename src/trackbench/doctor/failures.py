@@ -36,7 +36,7 @@ Failures = Sequence[tuple[str, StepFailed]]
 
 
 class CannotRun(TrackbenchError):
-    """A tracker that cannot process one scan of any sensor."""
+    """A tracker that cannot process one scan of any sensor, or gives no estimate at any."""
 
 
 def require_runnable(tracker: TrackerUnderTest) -> None:

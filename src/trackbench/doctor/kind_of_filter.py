@@ -46,16 +46,14 @@ def sampling_noise(tracker: TrackerUnderTest) -> float:
     """The largest difference between two answers with other samples, in standard deviations; 0 without samples."""
     probe, sensor_set = tracker.probes.general[0], tracker.sensor_sets()[0]
     scan = probe.scan(sensor_set[0], tracker.sensors[sensor_set[0]], 0.0)
-    answers = []
-    for replica in (False, True):
-        session = tracker.session_at(probe, sensor_set, replica=replica)
-        with tracker.recording_failures(probe.name):
-            estimate = None if session is None else session.predict(scan)
-            if estimate is None or not finite(estimate):
-                return 0.0
-            answers.append(estimate)
-    sigma = np.sqrt(np.abs(np.diag(answers[0].covariance)))
-    noise = float(np.max(np.abs(answers[0].mean - answers[1].mean) / np.maximum(sigma, 1e-12)))
+    one, other = (
+        tracker.predict(tracker.session_at(probe, sensor_set, replica=replica), scan, probe.name)
+        for replica in (False, True)
+    )
+    if one is None or other is None or not (finite(one) and finite(other)):
+        return 0.0
+    sigma = np.sqrt(np.abs(np.diag(one.covariance)))
+    noise = float(np.max(np.abs(one.mean - other.mean) / np.maximum(sigma, 1e-12)))
     return noise if SAMPLED < noise < DIVERGED else 0.0
 
 

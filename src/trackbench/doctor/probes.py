@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.doctor.site import Carrier, Site
+from trackbench.doctor.site import Carrier, SensorSite
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.types import Array, Observer, Scan
@@ -37,7 +37,7 @@ class Probe(NamedTuple):
         target = (x + c * px - s * py, y + s * px + c * py, c * vx - s * vy, s * vx + c * vy)
         return self._replace(name=f"{self.name}_turned", target=_plain(target))
 
-    def placed(self, site: Site) -> Probe:
+    def placed(self, site: SensorSite) -> Probe:
         """The probe at a site: its target has the same place and velocity relative to the sensor there."""
         target = site.target(np.array(self.target), self.observer)
         return self._replace(target=_plain(target), observer=site.carrier(self.observer))
@@ -130,13 +130,13 @@ class Probes(NamedTuple):
     course_axis: Probe = COURSE_AXIS
     at_rest: Probe = AT_REST
     at_sensor: Probe = AT_SENSOR
-    site: Site = Site()
+    site: SensorSite = SensorSite()
 
     def standing(self) -> Probes:
         """The probes without a moving observer."""
         return self._replace(moving=(), passing=tuple(probe.standing() for probe in self.passing))
 
-    def placed(self, sites: Sequence[Site]) -> Probes:
+    def placed(self, sites: Sequence[SensorSite]) -> Probes:
         """The probes at the site of the first sensor, and those with an azimuth of pi at the site of each."""
         site = sites[0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackbench import linalg
-from trackbench.doctor.exhibits import STATE, Covariances, Gaussian, Matrices, Panel, Predictions, components_of
+from trackbench.doctor.exhibits import STATE, Covariances, Matrices, Panel, Predictions, StatedBelief, components_of
 from trackbench.doctor.expected_gain import linearised_gain
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
@@ -16,27 +16,27 @@ from trackbench.units import difference
 ACCELERATION = 3.0
 
 
-def named(name: str, estimate: Estimate) -> Gaussian:
+def named(name: str, estimate: Estimate) -> StatedBelief:
     """An estimate with a name."""
-    return Gaussian(name, estimate.mean, estimate.covariance)
+    return StatedBelief(name, estimate.mean, estimate.covariance)
 
 
-def predicted(estimate: Estimate, step: float, name: str = "right: velocity times the time step") -> Gaussian:
+def predicted(estimate: Estimate, step: float, name: str = "right: velocity times the time step") -> StatedBelief:
     """Moved with constant velocity over ``step`` s, with a white acceleration of the reference's size."""
     f = np.eye(4) + step * np.eye(4, k=2)
     g = np.vstack([0.5 * step**2 * np.eye(2), step * np.eye(2)])
     covariance = f @ estimate.covariance @ f.T + ACCELERATION**2 * g @ g.T
-    return Gaussian(name, f @ estimate.mean, covariance)
+    return StatedBelief(name, f @ estimate.mean, covariance)
 
 
-def updated(trial: Trial, measurement: Array, name: str = "right") -> Gaussian:
+def updated(trial: Trial, measurement: Array, name: str = "right") -> StatedBelief:
     """The prediction after a measurement, by the equations of the extended Kalman filter in Joseph's form."""
     gain, h = linearised_gain(trial), trial.jacobian
     innovation = difference(measurement, trial.predicted_measurement, SENSOR_MODELS[trial.scan.kind].angular)
     kept = np.eye(4) - gain @ h
     p = linalg.symmetrise(trial.prediction.covariance)
     covariance = kept @ p @ kept.T + gain @ trial.scan.noise_covariance @ gain.T
-    return Gaussian(name, trial.prediction.mean + gain @ innovation, covariance)
+    return StatedBelief(name, trial.prediction.mean + gain @ innovation, covariance)
 
 
 def update_shown(trial: Trial, measurement: Array) -> Predictions | None:

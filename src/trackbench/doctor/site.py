@@ -37,7 +37,7 @@ class Carrier(NamedTuple):
         return Carrier(self.x, self.y, self.yaw)
 
 
-class Site(NamedTuple):
+class SensorSite(NamedTuple):
     """A sensor on an observer, to whose frame the places of targets are relative."""
 
     standing: Carrier = Carrier()
@@ -66,12 +66,12 @@ class Site(NamedTuple):
         return self.standing.yaw + self.mount[2]
 
 
-def site_of(mount: Mount, observer: Carrier | None) -> Site:
+def site_of(mount: Mount, observer: Carrier | None) -> SensorSite:
     """The site of a sensor on the user's observer; None for the bench's own ones."""
     own = (mount.x_m, mount.y_m, float(np.deg2rad(mount.yaw_deg)))
     if observer is None:
-        return Site(mount=own)
-    return Site(observer.at_rest(), observer if observer.moves else None, own)
+        return SensorSite(mount=own)
+    return SensorSite(observer.at_rest(), observer if observer.moves else None, own)
 
 
 def carrier_of(observer: Observer) -> Carrier:

@@ -15,7 +15,7 @@ LEAST = 0.01
 FAR_APART = 0.3
 
 
-class Unit(NamedTuple):
+class UnitConversion(NamedTuple):
     """A unit that is taken for the SI's."""
 
     size: float
@@ -27,22 +27,22 @@ class Unit(NamedTuple):
 
 
 UNITS = (
-    Unit(180 / pi, "degrees", "radians", "angle"),
-    Unit(1e3, "milliseconds", "seconds", "time"),
-    Unit(1e6, "microseconds", "seconds", "time"),
-    Unit(1e9, "nanoseconds", "seconds", "time"),
-    Unit(3.6, "km/h", "m/s", "speed"),
-    Unit(3600 / 1609.344, "miles per hour", "m/s", "speed"),
-    Unit(1 / 0.3048, "feet", "metres", "length"),
-    Unit(1e3, "millimetres", "metres", "length"),
-    Unit(1 / 1609.344, "miles", "metres", "length"),
+    UnitConversion(180 / pi, "degrees", "radians", "angle"),
+    UnitConversion(1e3, "milliseconds", "seconds", "time"),
+    UnitConversion(1e6, "microseconds", "seconds", "time"),
+    UnitConversion(1e9, "nanoseconds", "seconds", "time"),
+    UnitConversion(3.6, "km/h", "m/s", "speed"),
+    UnitConversion(3600 / 1609.344, "miles per hour", "m/s", "speed"),
+    UnitConversion(1 / 0.3048, "feet", "metres", "length"),
+    UnitConversion(1e3, "millimetres", "metres", "length"),
+    UnitConversion(1 / 1609.344, "miles", "metres", "length"),
 )
 
 
 class Conversion(NamedTuple):
     """A unit that explains a ratio."""
 
-    unit: Unit
+    unit: UnitConversion
     exact: float
     """The ratio that it explains: ``size ** power``, or its inverse."""
     formula: str

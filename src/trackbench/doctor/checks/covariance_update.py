@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.doctor.exhibits import Covariances, Gaussian
+from trackbench.doctor.exhibits import Covariances, StatedBelief
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.right_answers import named, reduction_shown
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -76,7 +76,7 @@ def _kept(name: str, updates: Sequence[TrialUpdate]) -> Finding | None:
     clearest = max(kept, key=_replaced)
     text = (
         f"a measurement of {name} moves the estimate of {clearest.trial.description}, and its covariance stays as it "
-        f"was predicted: the position has {_predicted_sigma(clearest):.3g} m before and "
+        f"was predicted: the standard deviation of the position is {_predicted_sigma(clearest):.3g} m before and "
         f"{_position_sigma(clearest):.3g} m after ({len(kept)} of {len(updates)} trials)"
     )
     exhibit = reduction_shown(clearest.trial, clearest.estimate)
@@ -108,7 +108,9 @@ def _noise_again(tracker: TrackerUnderTest, name: str, updates: Sequence[TrialUp
     exhibit = Covariances(
         f"Covariance that the update of {name} starts from",
         named("right: predicted, as stated at a missed scan", typical.trial.prediction),
-        Gaussian("tracker: that of which the update follows", typical.trial.prediction.mean, _started_from(typical)),
+        StatedBelief(
+            "tracker: that of which the update follows", typical.trial.prediction.mean, _started_from(typical)
+        ),
     )
     return Finding("process_noise_twice", 0.9, text, factor=1 + middle, shown_by="own_model", exhibit=exhibit)
 

@@ -44,7 +44,7 @@ class Errors(NamedTuple):
     """Of the position and of the velocity."""
 
 
-class Judged(NamedTuple):
+class JudgedDrive(NamedTuple):
     """A drive that is judged."""
 
     drive: TestDrive
@@ -110,16 +110,16 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
     return result
 
 
-def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> Judged:
+def _judged(drive: TestDrive, estimates: Rollout, reference: Rollout) -> JudgedDrive:
     scored = np.asarray(drive.time > min(SETTLE, 0.5 * drive.config.truth.duration_s))
     measured = scored.copy()
     if drive.config.silent_s is not None:
         begin, end = drive.config.silent_s
         measured &= (drive.time < begin) | (drive.time > end + RECOVERED)
-    return Judged(drive, _errors(estimates, drive), _errors(reference, drive), scored, measured)
+    return JudgedDrive(drive, _errors(estimates, drive), _errors(reference, drive), scored, measured)
 
 
-def _text(one: Judged) -> str:
+def _text(one: JudgedDrive) -> str:
     own, other = one.rms
     theirs = {part: _mean(one.reference.nees[part][one.scored]) for part in PARTS}
     return (
@@ -129,7 +129,7 @@ def _text(one: Judged) -> str:
     )
 
 
-def _too_far_off(judged: list[Judged]) -> list[Finding]:
+def _too_far_off(judged: list[JudgedDrive]) -> list[Finding]:
     """The drive in which the position is the farthest beyond the bound."""
     off = [one for one in judged if one.far > 1.0]
     if not off:
@@ -148,7 +148,7 @@ def _too_far_off(judged: list[Judged]) -> list[Finding]:
     return [Finding("too_far_off", 0.85, text, factor=own / other, shown_by=worst.drive.name, run=run, exhibit=exhibit)]
 
 
-def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
+def _covariance_unbelievable(judged: list[JudgedDrive]) -> list[Finding]:
     """The drive in which the NEES is the farthest beyond a bound."""
     off = [(one, part) for one in judged for part in PARTS if one.unbelievable(part) > 1.0]
     if not off:
@@ -177,7 +177,7 @@ def _covariance_unbelievable(judged: list[Judged]) -> list[Finding]:
     ]
 
 
-def _shown(one: Judged, part: str, run: int, begin: float) -> OverTime:
+def _shown(one: JudgedDrive, part: str, run: int, begin: float) -> OverTime:
     """Position error and NEES of a run."""
     time = one.drive.time
     low, high = (np.full(len(time), float(bound)) for bound in mean_bounds(2, 1))
@@ -204,7 +204,7 @@ def _others(number: int, of: int) -> str:
     return f" ({number} of {of} drives)"
 
 
-def _interval(one: Judged, values: Array, where: Mask, *, largest: bool) -> tuple[float, Mask]:
+def _interval(one: JudgedDrive, values: Array, where: Mask, *, largest: bool) -> tuple[float, Mask]:
     """The second of a run with the largest or least values: where it begins, s, and its estimates ``(scans, runs)``."""
     time = one.drive.time
     best: tuple[float, float, Mask, int] | None = None

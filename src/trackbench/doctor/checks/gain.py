@@ -95,8 +95,10 @@ def _jacobian(
             continue
         worst = max(of, key=lambda row: _apart(row, i))
         share = max(float(np.mean(turned)), float(np.mean(scaled)))
-        text = f"the row of {component.replace('_', ' ')} is off by {np.median(direction):.0%} in direction and "
-        text += f"{np.median(size):.3g} in length (medians of {len(of)} trials)"
+        off, length = float(np.median(direction)), float(np.median(size))
+        way = "points the opposite way" if length < 0.0 else f"is off by {off:.0%} in direction"
+        text = f"the row of {component.replace('_', ' ')} {way} and has {abs(length):.3g} times the right length "
+        text += f"(medians of {len(of)} trials)"
         if np.mean(turned) < 0.12:
             text += _unit_of_row(size)
         found.append((share, worst, i, text))
@@ -265,7 +267,6 @@ def _result(rows: Sequence[ImpliedModel]) -> str:
         if np.isfinite(factor)
     ]
     direction = np.nanmax([np.nanmax(row.direction[row.used]) for row in rows])
-    return (
-        f"implied over stated variance: {', '.join(parts) or 'n/a'}; directions of the rows of the implied Jacobian "
-        f"within {direction:.1%}"
-    )
+    rows_of = "rows of the implied Jacobian"
+    said = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
+    return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"

@@ -44,7 +44,9 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
     growth = float(np.median([one[-1] for one in found]))
     if growth < NONE:
         most = max(float(one[-1]) for one in found)
-        text = f"in 1 s without a measurement the variance of the speed does not grow (at most by {most:.2g} m/s)"
+        text = (
+            f"in 1 s without a measurement the variance of the speed does not grow (its root by at most {most:.2g} m/s)"
+        )
         shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
         finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by, exhibit=exhibit)
         return PartResult([CheckResult("process_noise", question, False, text)], [finding])

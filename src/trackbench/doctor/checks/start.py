@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.doctor.exhibits import Gaussian, Points, Predictions, Ring
+from trackbench.doctor.exhibits import Points, Predictions, Ring, StatedBelief
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe, probe_rate, with_noise
 from trackbench.doctor.right_answers import named
@@ -112,7 +112,9 @@ def _first_shown(first: FirstEstimate) -> Predictions:
     position = SENSOR_MODELS[first.scan.kind].position(first.scan)
     covariance = np.full((4, 4), np.nan)
     covariance[:2, :2] = position.covariance
-    right = Gaussian("measured position, true velocity", np.concatenate([position.mean, first.truth[2:]]), covariance)
+    right = StatedBelief(
+        "measured position, true velocity", np.concatenate([position.mean, first.truth[2:]]), covariance
+    )
     return Predictions(
         f"First estimate of a track: {first.probe.description}", None, named("tracker", first.estimate), right
     )

@@ -24,7 +24,7 @@ SPREAD, SHARE = 0.5, 0.1
 SHORT = 1e-3
 
 
-class Fit(NamedTuple):
+class SystematicFit(NamedTuple):
     """The offsets of all trials by one kind of error."""
 
     fault: str
@@ -60,25 +60,25 @@ def systematic_error(sensor: str, trials: Sequence[Trial], clear: float) -> Find
     return replace(_finding(sensor, known, best, offsets, clear), exhibit=exhibit)
 
 
-def _bias(offsets: Array) -> Fit:
+def _bias(offsets: Array) -> SystematicFit:
     middle = np.median(offsets, axis=0)
-    return Fit("sensor_bias", np.tile(middle, (len(offsets), 1)), middle)
+    return SystematicFit("sensor_bias", np.tile(middle, (len(offsets), 1)), middle)
 
 
-def _scale(trials: Sequence[Trial], offsets: Array) -> Fit:
+def _scale(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
     """By least squares; an angle has no scale."""
     predicted = np.array([trial.predicted_measurement for trial in trials])
     factor = np.sum(offsets * predicted, axis=0) / np.maximum(np.sum(predicted**2, axis=0), 1e-12)
     factor[list(SENSOR_MODELS[trials[0].scan.kind].angular)] = 0.0
-    return Fit("scale_error", factor * predicted, factor)
+    return SystematicFit("scale_error", factor * predicted, factor)
 
 
-def _time(trials: Sequence[Trial], offsets: Array) -> Fit:
+def _time(trials: Sequence[Trial], offsets: Array) -> SystematicFit:
     """By least squares of all components, each in its standard deviations."""
     rates = np.array([_rate(trial) for trial in trials])
     weighted = rates / trials[0].sigma ** 2
     delay = float(np.sum(offsets * weighted) / max(np.sum(rates * weighted), 1e-12))
-    return Fit("time_offset", delay * rates, np.full(offsets.shape[1], delay))
+    return SystematicFit("time_offset", delay * rates, np.full(offsets.shape[1], delay))
 
 
 def _rate(trial: Trial) -> Array:
@@ -91,22 +91,22 @@ def _rate(trial: Trial) -> Array:
     return np.asarray(difference(ahead, behind, model.angular) / SHORT)
 
 
-def _spread(fit: Fit, offsets: Array, sigma: Array) -> Array:
+def _spread(fit: SystematicFit, offsets: Array, sigma: Array) -> Array:
     """``(m,)`` median distance of the offsets from the fit, in sigma."""
     return np.asarray(np.median(np.abs(offsets - fit.offsets), axis=0) / sigma)
 
 
-def _off(fit: Fit, sigma: Array, clear: float) -> Mask:
+def _off(fit: SystematicFit, sigma: Array, clear: float) -> Mask:
     """``(m,)`` which components are off, in the median of the trials."""
     return np.asarray(np.median(np.abs(fit.offsets), axis=0) > clear * sigma)
 
 
-def _good(fit: Fit, offsets: Array, sigma: Array, clear: float) -> bool:
+def _good(fit: SystematicFit, offsets: Array, sigma: Array, clear: float) -> bool:
     allowed = SPREAD + SHARE * np.median(np.abs(fit.offsets), axis=0) / sigma
     return bool(_off(fit, sigma, clear).any()) and not np.any(_spread(fit, offsets, sigma) > allowed)
 
 
-def _finding(sensor: str, trials: Sequence[Trial], fit: Fit, offsets: Array, clear: float) -> Finding:
+def _finding(sensor: str, trials: Sequence[Trial], fit: SystematicFit, offsets: Array, clear: float) -> Finding:
     model, sigma = SENSOR_MODELS[trials[0].scan.kind], trials[0].sigma
     off = np.flatnonzero(_off(fit, sigma, clear))
     names = [model.components[i].replace("_", " ") for i in off]

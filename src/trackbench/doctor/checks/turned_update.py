@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.checks.expectation import ZERO
-from trackbench.doctor.exhibits import Gaussian, Predictions
+from trackbench.doctor.exhibits import Predictions, StatedBelief
 from trackbench.doctor.probes import Probe
 from trackbench.doctor.right_answers import named
 from trackbench.doctor.session import StepFailed, TrackerSession
@@ -163,7 +163,7 @@ def _shown(here: Trial, turned: Trial, both: Array, side: float) -> Predictions 
         f"Update with {here.scan.sensor}: {here.description}",
         named("before the measurement", here.prediction),
         named("tracker, after it", after),
-        Gaussian("as of the same target turned away", mean, both @ other.covariance @ both.T),
+        StatedBelief("as of the same target turned away", mean, both @ other.covariance @ both.T),
     )
 
 

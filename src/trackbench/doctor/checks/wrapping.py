@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.doctor.checks.turned_update import FAR, OTHER_TURN, TURN, Jump, jumps_of
-from trackbench.doctor.exhibits import Gaussian, Predictions
+from trackbench.doctor.exhibits import Predictions, StatedBelief
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
 from trackbench.doctor.right_answers import named
@@ -102,7 +102,7 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         f"After 3 s of measurements without noise: {probe.description}",
         None,
         named("tracker", here.prediction),
-        Gaussian(
+        StatedBelief(
             "the same target turned away",
             both @ others[0].mean,
             both @ others[0].covariance @ both.T,

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from trackbench.doctor.exhibits import STATE, Gaussian, Predictions
+from trackbench.doctor.exhibits import STATE, Predictions, StatedBelief
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.drawing import DASHED, MARKERS
 from trackbench.report.examination.exhibits.roles import COLOURS, fit_equal, outline
@@ -60,7 +60,7 @@ def _differ(of: Predictions, plane: slice) -> bool:
     return bool(not np.isfinite(apart) or apart > _SAME * max(float(spread), 1e-9))
 
 
-def _draw(axes: Axes, role: str, one: Gaussian, plane: slice) -> list[Array]:
+def _draw(axes: Axes, role: str, one: StatedBelief, plane: slice) -> list[Array]:
     """Draw a mean with its ellipse, and give back what was drawn."""
     marker, size = MARKERS[_MARKS[role]]
     mean, ring = one.mean[plane], outline(one.mean[plane], one.covariance[plane, plane])
@@ -83,6 +83,6 @@ def _numbers(of: Predictions, part: str) -> str:
     )
 
 
-def _short(one: Gaussian) -> str:
+def _short(one: StatedBelief) -> str:
     """What it is called, without what stands after a comma or colon."""
     return re.split("[,:]", one.name)[0]
