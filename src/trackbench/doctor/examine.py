@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -260,11 +260,13 @@ class Doctor:
 
     @one_blas_thread()
     def evidence(self, examination: Examination, make: Callable[[], Tracker]) -> list[EvidenceRun]:
-        """The runs that show the root causes; of a healthy tracker, the run of the default drive."""
+        """The runs that show the root causes; the run of the default drive where none does."""
         shown: dict[str, list[Finding]] = {}
+        failed = {check.name for check in examination.checks if check.passed is False}
         for finding in examination.findings:
-            if finding.consequence_of is None and len(shown) < MOST_SHOWN:
-                shown.setdefault(self._drive_of(finding), []).append(finding)
+            drive = self._drive_of(finding, failed)
+            if finding.consequence_of is None and drive is not None and len(shown) < MOST_SHOWN:
+                shown.setdefault(drive, []).append(finding)
         drives = {drive.name: (drive, reference) for drive, reference in self._drives}
         given: Callable[[], Tracker] = WithoutMisses(make) if self._assumptions.no_misses else make
         try:
@@ -277,8 +279,11 @@ class Doctor:
             # Its process has ended.
             return []
 
-    def _drive_of(self, finding: Finding) -> str:
-        for drive, _ in self._drives:
-            if finding.shown_by == drive.name or finding.fault in drive.config.shows:
-                return drive.name
-        return DEFAULT_DRIVE
+    def _drive_of(self, finding: Finding, failed: Collection[str]) -> str | None:
+        """The drive that the finding names, or the first that failed and has such faults to show."""
+        drives = {drive.name: drive for drive, _ in self._drives}
+        if finding.shown_by in drives:
+            return finding.shown_by
+        return next(
+            (name for name, one in drives.items() if name in failed and finding.fault in one.config.shows), None
+        )
