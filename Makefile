@@ -50,10 +50,8 @@ docs: $(VENV)/.installed-dev
 
 install: $(VENV)/.installed
 
-# An old pip searches for minutes for what a recent one finds at once.
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --upgrade pip
 
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
