@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.udacity import data_folder
 
 from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
@@ -109,6 +110,8 @@ def test_the_module_beside_a_shipped_scenario_is_found(tmp_path: Path, monkeypat
     from trackbench.doctor.subject import subject
 
     monkeypatch.chdir(tmp_path)
+    # Where no recording is: a folder that lacks it.
+    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
     for name, tracker in load_scenario("recorded/udacity_ukf_tuning").config.trackers.items():
         if getattr(tracker, "use", "").startswith("published_ukf:"):
             assert subject(f"recorded/udacity_ukf_tuning#{name}", {}).make()
