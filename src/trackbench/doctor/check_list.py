@@ -29,6 +29,9 @@ _CHECKS = {
     "repeatable": KnownCheck("repeatability", "Do three fresh trackers give the same estimates?"),
     "output": KnownCheck("output", "Is the estimate px, py, vx, vy in the fixed frame?"),
     "start": KnownCheck("first_position", "Do tracks start at the target?", each_sensor=True),
+    "stated_covariance": KnownCheck(
+        "stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True
+    ),
     "start_confidence": KnownCheck("confidence", "Is the first covariance as large as the first errors?"),
     "integers": KnownCheck("integers", "Are the estimates fractions, as the measurements are?"),
     "no_time": KnownCheck("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),
@@ -59,6 +62,9 @@ _CHECKS = {
         "Do the measurements of a moving observer count for where it is and how it moves?",
         motion=True,
         finds=("ego_motion_ignored",),
+    ),
+    "one_gain": KnownCheck(
+        "one_gain", "Do the mean and the covariance change by one gain?", each_sensor=True, misses=True
     ),
     "gain": KnownCheck("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
     "covariance_update": KnownCheck(

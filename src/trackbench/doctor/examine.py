@@ -26,6 +26,7 @@ from trackbench.doctor.checks.integers import integers
 from trackbench.doctor.checks.late import late
 from trackbench.doctor.checks.models import models
 from trackbench.doctor.checks.output import output
+from trackbench.doctor.checks.own_covariance import one_gain, stated_covariance
 from trackbench.doctor.checks.prediction import prediction, spreading
 from trackbench.doctor.checks.process_noise import process_noise
 from trackbench.doctor.checks.sigma_points import no_time
@@ -60,6 +61,7 @@ PARTS: tuple[Part, ...] = (
     repeatability,
     output,
     first_position,
+    stated_covariance,
     confidence,
     integers,
     no_time,
@@ -68,6 +70,7 @@ PARTS: tuple[Part, ...] = (
     spreading,
     process_noise,
     expectation,
+    one_gain,
     gain,
     covariance_update,
     instants,
@@ -82,18 +85,23 @@ PARTS: tuple[Part, ...] = (
 
 #: These need a tracker that predicts and updates; one that returns the last measurement does not.
 FOR_FILTERS = (
+    stated_covariance,
     no_time,
     prediction,
     velocity,
     spreading,
     process_noise,
     expectation,
+    one_gain,
     gain,
     covariance_update,
     instants,
     wrapping,
     innovations,
 )
+
+#: These take the covariance that is returned for the tracker's own.
+OF_COVARIANCE = (confidence, no_time, spreading, process_noise, one_gain, gain, covariance_update)
 
 #: The evidence of a healthy tracker, and of a fault that no drive shows.
 DEFAULT_DRIVE = "azimuth_crossing"
@@ -250,7 +258,15 @@ class Doctor:
         if part in FOR_FILTERS and tracker.memoryless:
             why = "it predicts no motion, and its position is that of the last measurement"
             return PartResult(self._not_made(part, tracker, why))
+        if part in OF_COVARIANCE and self._states_another(tracker):
+            why = "the covariance that is returned is not the tracker's own (stated_covariance)"
+            return PartResult(self._not_made(part, tracker, why))
         return self._assumptions.applied(part(tracker), left_out, part.__name__)
+
+    def _states_another(self, tracker: TrackerUnderTest) -> bool:
+        """Whether the covariance that a tracker returns is found not to be its own."""
+        made = not self._not_made(stated_covariance, tracker) and not tracker.memoryless
+        return made and tracker.stated_covariance_fault is not None
 
     def _not_made(self, part: Part, tracker: TrackerUnderTest, why: str | None = None) -> list[CheckResult]:
         """The checks of a part that are not made by what the user states, or all of them for another reason."""

@@ -36,6 +36,8 @@ EXACT = (
 MOTION = ("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted")
 #: What a prediction over no time shows of the sums over sigma points. Wide points have other courses and azimuths.
 _SUMS = ("sigma_weights_wrong", "sigma_points_misdrawn", "sigma_spread_wrong")
+#: Of a covariance that is returned and is not the tracker's own.
+OWN = ("covariance_constant", "covariance_diagonal", "covariance_order")
 #: Of the sensor's own pose and velocity.
 _EGO = ("ego_motion_ignored", "sensor_pose_ignored")
 #: What the estimates of drives show of any fault.
@@ -71,7 +73,7 @@ _NOISE = ("r_too_small", "r_too_large", "measurement_noise_omitted", "measuremen
 _GROWTH = ("q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted", "process_noise_twice")
 _OFFSET = ("sensor_bias", "scale_error", "time_offset")
 #: What a wrong mean or covariance can look like after a step, or after many.
-_STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced")
+_STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced", "covariance_update_wrong", *OWN)
 _POINTS = ("sigma_spread_wrong", "sigma_points_misdrawn")
 _ANGLE = ("azimuth_not_wrapped", "angle_mean_not_circular", "course_not_wrapped")
 #: Of measurements that are predicted or read wrongly.
@@ -115,8 +117,10 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "sensor_bias": (*_GAIN, "overconfident_start", *NUMERICAL),
     "scale_error": (*_GAIN, "overconfident_start", *NUMERICAL),
     "process_noise_omitted": ("q_too_small", "overconfident_start", *NUMERICAL),
+    **dict.fromkeys(OWN, (*_STEPPED, "jacobian_wrong", "covariance_update_wrong")),
     "sigma_points_not_redrawn": ("gain_inconsistent", "jacobian_wrong", *_NOISE, *_GROWTH, *NUMERICAL),
-    "process_noise_twice": ("gain_inconsistent", "q_too_large"),
+    "process_noise_twice": ("gain_inconsistent", "covariance_update_wrong", "q_too_large"),
+    "covariance_update_wrong": (*_NOISE, *_GROWTH, *_ANGLE, "overconfident_start", *NUMERICAL),
     "gain_inconsistent": (*_ANGLE, *_NOISE, *_GROWTH, "overconfident_start", *NUMERICAL),
     "jacobian_wrong": (*_ANGLE, *_NOISE, *_GROWTH, *NUMERICAL),
     "azimuth_not_wrapped": NUMERICAL,

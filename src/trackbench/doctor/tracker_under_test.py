@@ -11,11 +11,14 @@ import numpy as np
 from trackbench.doctor import kind_of_filter
 from trackbench.doctor.assumptions import NONE, Assumptions
 from trackbench.doctor.drives import TestDrive
+from trackbench.doctor.findings import Finding
 from trackbench.doctor.output_checks import OutputChecks
 from trackbench.doctor.probes import Probe, Probes, probe_rate
 from trackbench.doctor.rollout import Rollout
 from trackbench.doctor.session import MissGiven, StepFailed, TrackerSession, WithoutMisses, finite
+from trackbench.doctor.stated_covariance import stated_covariance_fault
 from trackbench.doctor.trial import Trial, averaged
+from trackbench.doctor.update_consistency import update_faults
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
@@ -227,6 +230,16 @@ class TrackerUnderTest:
     def linearises(self) -> bool | None:
         """As :func:`kind_of_filter.linearises`."""
         return kind_of_filter.linearises(self)
+
+    @cached_property
+    def stated_covariance_fault(self) -> Finding | None:
+        """As :func:`stated_covariance.stated_covariance_fault`."""
+        return stated_covariance_fault(self)
+
+    @cached_property
+    def update_faults(self) -> dict[str, Finding]:
+        """As :func:`update_consistency.update_faults`."""
+        return update_faults(self)
 
     @cached_property
     def memoryless(self) -> bool:
