@@ -150,6 +150,33 @@ class NoiseOfTwentieth(NoiseOfTenth):
     period = 0.05
 
 
+class CovarianceOfCube:
+    """The process noise of position and velocity with another factor dt."""
+
+    more = {(0, 2): 1}
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        Q = super().process_noise(x, dt)
+        for (i, j), power in self.more.items():
+            for k in (0, 1):
+                Q[i + k, j + k] *= dt**power if dt else 1.0
+                if i != j:
+                    Q[j + k, i + k] = Q[i + k, j + k]
+        return Q
+
+
+class CovarianceOfSquare(CovarianceOfCube):
+    """... with a factor dt less, which is more than the variances allow."""
+
+    more = {(0, 2): -1}
+
+
+class PositionOfCube(CovarianceOfCube):
+    """The process noise of the position with a factor dt less."""
+
+    more = {(0, 0): -1}
+
+
 class IntegerState:
     """The state is assigned to an array of integers."""
 
@@ -189,6 +216,7 @@ STEPS = [
     ("integer_state_matrix", "covariance", IntegerCovariance, None),
     ("integer_state_matrix", "start", IntegerStart, None),
 ]
+POWERS = [("covariance_dt^4", CovarianceOfCube), ("covariance_dt^2", CovarianceOfSquare), ("position_dt^3", PositionOfCube)]
 COURSES = [("spread", BareCourse), ("mean", MeanOfCourses)]
 DELAYS = [("predicted_later", PredictsTheFuture), ("predicted_earlier", PredictsThePast)]
 
@@ -199,6 +227,9 @@ def steps(subject: Subject) -> Iterator[Mutant]:
     if subject.turning:
         for variant, mixin in COURSES:
             yield subject.mixed("course_not_wrapped", variant, mixin)
+    else:
+        for variant, mixin in POWERS:
+            yield subject.mixed("q_wrong_power_of_dt", variant, mixin)
     if subject.uses_rate:
         for variant, mixin in DELAYS:
             yield subject.mixed("time_offset", variant, mixin, "radar")

@@ -54,6 +54,9 @@ _CHECKS = {
         misses=True,
         finds=("q_constant_per_step",),
     ),
+    "noise_powers": KnownCheck(
+        "noise_powers", "Do the entries of the process noise go with the same powers of the time step?", misses=True
+    ),
     "expectation": KnownCheck(
         "expectation", "Is the right measurement predicted for the own estimate?", each_sensor=True
     ),

@@ -25,6 +25,7 @@ from trackbench.doctor.checks.instants import instants
 from trackbench.doctor.checks.integers import integers
 from trackbench.doctor.checks.late import late
 from trackbench.doctor.checks.models import models
+from trackbench.doctor.checks.noise_powers import noise_powers
 from trackbench.doctor.checks.output import output
 from trackbench.doctor.checks.own_covariance import one_gain, stated_covariance
 from trackbench.doctor.checks.prediction import prediction, spreading
@@ -69,6 +70,7 @@ PARTS: tuple[Part, ...] = (
     velocity,
     spreading,
     process_noise,
+    noise_powers,
     expectation,
     one_gain,
     gain,
@@ -91,6 +93,7 @@ FOR_FILTERS = (
     velocity,
     spreading,
     process_noise,
+    noise_powers,
     expectation,
     one_gain,
     gain,
@@ -101,7 +104,7 @@ FOR_FILTERS = (
 )
 
 #: These take the covariance that is returned for the tracker's own.
-OF_COVARIANCE = (confidence, no_time, spreading, process_noise, one_gain, gain, covariance_update)
+OF_COVARIANCE = (confidence, no_time, spreading, process_noise, noise_powers, one_gain, gain, covariance_update)
 
 #: The evidence of a healthy tracker, and of a fault that no drive shows.
 DEFAULT_DRIVE = "azimuth_crossing"

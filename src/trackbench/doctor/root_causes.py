@@ -33,7 +33,10 @@ EXACT = (
     *NUMERICAL,
 )
 #: Found without a measurement: the use of one sensor's measurements does not change them.
-MOTION = ("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted")
+MOTION = (
+    *("wrong_dt", "velocity_unit", "process_noise_omitted"),
+    *("q_too_small", "q_too_large", "q_constant_per_step", "q_wrong_power_of_dt"),
+)
 #: What a prediction over no time shows of the sums over sigma points. Wide points have other courses and azimuths.
 _SUMS = ("sigma_weights_wrong", "sigma_points_misdrawn", "sigma_spread_wrong")
 #: Of a covariance that is returned and is not the tracker's own.
@@ -59,6 +62,7 @@ DIRECT = (
     *product(_SUMS, ("course_not_wrapped", "angle_mean_not_circular", *NUMERICAL)),
     *(("velocity_unit", fault) for fault in (*_EGO, "doppler_sign", "speed_for_range_rate")),
     ("process_noise_twice", "q_too_large"),
+    *product(("q_wrong_power_of_dt",), NUMERICAL),
     *(("covariance_not_reduced", fault) for fault in MOTION),
 )
 
@@ -70,7 +74,10 @@ CERTAIN = 0.9
 #: What a wrong gain is called, with a Jacobian, with sigma points, and by what its update adds.
 _GAIN = ("jacobian_wrong", "gain_inconsistent", "sigma_points_not_redrawn", "process_noise_twice")
 _NOISE = ("r_too_small", "r_too_large", "measurement_noise_omitted", "measurement_noise_twice")
-_GROWTH = ("q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted", "process_noise_twice")
+_GROWTH = (
+    *("q_too_small", "q_too_large", "q_constant_per_step", "q_wrong_power_of_dt"),
+    *("process_noise_omitted", "process_noise_twice"),
+)
 _OFFSET = ("sensor_bias", "scale_error", "time_offset")
 #: What a wrong mean or covariance can look like after a step, or after many.
 _STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced", "covariance_update_wrong", *OWN)
@@ -106,6 +113,7 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "angle_mean_not_circular": (*_ANGLE, *_MEASURED, *_NOISE),
     "course_not_wrapped": (*_ANGLE, *_MEASURED, *_NOISE, *_GROWTH, *_OFFSET),
     "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
+    "q_wrong_power_of_dt": (*_GAIN, *_GROWTH, *_NOISE, "overconfident_start", *NUMERICAL),
     "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
     "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
     "q_constant_per_step": (*_GAIN, *_POINTS, *_GROWTH, "overconfident_start"),
