@@ -42,10 +42,16 @@ FAULTS = {
     *("axis_swapped", "axis_mirrored", "ego_motion_ignored", "measurement_ignored", "nonfinite", "not_deterministic"),
     *("covariance_not_reduced", "velocity_not_kept", "course_not_wrapped", "second_measurement_dropped"),
     *("gate_never_reopens", "missed_scan_not_predicted", "time_offset", "process_noise_twice", "q_constant_per_step"),
-    *("integer_state_matrix", "scale_error"),
+    *("integer_state_matrix", "scale_error", "q_wrong_power_of_dt", "covariance_update_wrong"),
+    *("covariance_constant", "covariance_diagonal", "covariance_order"),
 }
 #: In an update that is written out in plain NumPy.
-PLAIN_FAULTS = {"predicted_covariance_asymmetric", "predicted_covariance_not_psd", "exception_raised"}
+PLAIN_FAULTS = {
+    *("predicted_covariance_asymmetric", "predicted_covariance_not_psd", "exception_raised"),
+    "covariance_update_wrong",
+}
+#: Of a process noise that depends on the time step alone.
+POWER_FAULTS = {"q_wrong_power_of_dt"}
 MEAN_FAULTS = {"angle_mean_not_circular"}
 RADAR_FAULTS = {"azimuth_not_wrapped", "arctan_quadrant", "doppler_sign", "speed_for_range_rate", "jacobian_wrong"}
 LIDAR_FIRST = drive(["lidar", "radar"] * 60, [0.05 * i for i in range(120)], missed=[7, 40, 41])
@@ -121,6 +127,9 @@ def test_every_fault_is_there_in_all_that_can_have_it() -> None:
         if name not in ("plain_ukf", "filterpy_ukf"):
             assert missing >= MEAN_FAULTS
             missing -= MEAN_FAULTS
+        if name.startswith("builtin") or name.endswith("ukf"):
+            assert missing >= POWER_FAULTS
+            missing -= POWER_FAULTS
         if name.startswith("builtin"):
             missing -= {"process_noise_twice", "integer_state_matrix"}
         if name.endswith("_kf"):

@@ -153,28 +153,27 @@ class NoiseOfTwentieth(NoiseOfTenth):
 class CovarianceOfCube:
     """The process noise of position and velocity with another factor dt."""
 
-    more = {(0, 2): 1}
+    entry, more = (0, 2), 1
 
     def process_noise(self, x: Array, dt: float) -> Array:
         Q = super().process_noise(x, dt)
-        for (i, j), power in self.more.items():
-            for k in (0, 1):
-                Q[i + k, j + k] *= dt**power if dt else 1.0
-                if i != j:
-                    Q[j + k, i + k] = Q[i + k, j + k]
+        i, j = self.entry
+        for k in (0, 1):
+            Q[i + k, j + k] *= dt**self.more if dt else 1.0
+            Q[j + k, i + k] = Q[i + k, j + k]
         return Q
 
 
 class CovarianceOfSquare(CovarianceOfCube):
     """... with a factor dt less, which is more than the variances allow."""
 
-    more = {(0, 2): -1}
+    more = -1
 
 
 class PositionOfCube(CovarianceOfCube):
     """The process noise of the position with a factor dt less."""
 
-    more = {(0, 0): -1}
+    entry, more = (0, 0), -1
 
 
 class IntegerState:
@@ -216,7 +215,11 @@ STEPS = [
     ("integer_state_matrix", "covariance", IntegerCovariance, None),
     ("integer_state_matrix", "start", IntegerStart, None),
 ]
-POWERS = [("covariance_dt^4", CovarianceOfCube), ("covariance_dt^2", CovarianceOfSquare), ("position_dt^3", PositionOfCube)]
+POWERS = [
+    ("covariance_dt^4", CovarianceOfCube),
+    ("covariance_dt^2", CovarianceOfSquare),
+    ("position_dt^3", PositionOfCube),
+]
 COURSES = [("spread", BareCourse), ("mean", MeanOfCourses)]
 DELAYS = [("predicted_later", PredictsTheFuture), ("predicted_earlier", PredictsThePast)]
 

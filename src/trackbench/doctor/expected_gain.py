@@ -47,7 +47,10 @@ def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[
     """
     scale = trial.sigma / trial.state_sigma[:, None]
     return min(
-        ((relative_error(applied, right, scale), right) for right in (linearised_gain(trial, used), gaussian_gain(trial, used))),
+        (
+            (relative_error(applied, right, scale), right)
+            for right in (linearised_gain(trial, used), gaussian_gain(trial, used))
+        ),
         key=lambda one: one[0],
     )
 

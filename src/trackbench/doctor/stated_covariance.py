@@ -78,7 +78,9 @@ def _linear_update(trial: Trial) -> TrialUpdate | None:
 def _diagonal(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
     """No covariance has an entry beside the diagonal, and positions move the velocity."""
     every = [update for of in updates.values() for update in of]
-    if any(np.any(one.covariance[~np.eye(4, dtype=bool)]) for up in every for one in (up.estimate, up.trial.prediction)):
+    if any(
+        np.any(one.covariance[~np.eye(4, dtype=bool)]) for up in every for one in (up.estimate, up.trial.prediction)
+    ):
         return None
     shares = [(_velocity_share(update), update) for update in every]
     known = [(share, update) for share, update in shares if np.isfinite(share)]

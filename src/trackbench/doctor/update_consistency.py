@@ -7,7 +7,7 @@ both. Where one of the two is right, the Jacobian is.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -61,7 +61,8 @@ class UpdateErrors(NamedTuple):
 def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
     """By sensor."""
     errors = {
-        name: [one for trial in trials if (one := _errors(trial)) is not None] for name, trials in tracker.trials.items()
+        name: [one for trial in trials if (one := _errors(trial)) is not None]
+        for name, trials in tracker.trials.items()
     }
     found = {
         name: fault
@@ -80,7 +81,9 @@ def _errors(trial: Trial) -> UpdateErrors | None:
     scale = trial.sigma / trial.state_sigma[:, None]
     factor = float(np.sum(update.gain * right * scale**2) / np.sum((right * scale) ** 2))
     beside = relative_error(update.gain, factor * right, scale) if factor > 0.0 else np.inf
-    of_right, of_applied = (_covariance_error(update, updated(trial, k), updated(trial, right)) for k in (right, update.gain))
+    of_right, of_applied = (
+        _covariance_error(update, updated(trial, k), updated(trial, right)) for k in (right, update.gain)
+    )
     return UpdateErrors(update, right, gain, factor, beside, of_right, of_applied)
 
 
@@ -114,7 +117,9 @@ def _of_mean(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
         if misfit > min(RIGHT, alone / RATIO):
             return None
         factor = float(times)
-        words = f"is that of {times} updates with the same measurement (within {misfit:.2g} of it, {len(errors)} trials; "
+        words = (
+            f"is that of {times} updates with the same measurement (within {misfit:.2g} of it, {len(errors)} trials; "
+        )
         words += f"of one: {alone:.2g})"
     text = f"the gain of {sensor} {words}, while the covariance after it is that of one update with the right gain"
     exhibit = gain_shown(worst.update.trial, worst.update.gain, worst.right)
@@ -143,8 +148,8 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
         return None
     worst = max(errors, key=lambda one: one.of_right)
     text = (
-        f"measurements of {sensor} move the mean by the right gain of the predicted covariance (within {gain:.1g}), and "
-        f"the covariance after them is off by {off:.0%} of its right change (medians of {len(errors)} trials)"
+        f"measurements of {sensor} move the mean by the right gain of the predicted covariance (within {gain:.1g}), "
+        f"and the covariance after them is off by {off:.0%} of its right change (medians of {len(errors)} trials)"
         f"{_said(errors, off)}"
     )
     trial = worst.update.trial
@@ -171,22 +176,35 @@ def _best_multiple(one: UpdateErrors, of_predicted: bool) -> float:
 
 def _said(errors: Sequence[UpdateErrors], off: float) -> str:
     """The wrong update that gives the stated covariances."""
-    scale = _joseph_factor(errors)
-    ways = {
-        ": it is that of Joseph's form without K R K^T": lambda one: _kept(one) @ _predicted(one) @ _kept(one).T,
-        ": it is that of two updates": lambda one: _kept(one) @ updated(one.update.trial, one.right) @ _kept(one).T
-        + one.right @ one.update.trial.scan.noise_covariance @ one.right.T,
-        ": it is (I - K H)^2 P": lambda one: _kept(one) @ _kept(one) @ _predicted(one),
-        f": it is Joseph's form with {1 + scale:.3g} or {1 - scale:.3g} times the applied gain": lambda one: updated(
-            one.update.trial, (1 + scale) * one.right
+    factor = _joseph_factor(errors)
+    ways: dict[str, Callable[[Trial, Array], Array]] = {
+        "that of Joseph's form without K R K^T": _without_noise,
+        "that of two updates": _twice,
+        "the right one without the entries beside its diagonal": lambda trial, k: np.diag(np.diag(updated(trial, k))),
+        f"that of Joseph's form with {1 + factor:.3g} or {1 - factor:.3g} times the applied gain": (
+            lambda trial, k: updated(trial, (1 + factor) * k)
         ),
     }
     misfits = {
-        words: float(np.median([_covariance_error(one.update, way(one), updated(one.update.trial, one.right)) for one in errors]))
+        words: float(np.median([_misfit(one, way(one.update.trial, one.right)) for one in errors]))
         for words, way in ways.items()
     }
     best = min(misfits, key=lambda words: misfits[words])
-    return best if misfits[best] < off / RATIO else ""
+    return f": it is {best}" if misfits[best] < off / RATIO else ""
+
+
+def _without_noise(trial: Trial, gain: Array) -> Array:
+    kept = np.eye(4) - gain @ trial.jacobian
+    return np.asarray(kept @ linalg.symmetrise(trial.prediction.covariance) @ kept.T)
+
+
+def _twice(trial: Trial, gain: Array) -> Array:
+    kept = np.eye(4) - gain @ trial.jacobian
+    return np.asarray(kept @ updated(trial, gain) @ kept.T + gain @ trial.scan.noise_covariance @ gain.T)
+
+
+def _misfit(one: UpdateErrors, expected: Array) -> float:
+    return _covariance_error(one.update, expected, updated(one.update.trial, one.right))
 
 
 def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
@@ -196,14 +214,6 @@ def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
         trial = one.update.trial
         spread = np.outer(trial.state_sigma, trial.state_sigma)
         right = updated(trial, one.right)
-        removed = (_predicted(one) - right) / spread
+        removed = (trial.prediction.covariance - right) / spread
         squares.append(float(np.sum((one.update.estimate.covariance - right) / spread * removed) / np.sum(removed**2)))
     return float(np.sqrt(max(0.0, np.median(squares))))
-
-
-def _kept(one: UpdateErrors) -> Array:
-    return np.asarray(np.eye(4) - one.right @ one.update.trial.jacobian)
-
-
-def _predicted(one: UpdateErrors) -> Array:
-    return linalg.symmetrise(one.update.trial.prediction.covariance)

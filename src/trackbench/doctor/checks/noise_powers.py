@@ -39,8 +39,8 @@ class Power(NamedTuple):
 def noise_powers(tracker: TrackerUnderTest) -> PartResult:
     """Compare the powers of the step with those of a white acceleration or its integrals.
 
-    They are ``dt^(n + 2), dt^(n + 1), dt^n``, with n = 2 for an acceleration that is constant over a step, and n = 1 for
-    a continuous one (Bar-Shalom, Li and Kirubarajan 2001, sections 6.2.2 and 6.3.2).
+    They are ``dt^(n + 2), dt^(n + 1), dt^n``, with n = 2 for an acceleration that is constant over a step, and n = 1
+    for a continuous one (Bar-Shalom, Li and Kirubarajan 2001, sections 6.2.2 and 6.3.2).
     """
     question = "Do the entries of the process noise go with the same powers of the time step?"
     noises = _noises(tracker)
