@@ -89,10 +89,39 @@ class Inflated(PlainEkf):
 
 
 class OwnGain(PlainEkf):
-    """A larger gain than the optimal one, with the covariance that it leaves: cautious, and consistent."""
+    """A larger gain than the optimal one, with the covariance that it leaves."""
+
+    times = 1.3
 
     def corrected(self, x, P, K, y, S):
-        return x + 1.3 * K @ y, P - K @ S @ K.T + 0.3**2 * K @ S @ K.T
+        return x + self.times * K @ y, P - K @ S @ K.T + (self.times - 1) ** 2 * K @ S @ K.T
+
+
+class LargerGain(OwnGain):
+    times = 1.6
+
+
+class DiagonalInnovation(PlainEkf):
+    """Each component of the measurement has the gain that it had alone."""
+
+    def update(self, x, P, scan):
+        H = self.sensor_jacobian(x, scan)
+        R = self.noise(scan)
+        K = P @ H.T / np.diag(H @ P @ H.T + R)
+        kept = np.eye(4) - K @ H
+        return x + K @ self.innovation(scan, self.predicted_measurement(x, scan)), kept @ P @ kept.T + K @ R @ K.T
+
+
+def test_a_gain_with_its_own_covariance_is_no_wrong_jacobian() -> None:
+    tracker = examined(LargerGain)
+    lidar, radar = one_gain(tracker).findings
+    assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
+    assert lidar.factor == pytest.approx(1.6, rel=1e-6)
+    assert "the covariance after it is that of this gain" in lidar.evidence
+    assert gain(tracker).findings == []
+    for finding in one_gain(examined(DiagonalInnovation)).findings:
+        assert finding.fault == "gain_inconsistent"
+        assert "of the diagonal of the innovation covariance alone" in finding.evidence
 
 
 @pytest.mark.parametrize("make", [Inflated, OwnGain], ids=lambda make: make.__name__)

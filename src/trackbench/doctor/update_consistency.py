@@ -8,6 +8,7 @@ both. Where one of the two is right, the Jacobian is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -33,9 +34,14 @@ WRONG = 0.08
 #: How many times as well as its alternative a statement has to fit. Process noise that is added before the update
 #: changes the covariance 10 times as much as the gain.
 RATIO = 20.0
-#: A factor of the gain that is one; and by how much those of the trials may differ, since the gain of a wrong noise has
-#: another factor at each prediction.
-FACTOR, EQUAL = 0.1, 0.03
+#: A factor of the gain that is one, with the covariance of the right gain, and with its own: a larger gain than the
+#: optimal one is a tuning, as far as `gain` takes the noise of half the variance for one.
+FACTOR, TUNING = 1.1, 1.4
+#: By how much the factors of the trials may differ: the gain of a wrong noise has another one at each prediction.
+EQUAL = 0.03
+#: Error of the gain in the share `MOST` of the trials from which on another one is looked for: correct filters have up
+#: to 0.04.
+CLEAR, MOST = 0.05, 0.9
 #: How often one measurement is applied, at most.
 TIMES = 5
 
@@ -101,41 +107,78 @@ def _covariance_error(update: TrialUpdate, expected: Array, right: Array) -> flo
 
 
 def _of_mean(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
-    """The covariance is that of the right gain, and the mean is moved by a multiple of it, or several times."""
-    of_right, of_applied = (float(np.median([one[i] for one in errors])) for i in (5, 6))
-    if of_right > WRONG or of_applied < RATIO * of_right:
+    """The mean is moved by a multiple of the right gain, several times, or by a simpler gain."""
+    found = _multiple(errors) or _simpler(errors)
+    if found is None:
         return None
-    factors = np.array([one.factor for one in errors])
-    factor, beside = float(np.median(factors)), max(one.beside for one in errors)
+    words, factor = found
     worst = max(errors, key=lambda one: one.gain)
-    if abs(factor - 1.0) > FACTOR and np.ptp(factors) < EQUAL * factor and beside < RIGHT:
-        words = f"is {factor:.4g} times that of its own predicted covariance, the geometry and the stated noise"
-        words += f" in all components ({len(errors)} trials)"
-    else:
-        times, misfit = min(((n, _repeated_error(errors, n)) for n in range(2, TIMES + 1)), key=lambda one: one[1])
-        alone = float(np.median([one.gain for one in errors]))
-        if misfit > min(RIGHT, alone / RATIO):
-            return None
-        factor = float(times)
-        words = (
-            f"is that of {times} updates with the same measurement (within {misfit:.2g} of it, {len(errors)} trials; "
-        )
-        words += f"of one: {alone:.2g})"
-    text = f"the gain of {sensor} {words}, while the covariance after it is that of one update with the right gain"
-    exhibit = gain_shown(worst.update.trial, worst.update.gain, worst.right)
-    shown_by = worst.update.trial.name
-    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=shown_by, exhibit=exhibit)
+    trial = worst.update.trial
+    exhibit = gain_shown(trial, worst.update.gain, worst.right)
+    text = f"the gain of {sensor} is {words} ({len(errors)} trials){_covariance_of(errors)}"
+    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=trial.name, exhibit=exhibit)
 
 
-def _repeated_error(errors: Sequence[UpdateErrors], times: int) -> float:
-    """Of the gains of so many updates of the mean, each with the gain of the first: the median over the trials."""
-    found = []
-    for one in errors:
-        trial = one.update.trial
-        kept = np.eye(4) - one.right @ trial.jacobian
-        repeated = sum(np.linalg.matrix_power(kept, k) @ one.right for k in range(times))
-        found.append(relative_error(one.update.gain, np.asarray(repeated), trial.sigma / trial.state_sigma[:, None]))
-    return float(np.median(found))
+def _covariance_of(errors: Sequence[UpdateErrors]) -> str:
+    """Of which gain the covariance is."""
+    of_right, of_applied = _covariance_errors(errors)
+    if of_right < min(WRONG, of_applied / RATIO):
+        return ", while the covariance after it is that of one update with the right gain"
+    return ", and the covariance after it is that of this gain" if of_applied < WRONG else ""
+
+
+def _covariance_errors(errors: Sequence[UpdateErrors]) -> tuple[float, float]:
+    """Held against the covariance of the right gain and of the applied one: medians over the trials."""
+    return float(np.median([one.of_right for one in errors])), float(np.median([one.of_applied for one in errors]))
+
+
+def _multiple(errors: Sequence[UpdateErrors]) -> tuple[str, float] | None:
+    """One multiple in all components and trials, and that."""
+    factors = np.array([one.factor for one in errors])
+    factor = float(np.median(factors))
+    if np.ptp(factors) > EQUAL * factor or max(one.beside for one in errors) > RIGHT:
+        return None
+    of_right, of_applied = _covariance_errors(errors)
+    allowed = FACTOR if of_right < min(WRONG, of_applied / RATIO) else TUNING
+    if abs(np.log(max(factor, 1e-9))) < np.log(allowed):
+        return None
+    words = (
+        f"{factor:.4g} times that of its own predicted covariance, the geometry and the stated noise, in all components"
+    )
+    return words, factor
+
+
+def _simpler(errors: Sequence[UpdateErrors]) -> tuple[str, float | None] | None:
+    """A gain that fits far better than the right one, and how often the measurement is applied, if it is that."""
+    ways: list[tuple[str, float | None, Callable[[UpdateErrors], Array]]] = [
+        (f"that of {times} updates with the same measurement", float(times), partial(_repeated, times=times))
+        for times in range(2, TIMES + 1)
+    ]
+    ways.append(("that of the diagonal of the innovation covariance alone", None, _of_diagonal))
+    misfits = [float(np.quantile([_gain_misfit(one, way(one)) for one in errors], MOST)) for _, _, way in ways]
+    best, alone = int(np.argmin(misfits)), float(np.quantile([one.gain for one in errors], MOST))
+    if misfits[best] > min(RIGHT, alone / RATIO) or alone < CLEAR:
+        return None
+    words, factor, _ = ways[best]
+    return f"{words} (within {misfits[best]:.2g} of it, and within {alone:.2g} of the right one)", factor
+
+
+def _repeated(one: UpdateErrors, times: int) -> Array:
+    """The gain of so many updates of the mean, each with the gain of the first."""
+    kept = np.eye(4) - one.right @ one.update.trial.jacobian
+    return np.asarray(sum(np.linalg.matrix_power(kept, k) @ one.right for k in range(times)))
+
+
+def _of_diagonal(one: UpdateErrors) -> Array:
+    trial = one.update.trial
+    cross = linalg.symmetrise(trial.prediction.covariance) @ trial.jacobian.T
+    innovation = trial.jacobian @ cross + trial.scan.noise_covariance
+    return np.asarray(np.where(one.update.used, cross / np.diag(innovation), 0.0))
+
+
+def _gain_misfit(one: UpdateErrors, gain: Array) -> float:
+    trial = one.update.trial
+    return relative_error(one.update.gain, gain, trial.sigma / trial.state_sigma[:, None])
 
 
 def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
