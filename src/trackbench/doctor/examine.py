@@ -87,20 +87,8 @@ PARTS: tuple[Part, ...] = (
 
 #: These need a tracker that predicts and updates; one that returns the last measurement does not.
 FOR_FILTERS = (
-    stated_covariance,
-    no_time,
-    prediction,
-    velocity,
-    spreading,
-    process_noise,
-    noise_powers,
-    expectation,
-    one_gain,
-    gain,
-    covariance_update,
-    instants,
-    wrapping,
-    innovations,
+    *(stated_covariance, no_time, prediction, velocity, spreading, process_noise, noise_powers, expectation),
+    *(one_gain, gain, covariance_update, instants, wrapping, innovations),
 )
 
 #: These take the covariance that is returned for the tracker's own.
