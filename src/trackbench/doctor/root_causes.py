@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 from trackbench.doctor.findings import Finding, faults_of
+from trackbench.doctor.output_checks import SINGULAR
 
 #: A covariance or an estimate that is none. What is sure of them has begun at a good estimate, and has no other cause.
 NUMERICAL = ("covariance_not_psd", "predicted_covariance_not_psd", "nonfinite", "invalid_estimate")
@@ -152,7 +153,12 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
         roots = (root for root in ranked if root.consequence_of is None)
         cause = next((root.fault for root in roots if _causes(root, finding)), None)
         ranked.append(replace(finding, consequence_of=cause))
-    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))
+    return sorted(ranked, key=lambda one: (one.consequence_of is not None, _at_sensor(one), -one.confidence))
+
+
+def _at_sensor(finding: Finding) -> bool:
+    """Whether it arises only where the range is 0, as in no drive that is judged."""
+    return finding.shown_by in SINGULAR
 
 
 def _causes(root: Finding, finding: Finding) -> bool:
@@ -160,7 +166,7 @@ def _causes(root: Finding, finding: Finding) -> bool:
     if root.confidence < SURE or root.fault == finding.fault:
         return False
     if finding.fault in DRIVEN and root.fault not in DRIVEN:
-        return True
+        return not _at_sensor(root)
     if finding.fault not in CONSEQUENCES.get(root.fault, ()):
         return False
     if (root.fault, finding.fault) in DIRECT or root.fault == "not_deterministic":
