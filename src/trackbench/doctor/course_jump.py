@@ -112,8 +112,8 @@ def _jump(scans: Sequence[Scan], here: Followed, turned: Sequence[Followed]) -> 
     wrong = here.estimates[first]
     assert wrong is not None
     text = (
-        f"at {time:.4g} s, where the course is {_course(right):+.3f} rad, the velocity is {_velocity(wrong)}; {by} give "
-        f"{_velocity(right)} (turned back)"
+        f"at {time:.4g} s, where the course is {_course(right):+.3f} rad, the velocity is {_velocity(wrong)}; "
+        f"{by} give {_velocity(right)} (turned back)"
     )
     exhibit = Predictions(
         f"Estimate at {time:.4g} s, where the course jumps at pi",

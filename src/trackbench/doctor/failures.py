@@ -80,8 +80,8 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     first: dict[str, StepFailed] = {}
     for where, failure in group:
         first.setdefault(where, failure)
-    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer. At a range
-    # of 0 much fails that fails nowhere else.
+    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer. At a
+    # range of 0 much fails that fails nowhere else.
     tried = sorted(first.items(), key=lambda one: (one[0] in SINGULAR, not one[1].given, len(one[1].given)))[:TRIED]
     sensors = {failure.scan.sensor for _, failure in group}
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None

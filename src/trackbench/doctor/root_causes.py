@@ -43,13 +43,15 @@ _EGO = ("ego_motion_ignored", "sensor_pose_ignored")
 DRIVEN = ("too_far_off", "covariance_unbelievable")
 
 #: Consequences whatever their sensor, and although they are exact otherwise: y / x is not a number at the sensor, an
-#: indefinite covariance has no square root, what a prediction does to the covariance is there after the update,
-#: measurements do not move whole numbers, a position or velocity with a factor has other angles and range rates, and
-#: the covariance of one sensor's updates is that of the predictions after them.
+#: indefinite covariance has no square root, points on either side of pi and points far from their mean have sums that
+#: are no covariance, what a prediction does to the covariance is there after the update, measurements do not move whole
+#: numbers, a position or velocity with a factor has other angles and range rates, and the covariance of one sensor's
+#: updates is that of the predictions after them.
 DIRECT = (
     ("arctan_quadrant", "nonfinite"),
     ("covariance_not_psd", "nonfinite"),
     ("predicted_covariance_not_psd", "nonfinite"),
+    *product(("course_not_wrapped", "q_too_large"), ("predicted_covariance_not_psd", "covariance_not_psd")),
     ("predicted_covariance_not_psd", "covariance_not_psd"),
     ("angle_mean_not_circular", "azimuth_not_wrapped"),
     ("integer_state_matrix", "measurement_ignored"),
@@ -105,6 +107,7 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "angle_mean_not_circular": (*_ANGLE, *_MEASURED, *_NOISE),
     "course_not_wrapped": (*_ANGLE, *_MEASURED, *_NOISE, *_GROWTH, *_OFFSET),
     "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
+    "q_too_large": NUMERICAL,
     "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
     "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
     "q_constant_per_step": (*_GAIN, *_POINTS, *_GROWTH, "overconfident_start"),
@@ -126,7 +129,6 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "polar_start": ("overconfident_start", "sensor_bias"),
     "r_too_small": ("overconfident_start", *NUMERICAL),
     "r_too_large": NUMERICAL,
-    "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
     "too_far_off": ("covariance_unbelievable",),
 }
