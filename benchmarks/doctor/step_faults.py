@@ -68,6 +68,19 @@ class BareCourse(CourseOfPoints):
         return points - centre if of_mean else super().state_spread(points, centre)
 
 
+class MeanWrappedFirst:
+    """The mean of the courses is wrapped, the points' are not, and the deviations are those of the numbers."""
+
+    def state_mean(self, points: Array, weights: Array) -> Array:
+        mean = super().state_mean(points, weights)
+        mean[3] = wrap(mean[3])
+        return mean
+
+    def state_spread(self, points: Array, centre: Array) -> Array:
+        of_mean = not np.array_equal(points[0], centre)
+        return points - centre if of_mean else super().state_spread(points, centre)
+
+
 class FixedGate:
     """Measurements farther than 5 m from the prediction are rejected, however uncertain it is."""
 
@@ -220,7 +233,7 @@ POWERS = [
     ("covariance_dt^2", CovarianceOfSquare),
     ("position_dt^3", PositionOfCube),
 ]
-COURSES = [("spread", BareCourse), ("mean", MeanOfCourses)]
+COURSES = [("spread", BareCourse), ("mean", MeanOfCourses), ("mean_wrapped_first", MeanWrappedFirst)]
 DELAYS = [("predicted_later", PredictsTheFuture), ("predicted_earlier", PredictsThePast)]
 
 

@@ -80,8 +80,9 @@ def _findings(tracker: TrackerUnderTest, group: Failures) -> Iterator[Finding]:
     first: dict[str, StepFailed] = {}
     for where, failure in group:
         first.setdefault(where, failure)
-    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer.
-    tried = sorted(first.items(), key=lambda one: (not one[1].given, len(one[1].given)))[:TRIED]
+    # What goes before a failure tells more than a failure at the first scan, and the less of it, the clearer. At a
+    # range of 0 much fails that fails nowhere else.
+    tried = sorted(first.items(), key=lambda one: (one[0] in SINGULAR, not one[1].given, len(one[1].given)))[:TRIED]
     sensors = {failure.scan.sensor for _, failure in group}
     only = sensors.pop() if len(sensors) == 1 and len(tracker.sensors) > 1 else None
     named: set[str] = set()
@@ -182,4 +183,5 @@ def _sentence(where: str, failure: StepFailed) -> str:
     measurement = f"a measurement of {scan.sensor}" if scan.valid.any() else f"a missed measurement of {scan.sensor}"
     place = "" if failure.fault.place is None else f"{failure.fault.place}, "
     values = f": {measured(scan)}" if scan.valid.any() else ""
+    values += ", where the range is 0" if where in SINGULAR else ""
     return f"{failure.fault.cause} ({place}at {scan.time:.4g} s of {where}, at {measurement}{values})"

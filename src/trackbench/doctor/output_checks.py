@@ -39,7 +39,7 @@ class OutputChecks:
         self.estimates = 0
         self.indefinite_estimates = 0
         self.not_finite: WorstCase | None = None
-        """The first one."""
+        """The first one, and of those at a range of zero only where there is no other."""
         self.asymmetry: WorstCase | None = None
         """Difference of mirrored entries over the geometric mean of their variances."""
         self.indefinite: WorstCase | None = None
@@ -60,7 +60,8 @@ class OutputChecks:
         """
         self.estimates += mean.shape[1]
         finite = np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-        if not finite.all() and self.not_finite is None:
+        known = self.not_finite
+        if not finite.all() and (known is None or (known.where in SINGULAR and where not in SINGULAR)):
             self.not_finite = _case(1.0, scan, where, partial(given, int(np.argmin(finite))))
         runs = np.flatnonzero(finite)
         if len(runs) == 0 or where in SINGULAR:

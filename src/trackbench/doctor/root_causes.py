@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 from trackbench.doctor.findings import Finding, faults_of
+from trackbench.doctor.output_checks import SINGULAR
 
 #: A covariance or an estimate that is none. What is sure of them has begun at a good estimate, and has no other cause.
 NUMERICAL = ("covariance_not_psd", "predicted_covariance_not_psd", "nonfinite", "invalid_estimate")
@@ -47,13 +48,15 @@ _EGO = ("ego_motion_ignored", "sensor_pose_ignored")
 DRIVEN = ("too_far_off", "covariance_unbelievable")
 
 #: Consequences whatever their sensor, and although they are exact otherwise: y / x is not a number at the sensor, an
-#: indefinite covariance has no square root, what a prediction does to the covariance is there after the update,
-#: measurements do not move whole numbers, a position or velocity with a factor has other angles and range rates, and
-#: the covariance of one sensor's updates is that of the predictions after them.
+#: indefinite covariance has no square root, points on either side of pi and points far from their mean have sums that
+#: are no covariance, what a prediction does to the covariance is there after the update, measurements do not move whole
+#: numbers, a position or velocity with a factor has other angles and range rates, and the covariance of one sensor's
+#: updates is that of the predictions after them.
 DIRECT = (
     ("arctan_quadrant", "nonfinite"),
     ("covariance_not_psd", "nonfinite"),
     ("predicted_covariance_not_psd", "nonfinite"),
+    *product(("course_not_wrapped", "q_too_large"), ("predicted_covariance_not_psd", "covariance_not_psd")),
     ("predicted_covariance_not_psd", "covariance_not_psd"),
     ("angle_mean_not_circular", "azimuth_not_wrapped"),
     ("integer_state_matrix", "measurement_ignored"),
@@ -114,6 +117,7 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "course_not_wrapped": (*_ANGLE, *_MEASURED, *_NOISE, *_GROWTH, *_OFFSET),
     "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
     "q_wrong_power_of_dt": (*_GAIN, *_GROWTH, *_NOISE, "overconfident_start", *NUMERICAL),
+    "q_too_large": NUMERICAL,
     "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
     "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
     "q_constant_per_step": (*_GAIN, *_POINTS, *_GROWTH, "overconfident_start"),
@@ -137,7 +141,6 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "polar_start": ("overconfident_start", "sensor_bias"),
     "r_too_small": ("overconfident_start", *NUMERICAL),
     "r_too_large": NUMERICAL,
-    "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
     "too_far_off": ("covariance_unbelievable",),
 }
@@ -164,7 +167,12 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
         roots = (root for root in ranked if root.consequence_of is None)
         cause = next((root.fault for root in roots if _causes(root, finding)), None)
         ranked.append(replace(finding, consequence_of=cause))
-    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))
+    return sorted(ranked, key=lambda one: (one.consequence_of is not None, _at_sensor(one), -one.confidence))
+
+
+def _at_sensor(finding: Finding) -> bool:
+    """Whether it arises only where the range is 0, as in no drive that is judged."""
+    return finding.shown_by in SINGULAR
 
 
 def _causes(root: Finding, finding: Finding) -> bool:
@@ -172,7 +180,7 @@ def _causes(root: Finding, finding: Finding) -> bool:
     if root.confidence < SURE or root.fault == finding.fault:
         return False
     if finding.fault in DRIVEN and root.fault not in DRIVEN:
-        return True
+        return not _at_sensor(root)
     if finding.fault not in CONSEQUENCES.get(root.fault, ()):
         return False
     if (root.fault, finding.fault) in DIRECT or root.fault == "not_deterministic":
