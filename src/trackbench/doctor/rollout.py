@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackbench.doctor.output_checks import OutputChecks
-from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.session import Examined, StepFailed, TrackerSession
 from trackbench.trackers.answers import shaped, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Indices, Mask, Scan
@@ -53,6 +53,7 @@ def _given(scans: Sequence[Scan], runs: Indices, number: int) -> list[Scan]:
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
     tracker, state, estimates = make(), None, _empty(scans)
+    on_step = Examined.of(make).on_step
     for k, scan in enumerate(scans):
         try:
             state, returned = unpack(tracker.step(state, scan))
@@ -62,6 +63,7 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
         except BaseException as error:
             _follow_each(make, scans[: k + 1])
             raise StepFailed(error, one_run(scan, 0)) from error
+        on_step()
         if estimate is not None:
             estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
             # A batched tracker returns NaN for a track that has not started.
