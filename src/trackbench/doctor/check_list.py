@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from typing import NamedTuple
 
 from trackbench.doctor.drives import drive_configs
-from trackbench.errors import InputError, nearest
+from trackbench.errors import InputError
 
 
 class KnownCheck(NamedTuple):
@@ -101,6 +102,7 @@ _CHECKS = {
         "late", "Are late measurements held against where the target was?", each_sensor=True, misses=True
     ),
 }
+STEPS_ASKED = "Does every step return an estimate?"
 _LAST = {
     "finite": KnownCheck("validity", "Is every number of every estimate finite?", finds=("nonfinite",)),
     "symmetric": KnownCheck(
@@ -119,6 +121,7 @@ _LAST = {
         misses=True,
         finds=("predicted_covariance_not_psd",),
     ),
+    "steps": KnownCheck("steps", STEPS_ASKED),
 }
 
 
@@ -149,7 +152,9 @@ def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip
     valid = list(_valid(list(sensors)))
     for name in names:
         if name not in valid:
-            raise InputError(f"there is no check {name!r}: {nearest(name, valid)}", key=key)
+            (close,) = get_close_matches(name, valid, n=1, cutoff=0.0)
+            said = f"there is no check {name!r}: did you mean {close!r}? `trackbench list checks` shows all"
+            raise InputError(said, key=key)
 
 
 def _valid(sensors: list[str]) -> Iterator[str]:
