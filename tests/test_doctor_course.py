@@ -151,7 +151,7 @@ def test_what_is_not_finite_elsewhere_is_told_first() -> None:
     tracker, bad = _under_test(PlainEkf), np.full((4, 1), np.nan)
     scan = GENERAL[0].scan("radar", SENSORS["radar"], 0.0)
     for where, expected in (("at_sensor", "at_sensor"), ("crossing", "crossing"), ("on_the_sensor", "crossing")):
-        tracker.output_checks.add_batch(bad, np.eye(4)[..., None], scan, where, lambda _: [scan])
+        tracker.output_checks.add_batch(bad, np.eye(4)[..., None], [scan], where, lambda _: [scan])
         assert tracker.output_checks.not_finite is not None
         assert tracker.output_checks.not_finite.where == expected
 
