@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from trackbench.doctor.checks import drives
 from trackbench.doctor.failures import failure_findings
 from trackbench.doctor.session import StepFailed
 from trackbench.trackers.answers import TOO_LARGE, TrackerFault
@@ -53,3 +54,23 @@ def test_every_error_is_a_finding(cause: BaseException, where: str, fault: str) 
     assert f"at 1.5 s of {where}, at a measurement of radar: radar measures range 1, azimuth 1" in finding.evidence
     assert "a missed measurement at that time breaks it too" in finding.evidence
     assert "the smallest eigenvalue of the covariance is 1 after the scan before, at 1 s" in finding.evidence
+
+
+@pytest.mark.parametrize(("where", "passed"), [("on_the_sensor", None), ("long_run", False)])
+def test_a_drive_past_the_sensor_that_fails_is_not_judged(
+    where: str, passed: bool | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rounding alone can break a correct filter there."""
+    tracker = _under_test(np.linalg.LinAlgError("Matrix is not positive definite"), where)
+    failure = tracker.failures.pop()[1]
+    drive = SimpleNamespace(name=where, config=SimpleNamespace(description=where), scans=[])
+    tracker.drives, tracker.output_checks = [(drive, None)], None
+
+    def fails(*_: Any) -> None:
+        raise failure
+
+    monkeypatch.setattr(drives, "rollout", fails)
+    (check,) = drives.drives(tracker).checks
+    assert check.passed is passed
+    assert "failed at 1.5 s: " in check.result
+    assert tracker.failures == [(where, failure)]

@@ -92,7 +92,9 @@ def drives(tracker: TrackerUnderTest) -> PartResult:
         except StepFailed as failure:
             tracker.failures.append((drive.name, failure))
             text = f"the tracker failed at {failure.scan.time:g} s: {failure}"
-            result.checks.append(CheckResult(drive.name, question, False, text))
+            # At the sensor's own position rounding alone can break a correct filter; another error is a finding.
+            passed = None if drive.name in SINGULAR else False
+            result.checks.append(CheckResult(drive.name, question, passed, text))
             continue
         if drive.name in SINGULAR:
             text = "the tracker went through; a radar's range and azimuth have no linearisation there"
