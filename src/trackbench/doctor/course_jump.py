@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.exhibits import Predictions, StatedBelief
-from trackbench.doctor.session import StepFailed, TrackerSession, finite
+from trackbench.doctor.session import StepFailed, TrackerSession, apart, finite
 from trackbench.doctor.turned import rotation, turned_scene
 from trackbench.trackers.base import Tracker
-from trackbench.types import Array, Estimate, Scan
+from trackbench.types import Estimate, Scan
 
 #: Angles by which a scene is turned, rad, in the order in which they are tried.
 ANGLES = (-0.9, -1.5, 0.9, 1.5, 2.1, -2.1)
@@ -128,18 +128,11 @@ def _gap(here: Estimate | None, one: Estimate | None, other: Estimate | None) ->
     """The lesser difference from the two; 0 where they are not alike."""
     if here is None or one is None or other is None or not _alike(one, other):
         return 0.0
-    return min(_apart(here, one), _apart(here, other))
+    return min(apart(here, one), apart(here, other))
 
 
 def _alike(one: Estimate, other: Estimate | None) -> bool:
-    return other is not None and _apart(one, other) < ALIKE * FAR
-
-
-def _apart(one: Estimate, other: Estimate) -> float:
-    sigma: Array = np.sqrt(np.maximum(np.diag(other.covariance), np.finfo(float).tiny))
-    mean = np.abs(one.mean - other.mean) / sigma
-    covariance = np.abs(one.covariance - other.covariance) / np.outer(sigma, sigma)
-    return float(max(mean.max(), covariance.max()))
+    return other is not None and apart(one, other) < ALIKE * FAR
 
 
 def _velocity(estimate: Estimate) -> str:

@@ -12,9 +12,8 @@ from trackbench.doctor.output_checks import asymmetry, least_eigenvalue, scaled
 from trackbench.doctor.session import StepFailed, TrackerSession, finite
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
-from trackbench.types import Array, Estimate, Scan
+from trackbench.types import COMMON_STATE, Array, Estimate, Scan
 
-COMPONENTS = ("px", "py", "vx", "vy")
 #: Asymmetry, and negative eigenvalue, that rounding does not explain, of a covariance scaled to unit variances.
 ROUNDING = 1e-6
 #: Predictions whose mirrored entries have one ratio, if it is made where the estimate is returned, s; a process noise
@@ -106,7 +105,7 @@ def named(fault: str, of: FaultyStep | None) -> str:
 def mirrored_entries(of: FaultyStep) -> str:
     """The two mirrored entries that differ most, and what they were before."""
     i, j = _mirrored(of)
-    row, column = COMPONENTS[i], COMPONENTS[j]
+    row, column = COMMON_STATE[i], COMMON_STATE[j]
     text = f"row {row}, column {column} is {of.after[i, j]:.6g} and row {column}, column {row} {of.after[j, i]:.6g}"
     if of.ratio is not None:
         return f"{text}, with the ratio {of.ratio:.4g} in every estimate, after measurements and without"
@@ -123,9 +122,9 @@ def indefinite_entries(of: FaultyStep) -> str:
         text += f" ({least_eigenvalue(scaled(of.before)):.3g} before it)"
     if variances.min() < 0.0:
         worst = int(np.argmin(variances))
-        return f"{text}; the variance of {COMPONENTS[worst]} is {variances[worst]:.3g}"
+        return f"{text}; the variance of {COMMON_STATE[worst]} is {variances[worst]:.3g}"
     if abs(relative[i, j]) > 1.0:
-        return f"{text}; the correlation of {COMPONENTS[i]} and {COMPONENTS[j]} is {relative[i, j]:.4g}"
+        return f"{text}; the correlation of {COMMON_STATE[i]} and {COMMON_STATE[j]} is {relative[i, j]:.4g}"
     return text
 
 

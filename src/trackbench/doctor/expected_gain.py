@@ -45,14 +45,20 @@ def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[
 
     The gains are scaled by the standard deviations of prediction and measurement.
     """
-    scale = trial.sigma / trial.state_sigma[:, None]
     return min(
         (
-            (relative_error(applied, right, scale), right)
+            (relative_error(applied, right, trial.gain_scale), right)
             for right in (linearised_gain(trial, used), gaussian_gain(trial, used))
         ),
         key=lambda one: one[0],
     )
+
+
+def joseph(trial: Trial, gain: Array, covariance: Array | None = None) -> Array:
+    """``(4, 4)`` the predicted covariance, or another one, after an update with a gain ``(4, m)``, by Joseph's form."""
+    p = linalg.symmetrise(trial.prediction.covariance) if covariance is None else covariance
+    kept = np.eye(4) - gain @ trial.jacobian
+    return np.asarray(kept @ p @ kept.T + gain @ trial.scan.noise_covariance @ gain.T)
 
 
 def relative_error(found: Array, right: Array, scale: Array) -> float:

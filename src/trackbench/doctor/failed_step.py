@@ -9,7 +9,7 @@ import numpy as np
 
 from trackbench.doctor.course_jump import course_jump, followed
 from trackbench.doctor.exhibits import Matrices, Panel, components_of
-from trackbench.doctor.session import MissGiven, StepFailed, TrackerSession, finite
+from trackbench.doctor.session import MissGiven, StepFailed, TrackerSession, apart, finite
 from trackbench.doctor.turned import TURNS, turned_mounting
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.stepping.steppers import masked
@@ -72,7 +72,7 @@ def jumping_angle(make: Make, failure: StepFailed) -> JumpingAngle | None:
     for angle in TURNS:
         other = [turned_mounting(scan, angle) for scan in scans]
         if _passes(make, other):
-            k = _parting(make, scans, other, np.eye(2))
+            k = _parting(make, scans, other)
             return _azimuth(make, scans, other, k, angle)
     course = course_jump(make, scans, followed(make, scans))
     return None if course is None else JumpingAngle("course_not_wrapped", course.text, None, None)
@@ -92,7 +92,7 @@ def _azimuth(make: Make, scans: Sequence[Scan], other: Sequence[Scan], k: int, a
     )
     expected = scan._replace(measurement=measurement)
     with_jump = _after(make, scans[:k], expected)
-    if _same(with_jump, _after(make, other[:k], turned_mounting(expected, angle)), np.eye(2)):
+    if _same(with_jump, _after(make, other[:k], turned_mounting(expected, angle))):
         return JumpingAngle("azimuth_not_wrapped", text, scan.sensor, _measured_shown(scan, measurement))
     text += "; the update by its own predicted measurement, without an innovation, is wrong too"
     return JumpingAngle("angle_mean_not_circular", text, scan.sensor, _measured_shown(scan, measurement))
@@ -113,27 +113,19 @@ def _near_pi(angle: float) -> bool:
     return np.pi - abs(angle) < max(TURNS)
 
 
-def _parting(make: Make, scans: Sequence[Scan], other: Sequence[Scan], back: Array) -> int:
-    """Number of the first scan after which the estimates differ; the last one fails in one of them.
-
-    ``back`` ``(2, 2)`` turns the other estimate's position and velocity back.
-    """
+def _parting(make: Make, scans: Sequence[Scan], other: Sequence[Scan]) -> int:
+    """Number of the first scan after which the estimates differ; the last one fails in one of them."""
     one, two = TrackerSession(make), TrackerSession(make)
     for k in range(len(scans) - 1):
-        if not _same(one.step(scans[k]), two.step(other[k]), back):
+        if not _same(one.step(scans[k]), two.step(other[k])):
             return k
     return len(scans) - 1
 
 
-def _same(one: Estimate | None, other: Estimate | None, back: Array) -> bool:
+def _same(one: Estimate | None, other: Estimate | None) -> bool:
     if one is None or other is None:
         return one is other
-    turn = np.kron(np.eye(2), back)
-    covariance = turn @ other.covariance @ turn.T
-    sigma = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    apart = np.abs(one.mean - turn @ other.mean) / sigma
-    spread = np.abs(one.covariance - covariance) / np.outer(sigma, sigma)
-    return bool(apart.max() < APART and spread.max() < APART)
+    return apart(one, other) < APART
 
 
 def _prediction(make: Make, given: Sequence[Scan], scan: Scan) -> Estimate | None:

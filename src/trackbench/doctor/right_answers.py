@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench import linalg
 from trackbench.doctor.exhibits import STATE, Covariances, Matrices, Panel, Predictions, StatedBelief, components_of
-from trackbench.doctor.expected_gain import linearised_gain
+from trackbench.doctor.expected_gain import joseph, linearised_gain
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.types import Array, Estimate
@@ -21,9 +20,14 @@ def named(name: str, estimate: Estimate) -> StatedBelief:
     return StatedBelief(name, estimate.mean, estimate.covariance)
 
 
+def straight(step: float) -> Array:
+    """``(4, 4)`` the transition with constant velocity over ``step`` s."""
+    return np.eye(4) + step * np.eye(4, k=2)
+
+
 def predicted(estimate: Estimate, step: float, name: str = "right: velocity times the time step") -> StatedBelief:
     """Moved with constant velocity over ``step`` s, with a white acceleration of the reference's size."""
-    f = np.eye(4) + step * np.eye(4, k=2)
+    f = straight(step)
     g = np.vstack([0.5 * step**2 * np.eye(2), step * np.eye(2)])
     covariance = f @ estimate.covariance @ f.T + ACCELERATION**2 * g @ g.T
     return StatedBelief(name, f @ estimate.mean, covariance)
@@ -31,12 +35,9 @@ def predicted(estimate: Estimate, step: float, name: str = "right: velocity time
 
 def updated(trial: Trial, measurement: Array, name: str = "right") -> StatedBelief:
     """The prediction after a measurement, by the equations of the extended Kalman filter in Joseph's form."""
-    gain, h = linearised_gain(trial), trial.jacobian
+    gain = linearised_gain(trial)
     innovation = difference(measurement, trial.predicted_measurement, SENSOR_MODELS[trial.scan.kind].angular)
-    kept = np.eye(4) - gain @ h
-    p = linalg.symmetrise(trial.prediction.covariance)
-    covariance = kept @ p @ kept.T + gain @ trial.scan.noise_covariance @ gain.T
-    return StatedBelief(name, trial.prediction.mean + gain @ innovation, covariance)
+    return StatedBelief(name, trial.prediction.mean + gain @ innovation, joseph(trial, gain))
 
 
 def update_shown(trial: Trial, measurement: Array) -> Predictions | None:

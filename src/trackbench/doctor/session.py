@@ -190,6 +190,15 @@ def plausible(estimate: Estimate | None) -> bool:
     return bool(np.abs(estimate.mean).max() < FAR and np.abs(np.diag(estimate.covariance)).max() < FAR**2)
 
 
+def apart(one: Estimate, other: Estimate) -> float:
+    """The largest difference of two estimates: of the means in the other's standard deviations, of the covariances in
+    its variances."""
+    sigma = np.sqrt(np.maximum(np.diag(other.covariance), np.finfo(float).tiny))
+    mean = np.abs(one.mean - other.mean) / sigma
+    covariance = np.abs(one.covariance - other.covariance) / np.outer(sigma, sigma)
+    return float(np.maximum(mean.max(), covariance.max()))
+
+
 def _batch_of_one(scan: Scan) -> Scan:
     return scan._replace(measurement=scan.measurement[:, None], valid=scan.valid[None])
 

@@ -18,7 +18,7 @@ from trackbench.types import COMMON_STATE, Array
 
 if TYPE_CHECKING:
     from trackbench.doctor.tracker_under_test import TrackerUnderTest
-    from trackbench.doctor.trial import Trial, TrialUpdate
+    from trackbench.doctor.trial import TrialUpdate
 
 #: Change of a covariance that is none but rounding, relative to its variances.
 SAME = 1e-9
@@ -26,8 +26,6 @@ SAME = 1e-9
 LATER = 1.0
 #: Share of the gain by positions that moves the velocity, which a diagonal covariance has none of.
 OF_VELOCITY = 0.05
-#: Curvature of the measurement model above which a gain may differ from that of the Jacobian, in sigma.
-CURVED = 0.3
 #: Errors of the gain, relative to it: one that is not that of the stated covariance, and one that is. Correct filters
 #: have 0.003 in the median, an IMM 0.07.
 OFF, NEAR = 0.2, 0.1
@@ -40,7 +38,7 @@ def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
     if constant := _constant(tracker):
         return constant
     updates = {
-        name: [update for trial in trials if (update := _linear_update(trial)) is not None]
+        name: [update for trial in trials if (update := trial.linear_update()) is not None]
         for name, trials in tracker.trials.items()
     }
     known = {name: of for name, of in updates.items() if len(of) >= 3}
@@ -68,11 +66,6 @@ def _constant(tracker: TrackerUnderTest) -> Finding | None:
     exhibit = state_matrices("Covariance", panels, tuple((i, i) for i in range(4)))
     shown_by = tracker.probes.general[0].name
     return Finding("covariance_constant", 0.97, text, shown_by=shown_by, exhibit=exhibit)
-
-
-def _linear_update(trial: Trial) -> TrialUpdate | None:
-    update = trial.update(trial.predicted_measurement) if trial.curvature.max() < CURVED else None
-    return update if update is not None and update.used.any() else None
 
 
 def _diagonal(updates: dict[str, list[TrialUpdate]]) -> Finding | None:

@@ -16,6 +16,8 @@ from trackbench.types import Array, Estimate, Mask, Scan
 GAIN_STEP = 0.05
 #: The same where answers are averaged over different random numbers.
 DRAWN_STEP = 1.5
+#: Curvature of the measurement model above which correct gains may differ from that of the Jacobian, in sigma.
+CURVED = 0.3
 #: A gain below this, relative to the largest, counts as zero.
 NO_GAIN = 1e-6
 
@@ -56,6 +58,16 @@ class Trial:
         """``(4,)`` standard deviations of the prediction."""
         return np.sqrt(np.diag(self.prediction.covariance))
 
+    @property
+    def gain_scale(self) -> Array:
+        """``(4, m)`` by which a gain is multiplied to be in standard deviations."""
+        return self.sigma / self.state_sigma[:, None]
+
+    @property
+    def variance_scale(self) -> Array:
+        """``(4, 4)`` by which a covariance is divided to be in variances of the prediction."""
+        return np.outer(self.state_sigma, self.state_sigma)
+
     @cached_property
     def predicted_measurement(self) -> Array:
         """``(m,)`` the measurement of the predicted mean, by the right measurement model."""
@@ -79,6 +91,11 @@ class Trial:
         """
         product = np.einsum("iab,bc->iac", self._second_derivative, linalg.symmetrise(self.prediction.covariance))
         return np.asarray(np.sqrt(np.maximum(np.einsum("iab,iba->i", product, product), 0.0) / 2) / self.sigma)
+
+    @property
+    def nearly_linear(self) -> bool:
+        """Whether the curvature of every component is small."""
+        return bool(self.curvature.max() < CURVED)
 
     @cached_property
     def second_order(self) -> Array:
@@ -131,6 +148,11 @@ class Trial:
             if np.max(np.abs(step) / self.sigma) < 0.02:
                 return measurement - self.predicted_measurement
         return None
+
+    def linear_update(self) -> TrialUpdate | None:
+        """The update with the predicted measurement; None where the model is curved, or no component counts."""
+        update = self.update(self.predicted_measurement) if self.nearly_linear else None
+        return update if update is not None and update.used.any() else None
 
     def update(self, measurement: Array) -> TrialUpdate | None:
         """The estimate and the gain at a measurement; None where ``posterior`` is."""

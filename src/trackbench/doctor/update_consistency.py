@@ -15,7 +15,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.doctor.exhibits import Panel, state_matrices
-from trackbench.doctor.expected_gain import gain_error, relative_error
+from trackbench.doctor.expected_gain import gain_error, joseph, relative_error
 from trackbench.doctor.findings import Finding
 from trackbench.doctor.right_answers import gain_shown
 from trackbench.types import Array
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from trackbench.doctor.tracker_under_test import TrackerUnderTest
     from trackbench.doctor.trial import Trial, TrialUpdate
 
-#: Curvature of the measurement model above which a gain may differ from that of the Jacobian, in sigma.
-CURVED = 0.3
 #: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.
 RIGHT = 0.05
 #: Error of the covariance, relative to its change in the update, that is wrong: correct filters have 0.003 in the
@@ -52,6 +50,8 @@ class UpdateErrors(NamedTuple):
     update: TrialUpdate
     right: Array
     """``(4, m)`` the right gain of the stated covariance."""
+    right_covariance: Array
+    """``(4, 4)`` after an update with it."""
     gain: float
     """Error of the applied gain, relative to the right one."""
     factor: float
@@ -80,28 +80,20 @@ def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
 
 
 def _errors(trial: Trial) -> UpdateErrors | None:
-    update = trial.update(trial.predicted_measurement) if trial.curvature.max() < CURVED else None
-    if update is None or not update.used.any():
+    update = trial.linear_update()
+    if update is None:
         return None
     gain, right = gain_error(trial, update.gain, update.used)
-    scale = trial.sigma / trial.state_sigma[:, None]
+    scale = trial.gain_scale
     factor = float(np.sum(update.gain * right * scale**2) / np.sum((right * scale) ** 2))
     beside = relative_error(update.gain, factor * right, scale) if factor > 0.0 else np.inf
-    of_right, of_applied = (
-        _covariance_error(update, updated(trial, k), updated(trial, right)) for k in (right, update.gain)
-    )
-    return UpdateErrors(update, right, gain, factor, beside, of_right, of_applied)
-
-
-def updated(trial: Trial, gain: Array) -> Array:
-    """``(4, 4)`` the predicted covariance after an update with a gain ``(4, m)``, by Joseph's form."""
-    kept = np.eye(4) - gain @ trial.jacobian
-    p = linalg.symmetrise(trial.prediction.covariance)
-    return np.asarray(kept @ p @ kept.T + gain @ trial.scan.noise_covariance @ gain.T)
+    after = joseph(trial, right)
+    of_right, of_applied = (_covariance_error(update, p, after) for p in (after, joseph(trial, update.gain)))
+    return UpdateErrors(update, right, after, gain, factor, beside, of_right, of_applied)
 
 
 def _covariance_error(update: TrialUpdate, expected: Array, right: Array) -> float:
-    spread = np.outer(update.trial.state_sigma, update.trial.state_sigma)
+    spread = update.trial.variance_scale
     change = np.linalg.norm((update.trial.prediction.covariance - right) / spread)
     return float(np.linalg.norm((update.estimate.covariance - expected) / spread) / change)
 
@@ -177,13 +169,12 @@ def _of_diagonal(one: UpdateErrors) -> Array:
 
 
 def _gain_misfit(one: UpdateErrors, gain: Array) -> float:
-    trial = one.update.trial
-    return relative_error(one.update.gain, gain, trial.sigma / trial.state_sigma[:, None])
+    return relative_error(one.update.gain, gain, one.update.trial.gain_scale)
 
 
 def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
     """The mean is moved by the right gain, and the covariance is not that of it."""
-    gain, off = float(np.median([one.gain for one in errors])), float(np.median([one.of_right for one in errors]))
+    gain, (off, _) = float(np.median([one.gain for one in errors])), _covariance_errors(errors)
     if gain > RIGHT or off < max(WRONG, RATIO * gain):
         return None
     # A fading memory may multiply the covariance after the update, and one that is not reduced has a name of its own.
@@ -199,9 +190,9 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
     panels = (
         Panel("before the measurement", trial.prediction.covariance, "before"),
         Panel("after it", worst.update.estimate.covariance),
-        Panel("right, after it", updated(trial, worst.right), "right"),
+        Panel("right, after it", worst.right_covariance, "right"),
     )
-    apart = np.abs(panels[1].values - panels[2].values) / np.outer(trial.state_sigma, trial.state_sigma)
+    apart = np.abs(panels[1].values - panels[2].values) / trial.variance_scale
     i, j = np.unravel_index(int(np.argmax(apart)), (4, 4))
     exhibit = state_matrices(f"Covariance and {sensor}: {trial.description}", panels, ((int(i), int(j)),))
     return Finding("covariance_update_wrong", 0.95, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
@@ -210,11 +201,10 @@ def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | Non
 def _best_multiple(one: UpdateErrors, of_predicted: bool) -> float:
     """Error of the multiple of the right covariance, or of the predicted one, that is nearest to the stated one."""
     trial = one.update.trial
-    spread = np.outer(trial.state_sigma, trial.state_sigma)
-    right, stated = updated(trial, one.right), one.update.estimate.covariance
-    base = (trial.prediction.covariance if of_predicted else right) / spread
+    spread, stated = trial.variance_scale, one.update.estimate.covariance
+    base = (trial.prediction.covariance if of_predicted else one.right_covariance) / spread
     factor = float(np.sum(stated / spread * base) / np.sum(base**2))
-    return _covariance_error(one.update, factor * base * spread, right)
+    return _covariance_error(one.update, factor * base * spread, one.right_covariance)
 
 
 def _said(errors: Sequence[UpdateErrors], off: float) -> str:
@@ -223,9 +213,9 @@ def _said(errors: Sequence[UpdateErrors], off: float) -> str:
     ways: dict[str, Callable[[Trial, Array], Array]] = {
         "that of Joseph's form without K R K^T": _without_noise,
         "that of two updates": _twice,
-        "the right one without the entries beside its diagonal": lambda trial, k: np.diag(np.diag(updated(trial, k))),
+        "the right one without the entries beside its diagonal": lambda trial, k: np.diag(np.diag(joseph(trial, k))),
         f"that of Joseph's form with {1 + factor:.3g} or {1 - factor:.3g} times the applied gain": (
-            lambda trial, k: updated(trial, (1 + factor) * k)
+            lambda trial, k: joseph(trial, (1 + factor) * k)
         ),
     }
     misfits = {
@@ -242,21 +232,19 @@ def _without_noise(trial: Trial, gain: Array) -> Array:
 
 
 def _twice(trial: Trial, gain: Array) -> Array:
-    kept = np.eye(4) - gain @ trial.jacobian
-    return np.asarray(kept @ updated(trial, gain) @ kept.T + gain @ trial.scan.noise_covariance @ gain.T)
+    return joseph(trial, gain, joseph(trial, gain))
 
 
 def _misfit(one: UpdateErrors, expected: Array) -> float:
-    return _covariance_error(one.update, expected, updated(one.update.trial, one.right))
+    return _covariance_error(one.update, expected, one.right_covariance)
 
 
 def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
     """How far the gain of Joseph's form is from the applied one: it adds ``(factor - 1)^2 K S K^T``."""
     squares = []
     for one in errors:
-        trial = one.update.trial
-        spread = np.outer(trial.state_sigma, trial.state_sigma)
-        right = updated(trial, one.right)
-        removed = (trial.prediction.covariance - right) / spread
-        squares.append(float(np.sum((one.update.estimate.covariance - right) / spread * removed) / np.sum(removed**2)))
+        spread = one.update.trial.variance_scale
+        removed = (one.update.trial.prediction.covariance - one.right_covariance) / spread
+        added = (one.update.estimate.covariance - one.right_covariance) / spread
+        squares.append(float(np.sum(added * removed) / np.sum(removed**2)))
     return float(np.sqrt(max(0.0, np.median(squares))))

@@ -24,8 +24,6 @@ SAME = 1e-6
 CLEAR_GAIN = 0.02
 #: Time over which the covariance of a filter grows without a measurement, s.
 GROWN = 0.5
-#: Curvature of the measurement model above which sigma points may differ from its Jacobian, in sigma.
-CURVED = 0.3
 #: Share of a step's process noise that the update adds: 1 where it is added again, 0 in a correct filter. Sigma points
 #: and the mixing of an IMM reach 0.2.
 TWICE = (0.6, 1.4)
@@ -121,7 +119,7 @@ def _noise_share(tracker: TrackerUnderTest, update: TrialUpdate) -> float | None
     A turning model's uncertain course adds to the rest of the velocity, and nothing to first order to the speed.
     """
     trial = update.trial
-    if trial.curvature.max() > CURVED:
+    if not trial.nearly_linear:
         return None
     last = tracker.peek(trial.session, masked(trial.scan._replace(time=trial.session.given[-1].time)), trial.name)
     if last is None:

@@ -25,8 +25,6 @@ NOISE_BAND = 2.0
 DIRECTION = 0.08
 #: Error of the length of a row, as a ratio. Sigma points reach 1.25.
 SIZE = 1.7
-#: Curvature of the measurement model from which on a correct gain may differ from that of the Jacobian, in sigma.
-CURVED = 0.3
 #: Standard errors of a tracker's own samples by which a threshold is wider; 3 are exceeded by chance in 0.3 % of cases.
 ERRORS = 3.0
 #: Distance of a ratio from two within which the noise is taken to be added twice. Sigma points move it by 0.04.
@@ -43,7 +41,7 @@ def gain(tracker: TrackerUnderTest) -> PartResult:
             why = "the mean and the covariance do not change by one gain, so that no model follows from them"
             result.checks.append(CheckResult(name, question, None, why))
             continue
-        linear = [trial for trial in trials if trial.curvature.max() < CURVED]
+        linear = [trial for trial in trials if trial.nearly_linear]
         rows, errors = _implied(tracker, sensor, linear)
         if len(rows) < 3 or len(rows) < 0.5 * len(linear):
             why = (
@@ -154,7 +152,7 @@ def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confiden
             worst = (error, row, update.gain, right)
     assert worst is not None
     error, row, applied, right = worst
-    scale = row.trial.sigma / row.trial.state_sigma[:, None]
+    scale = row.trial.gain_scale
     components = SENSOR_MODELS[row.trial.scan.kind].components
     numbers = []
     for i, component in enumerate(components):

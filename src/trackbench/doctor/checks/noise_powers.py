@@ -9,6 +9,7 @@ import numpy as np
 
 from trackbench.doctor.exhibits import Course, OverTime
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.doctor.right_answers import straight
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.types import COMMON_STATE, Array
 
@@ -73,7 +74,7 @@ def _noises(tracker: TrackerUnderTest) -> Array | None:
             over = tracker.predicted(probe, step)
             if over is None:
                 return None
-            motion = np.eye(4) + step * np.eye(4, k=2)
+            motion = straight(step)
             of_probe.append(over[1].covariance - motion @ over[0].covariance @ motion.T)
         found.append(of_probe)
     noises = np.array(found)

@@ -9,6 +9,7 @@ import numpy as np
 from trackbench.doctor.exhibits import Course, OverTime
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
+from trackbench.doctor.right_answers import straight
 from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.stepping.steppers import masked
@@ -143,7 +144,7 @@ def _faded(before: Estimate, after: Estimate, step: float) -> bool:
 
     Entries count by their standard deviations: the velocity's growth alone can be in proportion to its variances.
     """
-    motion = np.eye(4) + step * np.eye(4, k=2)
+    motion = straight(step)
     moved = motion @ before.covariance @ motion.T
     spread = np.sqrt(np.abs(np.diag(moved)))
     p, grown = (matrix / np.outer(spread, spread) for matrix in (moved, after.covariance - moved))
