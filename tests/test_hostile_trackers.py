@@ -182,8 +182,8 @@ def test_the_cause_and_the_line_are_reported(outcome: Result, name: str) -> None
     assert failed is not None
     assert failed.cause.startswith(cause)
     assert failed.cause.isprintable()
-    # What it does to its own process may show at the next scan.
-    assert failed.step in (1, 2)
+    # What it does to its own process may show at the next scan; a second process answers when it comes to it.
+    assert failed.step in (1, 2) or (name == "forks" and failed.step > 2)
     if known:
         assert failed.place is not None
         assert failed.place.endswith(", in bad") or "__array__" in failed.place
