@@ -54,7 +54,8 @@ def reasons(trackers: Sequence[str], scores: Scores) -> Iterator[str]:
     """Why no tracker is believable in a scenario: what the nearest misses, who does not, and what these miss."""
     best, furthest = nearest(trackers, scores)
     if furthest.beyond <= 0.0:
-        yield f"not decided of {best}: its means are within the bounds, the 95 % interval of {_open(scores[best])} is not"
+        within = "its means are within the bounds, the 95 % interval"
+        yield f"not decided of {best}: {within} of {_open(scores[best])} is not"
         return
     beyond = sorted((off for off in means(scores[best]) if off.beyond > 0.0), reverse=True)
     for off in beyond[:SHOWN]:
