@@ -81,25 +81,27 @@ def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
             for name, of in scores.items()
         ],
     )
-    none = {name: of["scores"] for name, of in scores.items() if not believable(trackers, of["scores"])}
-    undecided = [name for name, of in none.items() if nearest(trackers, of)[1].beyond <= 0.0]
+    none = [of for of in scores.values() if not believable(trackers, of["scores"])]
+    with_own = [of for of in none if believable(list(of["own"]), of["own"])]
+    undecided = [of for of in none if of not in with_own and nearest(trackers, of["scores"])[1].beyond <= 0.0]
     yield (
-        f"Some tracker is believable in {len(scores) - len(none)} of {len(scores)} scenarios; in {len(undecided)} more "
-        "these scenes do not decide."
+        f"Some tracker is believable with the values of the family in {len(scores) - len(none)} of {len(scores)} "
+        f"scenarios, in {len(with_own)} more with the scenario's own; in {len(undecided)} more these scenes do not "
+        "decide."
     )
     yield ""
 
 
 def _reasons(protocol: Protocol, scores: Scores) -> Iterator[str]:
     trackers = list(protocol.trackers)
-    none = {name: of["scores"] for name, of in scores.items() if not believable(trackers, of["scores"])}
+    none = {name: of for name, of in scores.items() if not believable(trackers, of["scores"])}
     if none:
         yield "## Why none is believable"
         yield ""
         yield "Mean NEES, of which 4 is right, with the values of the family; of the others in brackets what they miss."
         yield ""
         for name, of in none.items():
-            yield f"- {name}: {'; '.join(reasons(trackers, of))}."
+            yield f"- {name}: {'; '.join(reasons(trackers, of['scores'], of['own']))}."
         yield ""
 
 

@@ -43,15 +43,31 @@ def believable(trackers: Sequence[str], scores: Scores) -> list[str]:
     return [item for item in trackers if scores[item]["verdict"] == "consistent"]
 
 
+def by_distance(trackers: Sequence[str], scores: Scores) -> list[str]:
+    """The trackers, first the one whose furthest mean NEES is the least far off."""
+    return sorted(trackers, key=lambda item: max(means(scores[item])).beyond)
+
+
 def nearest(trackers: Sequence[str], scores: Scores) -> tuple[str, Off]:
-    """The tracker whose furthest mean NEES is the least far off, and that mean."""
-    furthest = {item: max(means(scores[item])) for item in trackers}
-    best = min(trackers, key=lambda item: furthest[item].beyond)
-    return best, furthest[best]
+    """The first of them, and that mean."""
+    best = by_distance(trackers, scores)[0]
+    return best, max(means(scores[best]))
 
 
-def reasons(trackers: Sequence[str], scores: Scores) -> Iterator[str]:
-    """Why no tracker is believable in a scenario: what the nearest misses, who does not, and what these miss."""
+def reasons(trackers: Sequence[str], scores: Scores, own: Scores) -> Iterator[str]:
+    """Why no tracker is believable in a scenario: what the nearest misses, who does not, and what these miss; and
+    what the nearest are with their ``own`` values."""
+    yield from _of_family(trackers, scores)
+    right = believable(list(own), own)
+    if right:
+        yield f"believable with the scenario's own values: {', '.join(right)}"
+    elif own:
+        best, furthest = nearest(list(own), own)
+        off = described(furthest) if furthest.beyond > 0.0 else f"{_open(own[best])} not decided"
+        yield f"nearest with the scenario's own values: {best}, {off}"
+
+
+def _of_family(trackers: Sequence[str], scores: Scores) -> Iterator[str]:
     best, furthest = nearest(trackers, scores)
     if furthest.beyond <= 0.0:
         within = "its means are within the bounds, the 95 % interval"
