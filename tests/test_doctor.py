@@ -49,6 +49,7 @@ NAMES = [
     "q_too_small",
     "q_too_large",
     "q_constant_per_step",
+    "q_wrong_power_of_dt",
     "process_noise_omitted",
     "process_noise_twice",
     "r_too_small",
@@ -62,6 +63,10 @@ NAMES = [
     "covariance_not_psd",
     "predicted_covariance_not_psd",
     "covariance_not_reduced",
+    "covariance_update_wrong",
+    "covariance_constant",
+    "covariance_diagonal",
+    "covariance_order",
     "integer_state_matrix",
     "sensor_bias",
     "scale_error",
@@ -91,6 +96,9 @@ ELSEWHERE = (
     ),  # of sigma points: test_doctor_steps.py, test_doctor_failures.py
     *("sigma_weights_wrong", "sigma_spread_wrong", "sigma_points_misdrawn"),  # test_doctor_sigma_points.py
     *("sigma_points_not_redrawn", "gain_inconsistent"),
+    # test_doctor_covariance.py
+    *("covariance_update_wrong", "covariance_constant", "covariance_diagonal", "covariance_order"),
+    "q_wrong_power_of_dt",
     *("measurement_noise_omitted", "measurement_noise_twice", "process_noise_omitted"),
 )
 

@@ -16,9 +16,10 @@ from trackbench.doctor.check_list import checks
 from trackbench.doctor.checks.expectation import expectation
 from trackbench.doctor.drives import Setting, simulate_drives
 from trackbench.doctor.examine import PARTS, Doctor, Examination
+from trackbench.doctor.failures import steps
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import GENERAL, PASSING, Probe, Probes
-from trackbench.doctor.session import MissGiven, TrackerSession, WithoutMisses
+from trackbench.doctor.session import Examined, MissGiven, TrackerSession
 from trackbench.doctor.simplified import simplified
 from trackbench.doctor.site import Carrier, SensorSite, site_of
 from trackbench.doctor.subject import SENSORS, subject
@@ -201,7 +202,7 @@ class Constant:
 
 def test_without_misses_the_last_estimate_is_moved_by_its_velocity() -> None:
     scan = GENERAL[0].scan("lidar", SENSORS["lidar"], 0.0)
-    session = TrackerSession(WithoutMisses(Constant))
+    session = TrackerSession(Examined(Constant, no_misses=True))
     session.step(scan)
     with pytest.raises(MissGiven):
         session.copy().step(masked(scan))
@@ -212,7 +213,7 @@ def test_without_misses_the_last_estimate_is_moved_by_its_velocity() -> None:
 
 
 def test_every_check_has_a_part_and_every_part_a_check() -> None:
-    assert {check.part for check in checks().values()} == {part.__name__ for part in PARTS}
+    assert {check.part for check in checks().values()} == {part.__name__ for part in (*PARTS, steps)}
 
 
 @pytest.mark.slow

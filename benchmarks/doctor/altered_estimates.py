@@ -21,6 +21,22 @@ def velocity_in_kmh(mean: Array, covariance: Array) -> tuple[Array, Array]:
     return mean * linalg.expand(scale, mean), covariance * linalg.expand(np.outer(scale, scale), covariance)
 
 
+def covariance_beside(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """The covariance alone in the order px, vx, py, vy."""
+    order = [0, 2, 1, 3]
+    return mean, covariance[order][:, order]
+
+
+def diagonal_alone(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """The variances, and zeros beside them."""
+    return mean, covariance * linalg.expand(np.eye(4), covariance)
+
+
+def constant(mean: Array, covariance: Array) -> tuple[Array, Array]:
+    """Always the same covariance."""
+    return mean, 0.0 * covariance + linalg.expand(np.diag([0.04, 0.04, 1.0, 1.0]), covariance)
+
+
 def upper_triangle_scaled(mean: Array, covariance: Array) -> tuple[Array, Array]:
     upper = np.triu(np.full((4, 4), 1e-3), 1)
     return mean, covariance * linalg.expand(1.0 + upper, covariance)

@@ -87,6 +87,30 @@ class SubtractsTooMuch:
         return super().corrected_covariance(P, np.sqrt(1.5) * K, S)
 
 
+class CovarianceUpdatedTwice:
+    """Joseph's form is applied twice, and the mean moved once."""
+
+    def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
+        H = np.linalg.solve(P, K @ S).T
+        kept, R = np.eye(len(P)) - K @ H, S - H @ P @ H.T
+        once = super().corrected_covariance(P, K, S)
+        return kept @ once @ kept.T + K @ R @ K.T
+
+
+class OtherGainInCovariance:
+    """Joseph's form with 1.6 times the gain that moves the mean: it adds 0.6^2 K S K^T."""
+
+    def corrected_covariance(self, P: Array, K: Array, S: Array) -> Array:
+        return super().corrected_covariance(P, K, S) + 0.6**2 * K @ S @ K.T
+
+
+class MeanMovedFarther:
+    """The mean is moved by 1.5 times the gain that the covariance is updated with."""
+
+    def corrected_mean(self, x: Array, K: Array, y: Array) -> Array:
+        return super().corrected_mean(x, 1.5 * K, y)
+
+
 class MissedRaises:
     """Reads a measurement without a look whether it is there."""
 

@@ -68,6 +68,19 @@ class BareCourse(CourseOfPoints):
         return points - centre if of_mean else super().state_spread(points, centre)
 
 
+class MeanWrappedFirst:
+    """The mean of the courses is wrapped, the points' are not, and the deviations are those of the numbers."""
+
+    def state_mean(self, points: Array, weights: Array) -> Array:
+        mean = super().state_mean(points, weights)
+        mean[3] = wrap(mean[3])
+        return mean
+
+    def state_spread(self, points: Array, centre: Array) -> Array:
+        of_mean = not np.array_equal(points[0], centre)
+        return points - centre if of_mean else super().state_spread(points, centre)
+
+
 class FixedGate:
     """Measurements farther than 5 m from the prediction are rejected, however uncertain it is."""
 
@@ -150,6 +163,32 @@ class NoiseOfTwentieth(NoiseOfTenth):
     period = 0.05
 
 
+class CovarianceOfCube:
+    """The process noise of position and velocity with another factor dt."""
+
+    entry, more = (0, 2), 1
+
+    def process_noise(self, x: Array, dt: float) -> Array:
+        Q = super().process_noise(x, dt)
+        i, j = self.entry
+        for k in (0, 1):
+            Q[i + k, j + k] *= dt**self.more if dt else 1.0
+            Q[j + k, i + k] = Q[i + k, j + k]
+        return Q
+
+
+class CovarianceOfSquare(CovarianceOfCube):
+    """... with a factor dt less, which is more than the variances allow."""
+
+    more = -1
+
+
+class PositionOfCube(CovarianceOfCube):
+    """The process noise of the position with a factor dt less."""
+
+    entry, more = (0, 0), -1
+
+
 class IntegerState:
     """The state is assigned to an array of integers."""
 
@@ -189,7 +228,12 @@ STEPS = [
     ("integer_state_matrix", "covariance", IntegerCovariance, None),
     ("integer_state_matrix", "start", IntegerStart, None),
 ]
-COURSES = [("spread", BareCourse), ("mean", MeanOfCourses)]
+POWERS = [
+    ("covariance_dt^4", CovarianceOfCube),
+    ("covariance_dt^2", CovarianceOfSquare),
+    ("position_dt^3", PositionOfCube),
+]
+COURSES = [("spread", BareCourse), ("mean", MeanOfCourses), ("mean_wrapped_first", MeanWrappedFirst)]
 DELAYS = [("predicted_later", PredictsTheFuture), ("predicted_earlier", PredictsThePast)]
 
 
@@ -199,6 +243,9 @@ def steps(subject: Subject) -> Iterator[Mutant]:
     if subject.turning:
         for variant, mixin in COURSES:
             yield subject.mixed("course_not_wrapped", variant, mixin)
+    else:
+        for variant, mixin in POWERS:
+            yield subject.mixed("q_wrong_power_of_dt", variant, mixin)
     if subject.uses_rate:
         for variant, mixin in DELAYS:
             yield subject.mixed("time_offset", variant, mixin, "radar")

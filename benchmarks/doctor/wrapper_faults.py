@@ -110,6 +110,9 @@ def answers(subject: Subject) -> Iterator[Mutant]:
     alterations = [
         ("velocity_unit", "kmh", estimates.velocity_in_kmh),
         ("axis_swapped", "output_order", estimates.velocity_beside_position),
+        ("covariance_constant", "returned", estimates.constant),
+        ("covariance_order", "px_vx_py_vy", estimates.covariance_beside),
+        ("covariance_diagonal", "returned", estimates.diagonal_alone),
         ("covariance_asymmetric", "upper_triangle", estimates.upper_triangle_scaled),
         ("covariance_asymmetric", "one_entry", estimates.one_entry_left),
         ("covariance_not_psd", "correlations_doubled", estimates.correlations_doubled),

@@ -118,7 +118,9 @@ def doctor_command(
     except (CannotRun, TrackFault) as error:
         with _tracker_output():
             hint = "" if "#" in tracker else other_kind(tracker, given, isolation, hidden=examined.multi_object)
-        click.echo(f"{examined.name} cannot be examined: {hint or error}", err=True)
+        if hint:
+            raise InputError(hint, key="--identities") from error
+        click.echo(f"{examined.name} cannot be examined: {error}", err=True)
         raise click.exceptions.Exit(CANNOT_RUN) from error
     written = _save(examination, evidence, folder)
     if as_json:
@@ -156,9 +158,10 @@ def _examine(examined: Subject, stated: Stated) -> tuple[Examination, list[Evide
         with progress(f"examining {examined.name}", "parts") as advance:
             return TrafficDoctor(examined.sensors).examine(examined.name, examined.make, advance), []
     doctor = Doctor(examined.sensors, observer=examined.observer, **stated._asdict())
-    with progress(f"examining {examined.name}", "parts") as advance:
+    with progress(f"examining {examined.name}", "steps") as advance:
         examination = doctor.examine(examined.name, examined.make, advance)
-        return examination, doctor.evidence(examination, examined.make)
+    with progress(f"showing what was found in {examined.name}", "steps") as advance:
+        return examination, doctor.evidence(examination, examined.make, advance)
 
 
 def _save(examination: Examination, evidence: Sequence[EvidenceRun], folder: Path) -> list[str]:

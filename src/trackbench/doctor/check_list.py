@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 from typing import NamedTuple
 
 from trackbench.doctor.drives import drive_configs
-from trackbench.errors import InputError, nearest
+from trackbench.errors import InputError
 
 
 class KnownCheck(NamedTuple):
@@ -29,6 +30,9 @@ _CHECKS = {
     "repeatable": KnownCheck("repeatability", "Do three fresh trackers give the same estimates?"),
     "output": KnownCheck("output", "Is the estimate px, py, vx, vy in the fixed frame?"),
     "start": KnownCheck("first_position", "Do tracks start at the target?", each_sensor=True),
+    "stated_covariance": KnownCheck(
+        "stated_covariance", "Is the covariance computed, whole, and in the order of the estimate?", misses=True
+    ),
     "start_confidence": KnownCheck("confidence", "Is the first covariance as large as the first errors?"),
     "integers": KnownCheck("integers", "Are the estimates fractions, as the measurements are?"),
     "no_time": KnownCheck("no_time", "Does a prediction over no time leave the estimate as it is?", misses=True),
@@ -51,6 +55,9 @@ _CHECKS = {
         misses=True,
         finds=("q_constant_per_step",),
     ),
+    "noise_powers": KnownCheck(
+        "noise_powers", "Do the entries of the process noise go with the same powers of the time step?", misses=True
+    ),
     "expectation": KnownCheck(
         "expectation", "Is the right measurement predicted for the own estimate?", each_sensor=True
     ),
@@ -59,6 +66,9 @@ _CHECKS = {
         "Do the measurements of a moving observer count for where it is and how it moves?",
         motion=True,
         finds=("ego_motion_ignored",),
+    ),
+    "one_gain": KnownCheck(
+        "one_gain", "Do the mean and the covariance change by one gain?", each_sensor=True, misses=True
     ),
     "gain": KnownCheck("gain", "Do the gains fit the geometry and the stated noise?", each_sensor=True, misses=True),
     "covariance_update": KnownCheck(
@@ -92,6 +102,7 @@ _CHECKS = {
         "late", "Are late measurements held against where the target was?", each_sensor=True, misses=True
     ),
 }
+STEPS_ASKED = "Does every step return an estimate?"
 _LAST = {
     "finite": KnownCheck("validity", "Is every number of every estimate finite?", finds=("nonfinite",)),
     "symmetric": KnownCheck(
@@ -110,6 +121,7 @@ _LAST = {
         misses=True,
         finds=("predicted_covariance_not_psd",),
     ),
+    "steps": KnownCheck("steps", STEPS_ASKED),
 }
 
 
@@ -140,7 +152,9 @@ def require_known(names: Iterable[str], sensors: Iterable[str], key: str = "skip
     valid = list(_valid(list(sensors)))
     for name in names:
         if name not in valid:
-            raise InputError(f"there is no check {name!r}: {nearest(name, valid)}", key=key)
+            (close,) = get_close_matches(name, valid, n=1, cutoff=0.0)
+            said = f"there is no check {name!r}: did you mean {close!r}? `trackbench list checks` shows all"
+            raise InputError(said, key=key)
 
 
 def _valid(sensors: list[str]) -> Iterator[str]:

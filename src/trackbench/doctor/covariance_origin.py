@@ -17,6 +17,9 @@ from trackbench.types import Array, Estimate, Scan
 COMPONENTS = ("px", "py", "vx", "vy")
 #: Asymmetry, and negative eigenvalue, that rounding does not explain, of a covariance scaled to unit variances.
 ROUNDING = 1e-6
+#: Predictions whose mirrored entries have one ratio, if it is made where the estimate is returned, s; a process noise
+#: has another share of each.
+AHEAD = (0.02, 0.1, 0.5)
 
 Make = Callable[[], Tracker]
 Measure = Callable[[Array], float]
@@ -27,16 +30,20 @@ Blame = Callable[[Array, Array, Array | None], bool]
 class FaultyStep(NamedTuple):
     """The first step of a track that makes its covariance wrong."""
 
-    step: Literal["start", "prediction", "update"]
+    step: Literal["start", "prediction", "update", "output"]
     scan: Scan
     before: Array | None
     """``(4, 4)`` the covariance before that step: the estimate's, or the one predicted to the update."""
     after: Array
     """``(4, 4)`` the first wrong one."""
+    ratio: float | None = None
+    """Of mirrored entries, where it is the same in every estimate."""
 
     @property
     def words(self) -> str:
         """The step and its time."""
+        if self.step == "output":
+            return f"where the estimate is returned, first at {self.scan.time:.4g} s"
         if self.step == "start":
             return f"in the first estimate, at {self.scan.time:.4g} s"
         of = f" with {self.scan.sensor}" if self.step == "update" else ""
@@ -53,7 +60,24 @@ def asymmetric(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
         first, then = (_asymmetry(scaled(p, like=predicted)) for p in (before, predicted))
         return then > ROUNDING and (after is None or then - first >= _asymmetry(scaled(after, like=predicted)) - then)
 
-    return _origin(make, scans, _asymmetry, adds_more)
+    found = _origin(make, scans, _asymmetry, adds_more)
+    if found is None or found.step != "prediction":
+        return found
+    ratio = _ratio(make, scans, _mirrored(found))
+    return found if ratio is None else FaultyStep("output", found.scan, None, found.after, ratio)
+
+
+def _ratio(make: Make, scans: Sequence[Scan], entry: tuple[int, int]) -> float | None:
+    """Of two mirrored entries, if it is the same after all scans and in predictions of several lengths."""
+    session, last = TrackerSession(make), scans[-1]
+    stated = [_covariance(session.step, scan)[0] for scan in scans]
+    ahead = [_covariance(session.peek, masked(last._replace(time=last.time + time)))[0] for time in AHEAD]
+    i, j = entry
+    known = [p for p in (*stated, *ahead) if p is not None and abs(scaled(p)[i, j] - scaled(p)[j, i]) > ROUNDING]
+    if len(known) < len(AHEAD) or any(p is None for p in ahead):
+        return None
+    ratios = [float(p[i, j] / p[j, i]) for p in known]
+    return ratios[0] if np.ptp(ratios) < ROUNDING * abs(ratios[0]) else None
 
 
 def indefinite(make: Make, scans: Sequence[Scan]) -> FaultyStep | None:
@@ -84,6 +108,8 @@ def mirrored_entries(of: FaultyStep) -> str:
     i, j = _mirrored(of)
     row, column = COMPONENTS[i], COMPONENTS[j]
     text = f"row {row}, column {column} is {of.after[i, j]:.6g} and row {column}, column {row} {of.after[j, i]:.6g}"
+    if of.ratio is not None:
+        return f"{text}, with the ratio {of.ratio:.4g} in every estimate, after measurements and without"
     return text if of.before is None else f"{text} ({of.before[i, j]:.6g} and {of.before[j, i]:.6g} before it)"
 
 
@@ -121,7 +147,8 @@ def indefinite_shown(of: FaultyStep) -> Matrices:
 
 
 def _before_and_after(of: FaultyStep) -> tuple[Panel, ...]:
-    after = Panel(f"after the {of.step}" if of.step != "start" else "first", of.after)
+    titles = {"start": "first", "output": "returned"}
+    after = Panel(titles.get(of.step, f"after the {of.step}"), of.after)
     return (after,) if of.before is None else (Panel(f"before the {of.step}", of.before, "before"), after)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.doctor.drives import TestDrive
-from trackbench.doctor.findings import Finding
+from trackbench.doctor.findings import CheckResult, Finding
 from trackbench.doctor.rollout import Rollout, one_run
 from trackbench.doctor.session import StepFailed, TrackerSession
 from trackbench.doctor.trial import Trial
@@ -19,6 +19,10 @@ from trackbench.trackers.base import Tracker
 from trackbench.types import Array, Scan
 from trackbench.units import difference
 
+#: The evidence of a healthy tracker, and of a fault that no drive shows.
+DEFAULT_DRIVE = "azimuth_crossing"
+#: Largest number of drives with evidence.
+MOST_SHOWN = 3
 #: Most scans of a drive whose innovations are computed of a tracker that is not copied: each takes several fresh ones
 #: that are given all scans before.
 REPEATED = 300
@@ -66,6 +70,32 @@ class EvidenceRun:
     reference_covariance: Array
     """``(4, 4, scans)``"""
     innovations: list[SensorInnovations]
+
+
+def shown_drives(
+    findings: Sequence[Finding], checks: Sequence[CheckResult], drives: Sequence[TestDrive]
+) -> dict[str, list[Finding]]:
+    """The names of the drives that show the root causes, each with what it shows, the first root cause first.
+
+    Args:
+        findings: the most likely root cause first.
+        checks: with the results of the drives.
+        drives: those that were driven.
+    """
+    failed = {check.name for check in checks if check.passed is False}
+    shown: dict[str, list[Finding]] = {}
+    for finding in findings:
+        drive = _drive_of(finding, failed, drives)
+        if finding.consequence_of is None and drive is not None and len(shown) < MOST_SHOWN:
+            shown.setdefault(drive, []).append(finding)
+    return shown or {DEFAULT_DRIVE: []}
+
+
+def _drive_of(finding: Finding, failed: Collection[str], drives: Sequence[TestDrive]) -> str | None:
+    """The drive that the finding names, or the first that failed and has such faults to show."""
+    if any(drive.name == finding.shown_by for drive in drives):
+        return finding.shown_by
+    return next((one.name for one in drives if one.name in failed and finding.fault in one.config.shows), None)
 
 
 def evidence_run(

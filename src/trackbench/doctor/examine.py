@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,9 @@ from trackbench.doctor.checks.instants import instants
 from trackbench.doctor.checks.integers import integers
 from trackbench.doctor.checks.late import late
 from trackbench.doctor.checks.models import models
+from trackbench.doctor.checks.noise_powers import noise_powers
 from trackbench.doctor.checks.output import output
+from trackbench.doctor.checks.own_covariance import one_gain, stated_covariance
 from trackbench.doctor.checks.prediction import prediction, spreading
 from trackbench.doctor.checks.process_noise import process_noise
 from trackbench.doctor.checks.sigma_points import no_time
@@ -34,15 +36,16 @@ from trackbench.doctor.checks.validity import repeatability, validity
 from trackbench.doctor.checks.velocity import velocity
 from trackbench.doctor.checks.wrapping import wrapping
 from trackbench.doctor.drives import Setting, TestDrive, simulate_drives
-from trackbench.doctor.evidence import EvidenceRun, evidence_run
-from trackbench.doctor.failures import CannotRun, failure_findings, require_runnable
+from trackbench.doctor.evidence import EvidenceRun, evidence_run, shown_drives
+from trackbench.doctor.failures import CannotRun, require_runnable, steps
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probes, varied
 from trackbench.doctor.rollout import Rollout, rollout
 from trackbench.doctor.root_causes import rank
-from trackbench.doctor.session import WithoutMisses
+from trackbench.doctor.session import Examined
 from trackbench.doctor.simplified import simplified
 from trackbench.doctor.site import Carrier, site_of
+from trackbench.doctor.step_count import OTHERS, StepCount, evidence_steps, steps_of
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.errors import InputError
 from trackbench.execution import one_blas_thread
@@ -60,6 +63,7 @@ PARTS: tuple[Part, ...] = (
     repeatability,
     output,
     first_position,
+    stated_covariance,
     confidence,
     integers,
     no_time,
@@ -67,7 +71,9 @@ PARTS: tuple[Part, ...] = (
     velocity,
     spreading,
     process_noise,
+    noise_powers,
     expectation,
+    one_gain,
     gain,
     covariance_update,
     instants,
@@ -82,23 +88,19 @@ PARTS: tuple[Part, ...] = (
 
 #: These need a tracker that predicts and updates; one that returns the last measurement does not.
 FOR_FILTERS = (
-    no_time,
-    prediction,
-    velocity,
-    spreading,
-    process_noise,
-    expectation,
-    gain,
-    covariance_update,
-    instants,
-    wrapping,
-    innovations,
+    *(stated_covariance, no_time, prediction, velocity, spreading, process_noise, noise_powers, expectation),
+    *(one_gain, gain, covariance_update, instants, wrapping, innovations),
 )
 
-#: The evidence of a healthy tracker, and of a fault that no drive shows.
-DEFAULT_DRIVE = "azimuth_crossing"
-#: Largest number of drives with evidence.
-MOST_SHOWN = 3
+#: These take the covariance that is returned for the tracker's own.
+OF_COVARIANCE = (confidence, no_time, spreading, process_noise, noise_powers, one_gain, gain, covariance_update)
+
+#: These ask for the estimate at a missed scan: the prediction that updates are compared with.
+ASK_AT_MISSES = (*FOR_FILTERS, output, gate, validity)
+NO_PREDICTION = (
+    "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
+    "estimate, or state by --no-misses that there are no missed scans"
+)
 
 
 @dataclass(frozen=True)
@@ -209,7 +211,7 @@ class Doctor:
         Args:
             name: what it is called in the results.
             make: gives a fresh tracker.
-            progress: called after each part with the number of parts done and of all parts.
+            progress: called several times a second with the number of the tracker's steps so far and, about, of all.
 
         Raises:
             CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
@@ -220,23 +222,26 @@ class Doctor:
             return self._examine(name, make, progress)
 
     def _examine(self, name: str, make: Callable[[], Tracker], progress: Progress) -> Examination:
+        in_drives = steps_of([drive for drive, _ in self._drives], batched=bool(getattr(make(), "batched", False)))
+        count = StepCount(progress, round((1.0 + OTHERS) * in_drives))
         tracker = TrackerUnderTest(
-            make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions
+            make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
         )
         require_runnable(tracker)
         results = []
-        for done, part in enumerate(PARTS, start=1):
+        for number, part in enumerate(PARTS):
+            if part is drives:
+                count.left(in_drives)
             try:
                 with tracker.recording_failures(part.__name__):
                     results.append(self._made(part, tracker))
             except TrackFault:
                 # Its process has ended, and no tracker can be made any more.
                 ended = "the tracker's process had ended"
-                results += [PartResult(self._not_made(of, tracker, ended)) for of in PARTS[done - 1 :]]
+                results += [PartResult(self._not_made(of, tracker, ended)) for of in PARTS[number:]]
                 break
-            progress(done, len(PARTS))
+        results.append(self._made(steps, tracker))
         findings = [finding for result in results for finding in result.findings]
-        findings += failure_findings(tracker)
         if not findings and tracker.output_checks.estimates == 0:
             raise CannotRun("it gave no estimate at any scan")
         return Examination(name, rank(findings), [check for result in results for check in result.checks])
@@ -250,7 +255,18 @@ class Doctor:
         if part in FOR_FILTERS and tracker.memoryless:
             why = "it predicts no motion, and its position is that of the last measurement"
             return PartResult(self._not_made(part, tracker, why))
-        return self._assumptions.applied(part(tracker), left_out, part.__name__)
+        if part in OF_COVARIANCE and self._states_another(tracker):
+            why = "the covariance that is returned is not the tracker's own (stated_covariance)"
+            return PartResult(self._not_made(part, tracker, why))
+        made = part(tracker)
+        if part in ASK_AT_MISSES and tracker.silent_at_misses:
+            made.checks = [replace(one, result=NO_PREDICTION) if one.passed is None else one for one in made.checks]
+        return self._assumptions.applied(made, left_out, part.__name__)
+
+    def _states_another(self, tracker: TrackerUnderTest) -> bool:
+        """Whether the covariance that a tracker returns is found not to be its own."""
+        made = not self._not_made(stated_covariance, tracker) and not tracker.memoryless
+        return made and tracker.stated_covariance_fault is not None
 
     def _not_made(self, part: Part, tracker: TrackerUnderTest, why: str | None = None) -> list[CheckResult]:
         """The checks of a part that are not made by what the user states, or all of them for another reason."""
@@ -259,26 +275,23 @@ class Doctor:
         return self._assumptions.left_out(part.__name__, list(self._late if part is late else self.sensors), why)
 
     @one_blas_thread()
-    def evidence(self, examination: Examination, make: Callable[[], Tracker]) -> list[EvidenceRun]:
-        """The runs that show the root causes; of a healthy tracker, the run of the default drive."""
-        shown: dict[str, list[Finding]] = {}
-        for finding in examination.findings:
-            if finding.consequence_of is None and len(shown) < MOST_SHOWN:
-                shown.setdefault(self._drive_of(finding), []).append(finding)
+    def evidence(
+        self, examination: Examination, make: Callable[[], Tracker], progress: Progress = no_progress
+    ) -> list[EvidenceRun]:
+        """The runs that show the root causes; the run of the default drive where none does.
+
+        Args:
+            examination: the findings and checks.
+            make: gives a fresh tracker.
+            progress: as of ``examine``.
+        """
+        shown = shown_drives(examination.findings, examination.checks, [drive for drive, _ in self._drives])
         drives = {drive.name: (drive, reference) for drive, reference in self._drives}
-        given: Callable[[], Tracker] = WithoutMisses(make) if self._assumptions.no_misses else make
+        runs = [(*drives[name], of) for name, of in shown.items() if name in drives]
+        count = StepCount(progress, evidence_steps([drive for drive, *_ in runs]))
+        given = Examined(make, self._assumptions.no_misses, count)
         try:
-            return [
-                evidence_run(given, *drives[name], findings)
-                for name, findings in (shown or {DEFAULT_DRIVE: []}).items()
-                if name in drives
-            ]
+            return [evidence_run(given, *run) for run in runs]
         except TrackFault:
             # Its process has ended.
             return []
-
-    def _drive_of(self, finding: Finding) -> str:
-        for drive, _ in self._drives:
-            if finding.shown_by == drive.name or finding.fault in drive.config.shows:
-                return drive.name
-        return DEFAULT_DRIVE

@@ -9,21 +9,21 @@ import numpy as np
 from trackbench import linalg
 from trackbench.doctor.trial import Trial
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array
+from trackbench.types import Array, Mask
 from trackbench.units import wrap_angle
 
 #: Roots and weights of the three-point Gauss-Hermite rule for a standard normal variable.
 ROOTS, WEIGHTS = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)
 
 
-def linearised_gain(trial: Trial) -> Array:
-    """``(4, m)`` that of an EKF."""
-    p, h = linalg.symmetrise(trial.prediction.covariance), trial.jacobian
-    cross = p @ h.T
-    return _gain(cross, h @ cross + trial.scan.noise_covariance)
+def linearised_gain(trial: Trial, used: Mask | None = None, covariance: Array | None = None) -> Array:
+    """``(4, m)`` that of an EKF; with some components ``(m,)`` alone, or of another covariance ``(4, 4)``."""
+    p = linalg.symmetrise(trial.prediction.covariance if covariance is None else covariance)
+    cross = p @ trial.jacobian.T
+    return _gain(cross, trial.jacobian @ cross + trial.scan.noise_covariance, used)
 
 
-def gaussian_gain(trial: Trial) -> Array:
+def gaussian_gain(trial: Trial, used: Mask | None = None) -> Array:
     """``(4, m)`` with the moments of the Gaussian prediction, by the Gauss-Hermite rule of 81 points: what the sums
     over sigma points approximate (Arasaratnam, Haykin and Elliott 2007)."""
     p = linalg.symmetrise(trial.prediction.covariance)
@@ -37,20 +37,32 @@ def gaussian_gain(trial: Trial) -> Array:
     for i in model.angular:
         apart[i] = wrap_angle(apart[i])
     apart = apart - (apart @ weights)[:, None]
-    return _gain(points * weights @ apart.T, apart * weights @ apart.T + scan.noise_covariance)
+    return _gain(points * weights @ apart.T, apart * weights @ apart.T + scan.noise_covariance, used)
 
 
-def gain_error(trial: Trial, applied: Array) -> tuple[float, Array]:
+def gain_error(trial: Trial, applied: Array, used: Mask | None = None) -> tuple[float, Array]:
     """The distance of a gain ``(4, m)`` from the nearer of the two, relative to it, and that one.
 
     The gains are scaled by the standard deviations of prediction and measurement.
     """
     scale = trial.sigma / trial.state_sigma[:, None]
-    found = []
-    for right in (linearised_gain(trial), gaussian_gain(trial)):
-        found.append((float(np.linalg.norm((applied - right) * scale) / np.linalg.norm(right * scale)), right))
-    return min(found, key=lambda one: one[0])
+    return min(
+        (
+            (relative_error(applied, right, scale), right)
+            for right in (linearised_gain(trial, used), gaussian_gain(trial, used))
+        ),
+        key=lambda one: one[0],
+    )
 
 
-def _gain(cross: Array, innovation_covariance: Array) -> Array:
-    return np.asarray(np.linalg.solve(innovation_covariance, cross.T).T)
+def relative_error(found: Array, right: Array, scale: Array) -> float:
+    """Of a matrix whose entries are multiplied by ``scale``, in the Frobenius norm."""
+    return float(np.linalg.norm((found - right) * scale) / np.linalg.norm(right * scale))
+
+
+def _gain(cross: Array, innovation_covariance: Array, used: Mask | None) -> Array:
+    """Zero where a component is not used."""
+    of = np.ones(len(innovation_covariance), dtype=bool) if used is None else used
+    gain = np.zeros(cross.shape)
+    gain[:, of] = np.linalg.solve(innovation_covariance[np.ix_(of, of)], cross[:, of].T).T
+    return gain

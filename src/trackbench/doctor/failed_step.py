@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.doctor.course_jump import course_jump, followed
 from trackbench.doctor.exhibits import Matrices, Panel, components_of
 from trackbench.doctor.session import MissGiven, StepFailed, TrackerSession, finite
-from trackbench.doctor.turned import TURNS, rotation, turned_mounting, turned_scene
+from trackbench.doctor.turned import TURNS, turned_mounting
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
@@ -65,7 +66,7 @@ def jumping_angle(make: Make, failure: StepFailed) -> JumpingAngle | None:
     """Whether the failure comes of where an angle jumps: then the same scene, turned, does not break the tracker.
 
     A sensor mounted at another yaw measures other azimuths of the same target; a scene turned about the origin has
-    other courses, and the same azimuths. The estimates are the same, turned, up to the scan at which the angle jumps.
+    other courses, and the same azimuths.
     """
     scans = [*failure.given, failure.scan]
     for angle in TURNS:
@@ -73,12 +74,8 @@ def jumping_angle(make: Make, failure: StepFailed) -> JumpingAngle | None:
         if _passes(make, other):
             k = _parting(make, scans, other, np.eye(2))
             return _azimuth(make, scans, other, k, angle)
-    for angle in TURNS:
-        other = [turned_scene(scan, angle) for scan in scans]
-        if _passes(make, other):
-            k = _parting(make, scans, other, rotation(-angle))
-            return _course(make, scans, k, angle)
-    return None
+    course = course_jump(make, scans, followed(make, scans))
+    return None if course is None else JumpingAngle("course_not_wrapped", course.text, None, None)
 
 
 def _azimuth(make: Make, scans: Sequence[Scan], other: Sequence[Scan], k: int, angle: float) -> JumpingAngle | None:
@@ -110,17 +107,6 @@ def _measured_shown(scan: Scan, predicted: Array) -> Matrices:
         (Panel("measured", scan.measurement[:, None]), Panel("predicted", predicted[:, None], "before")),
         tuple((i, 0) for i in SENSOR_MODELS[scan.kind].angular),
     )
-
-
-def _course(make: Make, scans: Sequence[Scan], k: int, angle: float) -> JumpingAngle | None:
-    predicted = _prediction(make, scans[:k], scans[k])
-    if predicted is None or not _near_pi(float(np.arctan2(predicted.mean[3], predicted.mean[2]))):
-        return None
-    text = (
-        f"turned about the origin by {angle:g} rad the same scans do not break it: the course jumps at pi, first at "
-        f"{scans[k].time:.4g} s"
-    )
-    return JumpingAngle("course_not_wrapped", text, None, None)
 
 
 def _near_pi(angle: float) -> bool:

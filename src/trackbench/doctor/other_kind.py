@@ -34,5 +34,5 @@ def other_kind(target: str, options: Mapping[str, Any], isolation: Isolation, *,
         return (len(follower.step(scan).ids) > 0 for scan in hidden_drive())
 
     if hidden:
-        return "it follows one object: leave --identities hidden out" if answers(of_one) else ""
-    return "it follows several objects: add --identities hidden" if answers(of_several) else ""
+        return f"{target} follows one object: choose known" if answers(of_one) else ""
+    return f"{target} follows several objects: choose hidden" if answers(of_several) else ""

@@ -39,7 +39,7 @@ class OutputChecks:
         self.estimates = 0
         self.indefinite_estimates = 0
         self.not_finite: WorstCase | None = None
-        """The first one."""
+        """The first one, and of those at a range of zero only where there is no other."""
         self.asymmetry: WorstCase | None = None
         """Difference of mirrored entries over the geometric mean of their variances."""
         self.indefinite: WorstCase | None = None
@@ -49,30 +49,34 @@ class OutputChecks:
         """Check an estimate after an ordinary scan, the last of those given; None counts as no estimate."""
         known = len(given)
         if estimate is not None:
-            self.add_batch(estimate.mean[:, None], estimate.covariance[..., None], scan, where, lambda _: given[:known])
+            one = estimate.mean[:, None], estimate.covariance[..., None]
+            self.add_batch(*one, [scan], where, lambda _: given[:known])
 
     def add_batch(
-        self, mean: Array, covariance: Array, scan: Scan, where: str, given: Callable[[int], Sequence[Scan]]
+        self, mean: Array, covariance: Array, scans: Sequence[Scan], where: str, given: Callable[[int], Sequence[Scan]]
     ) -> None:
-        """Check the estimates ``(4, runs)`` and ``(4, 4, runs)`` after an ordinary scan.
+        """Check the estimates ``(4, n)`` and ``(4, 4, n)``, each after an ordinary scan.
 
-        ``given(run)`` are the scans of a run up to this one.
+        ``given(i)`` are the scans up to and with that of estimate ``i``, in its run.
         """
         self.estimates += mean.shape[1]
         finite = np.isfinite(mean).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
-        if not finite.all() and self.not_finite is None:
-            self.not_finite = _case(1.0, scan, where, partial(given, int(np.argmin(finite))))
-        runs = np.flatnonzero(finite)
-        if len(runs) == 0 or where in SINGULAR:
+        before = self.not_finite
+        if not finite.all() and (before is None or (before.where in SINGULAR and where not in SINGULAR)):
+            first = int(np.argmin(finite))
+            self.not_finite = _case(1.0, scans[first], where, partial(given, first))
+        known = np.flatnonzero(finite)
+        if len(known) == 0 or where in SINGULAR:
             return
-        relative = scaled(np.moveaxis(covariance[:, :, runs], -1, 0))
+        relative = scaled(np.moveaxis(covariance[:, :, known], -1, 0))
         apart, least = asymmetry(relative), least_eigenvalue(relative)
         self.indefinite_estimates += int(np.sum(least < -NEGATIVE))
-        most, lowest = int(np.argmax(apart)), int(np.argmin(least))
-        if self.asymmetry is None or apart[most] > self.asymmetry.size:
-            self.asymmetry = _case(float(apart[most]), scan, where, partial(given, int(runs[most])))
-        if self.indefinite is None or -least[lowest] > self.indefinite.size:
-            self.indefinite = _case(float(-least[lowest]), scan, where, partial(given, int(runs[lowest])))
+        most, lowest = int(known[np.argmax(apart)]), int(known[np.argmin(least)])
+        largest, smallest = float(apart.max()), float(least.min())
+        if self.asymmetry is None or largest > self.asymmetry.size:
+            self.asymmetry = _case(largest, scans[most], where, partial(given, most))
+        if self.indefinite is None or -smallest > self.indefinite.size:
+            self.indefinite = _case(-smallest, scans[lowest], where, partial(given, lowest))
 
 
 def scaled(p: Array, like: Array | None = None) -> Array:

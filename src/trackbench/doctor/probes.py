@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.doctor.site import Carrier, SensorSite
+from trackbench.doctor.turned import rotation
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.sensing.geometry import sensor_motion
 from trackbench.types import Array, Observer, Scan
 
 
 class Probe(NamedTuple):
-    """A target and an observer of constant velocity; measurements are tried at time 0."""
+    """A target of constant speed, an observer of constant velocity; measurements are tried at time 0."""
 
     name: str
     description: str
@@ -22,11 +23,16 @@ class Probe(NamedTuple):
     """px, py, vx, vy in the fixed frame at time 0."""
     observer: Carrier = Carrier()
     """Its yaw is constant in a probe."""
+    turn_rate: float = 0.0
+    """Of the target, rad/s."""
 
     def truth(self, time: float) -> Array:
         """``(4,)`` px, py, vx, vy of the target at a time."""
         px, py, vx, vy = self.target
-        return np.array([px + vx * time, py + vy * time, vx, vy])
+        # The chord of an arc has the mean course, and is shorter than the path by sinc.
+        half = 0.5 * self.turn_rate * time
+        dx, dy = time * np.sinc(half / np.pi) * (rotation(half) @ [vx, vy])
+        return np.array([px + dx, py + dy, *(rotation(2.0 * half) @ [vx, vy])])
 
     def turned(self, angle: float, sensor: Sensor) -> Probe:
         """The probe with its target turned about a sensor of the standing observer by an angle in rad."""
@@ -114,6 +120,14 @@ AXES = (
     Probe("azimuth_axis_near", "a target just before the azimuth pi", (-25.0, 0.3, 2.0, -7.0)),
 )
 COURSE_AXIS = Probe("course_axis", "a target with the course pi", (20.0, -15.0, -9.0, 0.002))
+#: Its course goes from 0.8 rad, at -5 s, to pi at -0.5 s. It starts ahead and moves away: of a tracker that starts with
+#: the course 0 the speed becomes positive, so that its own course passes pi.
+COURSE_TURN = Probe(
+    "course_turn",
+    "a target that turns through the course pi at 30 degrees/s",
+    (10.4, 50.8, -8.693, -2.329),
+    turn_rate=np.deg2rad(30.0),
+)
 AT_REST = Probe("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
 AT_SENSOR = Probe("at_sensor", "a target at the sensor's own position", (0.0, 0.0, 0.0, 0.0))
 
@@ -128,6 +142,7 @@ class Probes(NamedTuple):
     moving: tuple[Probe, ...] = MOVING
     axes: tuple[Probe, ...] = AXES
     course_axis: Probe = COURSE_AXIS
+    course_turn: Probe = COURSE_TURN
     at_rest: Probe = AT_REST
     at_sensor: Probe = AT_SENSOR
     site: SensorSite = SensorSite()
@@ -143,6 +158,11 @@ class Probes(NamedTuple):
         def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:
             return tuple(probe.placed(site) for probe in probes)
 
+        def with_own_course(probe: Probe) -> Probe:
+            """Its course is that of the fixed frame."""
+            placed = probe.placed(site)
+            return placed._replace(target=(*placed.target[:2], *probe.target[2:]))
+
         return Probes(
             all_placed(self.general),
             self.radial.placed(site),
@@ -150,10 +170,8 @@ class Probes(NamedTuple):
             all_placed(self.passing),
             all_placed(self.moving),
             tuple(dict.fromkeys(probe.placed(one) for one in sites for probe in self.axes)),
-            # Its course is that of the fixed frame.
-            self.course_axis.placed(site)._replace(
-                target=(*self.course_axis.placed(site).target[:2], *self.course_axis.target[2:])
-            ),
+            with_own_course(self.course_axis),
+            with_own_course(self.course_turn),
             self.at_rest.placed(site),
             self.at_sensor.placed(site),
             site,

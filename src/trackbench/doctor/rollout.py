@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.doctor.output_checks import OutputChecks
-from trackbench.doctor.session import StepFailed, TrackerSession
+from trackbench.doctor.session import Examined, StepFailed, TrackerSession
 from trackbench.trackers.answers import shaped, unpack
 from trackbench.trackers.base import Tracker
-from trackbench.types import Array, Indices, Mask, Scan
+from trackbench.types import Array, Mask, Scan
 
 
 class Rollout(NamedTuple):
@@ -37,22 +36,25 @@ def rollout(
     batched = bool(getattr(make(), "batched", False))
     estimates = _batched(make, scans) if batched else _one_by_one(make, scans)
     if checks is not None:
-        for k, scan in enumerate(scans):
-            runs = np.flatnonzero(estimates.given[k])
-            mean, covariance = estimates.mean[:, k, runs], estimates.covariance[:, :, k, runs]
-            checks.add_batch(mean, covariance, scan, drive, partial(_given, scans[: k + 1], runs))
+        k, run = np.nonzero(estimates.given)
+
+        def given(i: int) -> list[Scan]:
+            return _given(scans[: k[i] + 1], int(run[i]))
+
+        mean, covariance = estimates.mean[:, k, run], estimates.covariance[:, :, k, run]
+        checks.add_batch(mean, covariance, [scans[int(i)] for i in k], drive, given)
     return estimates
 
 
-def _given(scans: Sequence[Scan], runs: Indices, number: int) -> list[Scan]:
-    """The scans of one of some runs from its first measurement on."""
-    run = int(runs[number])
+def _given(scans: Sequence[Scan], run: int) -> list[Scan]:
+    """The scans of a run from its first measurement on."""
     first = next(k for k, scan in enumerate(scans) if scan.valid[run])
     return [one_run(scan, run) for scan in scans[first:]]
 
 
 def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
     tracker, state, estimates = make(), None, _empty(scans)
+    on_step = Examined.of(make).on_step
     for k, scan in enumerate(scans):
         try:
             state, returned = unpack(tracker.step(state, scan))
@@ -62,6 +64,7 @@ def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
         except BaseException as error:
             _follow_each(make, scans[: k + 1])
             raise StepFailed(error, one_run(scan, 0)) from error
+        on_step()
         if estimate is not None:
             estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
             # A batched tracker returns NaN for a track that has not started.
@@ -75,10 +78,9 @@ def _follow_each(make: Callable[[], Tracker], scans: Sequence[Scan]) -> None:
     Raises:
         StepFailed: it fails in one of them.
     """
-    runs = np.flatnonzero(np.any([scan.valid for scan in scans], axis=0))
-    for number in range(len(runs)):
+    for run in np.flatnonzero(np.any([scan.valid for scan in scans], axis=0)):
         session = TrackerSession(make)
-        for scan in _given(scans, runs, number):
+        for scan in _given(scans, int(run)):
             session.step(scan)
 
 

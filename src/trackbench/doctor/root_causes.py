@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 
 from trackbench.doctor.findings import Finding, faults_of
+from trackbench.doctor.output_checks import SINGULAR
 
 #: A covariance or an estimate that is none. What is sure of them has begun at a good estimate, and has no other cause.
 NUMERICAL = ("covariance_not_psd", "predicted_covariance_not_psd", "nonfinite", "invalid_estimate")
@@ -33,22 +34,29 @@ EXACT = (
     *NUMERICAL,
 )
 #: Found without a measurement: the use of one sensor's measurements does not change them.
-MOTION = ("wrong_dt", "velocity_unit", "q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted")
+MOTION = (
+    *("wrong_dt", "velocity_unit", "process_noise_omitted"),
+    *("q_too_small", "q_too_large", "q_constant_per_step", "q_wrong_power_of_dt"),
+)
 #: What a prediction over no time shows of the sums over sigma points. Wide points have other courses and azimuths.
 _SUMS = ("sigma_weights_wrong", "sigma_points_misdrawn", "sigma_spread_wrong")
+#: Of a covariance that is returned and is not the tracker's own.
+OWN = ("covariance_constant", "covariance_diagonal", "covariance_order")
 #: Of the sensor's own pose and velocity.
 _EGO = ("ego_motion_ignored", "sensor_pose_ignored")
 #: What the estimates of drives show of any fault.
 DRIVEN = ("too_far_off", "covariance_unbelievable")
 
 #: Consequences whatever their sensor, and although they are exact otherwise: y / x is not a number at the sensor, an
-#: indefinite covariance has no square root, what a prediction does to the covariance is there after the update,
-#: measurements do not move whole numbers, a position or velocity with a factor has other angles and range rates, and
-#: the covariance of one sensor's updates is that of the predictions after them.
+#: indefinite covariance has no square root, points on either side of pi and points far from their mean have sums that
+#: are no covariance, what a prediction does to the covariance is there after the update, measurements do not move whole
+#: numbers, a position or velocity with a factor has other angles and range rates, and the covariance of one sensor's
+#: updates is that of the predictions after them.
 DIRECT = (
     ("arctan_quadrant", "nonfinite"),
     ("covariance_not_psd", "nonfinite"),
     ("predicted_covariance_not_psd", "nonfinite"),
+    *product(("course_not_wrapped", "q_too_large"), ("predicted_covariance_not_psd", "covariance_not_psd")),
     ("predicted_covariance_not_psd", "covariance_not_psd"),
     ("angle_mean_not_circular", "azimuth_not_wrapped"),
     ("integer_state_matrix", "measurement_ignored"),
@@ -57,6 +65,7 @@ DIRECT = (
     *product(_SUMS, ("course_not_wrapped", "angle_mean_not_circular", *NUMERICAL)),
     *(("velocity_unit", fault) for fault in (*_EGO, "doppler_sign", "speed_for_range_rate")),
     ("process_noise_twice", "q_too_large"),
+    *product(("q_wrong_power_of_dt",), NUMERICAL),
     *(("covariance_not_reduced", fault) for fault in MOTION),
 )
 
@@ -68,10 +77,13 @@ CERTAIN = 0.9
 #: What a wrong gain is called, with a Jacobian, with sigma points, and by what its update adds.
 _GAIN = ("jacobian_wrong", "gain_inconsistent", "sigma_points_not_redrawn", "process_noise_twice")
 _NOISE = ("r_too_small", "r_too_large", "measurement_noise_omitted", "measurement_noise_twice")
-_GROWTH = ("q_too_small", "q_too_large", "q_constant_per_step", "process_noise_omitted", "process_noise_twice")
+_GROWTH = (
+    *("q_too_small", "q_too_large", "q_constant_per_step", "q_wrong_power_of_dt"),
+    *("process_noise_omitted", "process_noise_twice"),
+)
 _OFFSET = ("sensor_bias", "scale_error", "time_offset")
 #: What a wrong mean or covariance can look like after a step, or after many.
-_STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced")
+_STEP = ("velocity_not_kept", "gate_never_reopens", "covariance_not_reduced", "covariance_update_wrong", *OWN)
 _POINTS = ("sigma_spread_wrong", "sigma_points_misdrawn")
 _ANGLE = ("azimuth_not_wrapped", "angle_mean_not_circular", "course_not_wrapped")
 #: Of measurements that are predicted or read wrongly.
@@ -104,6 +116,8 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "angle_mean_not_circular": (*_ANGLE, *_MEASURED, *_NOISE),
     "course_not_wrapped": (*_ANGLE, *_MEASURED, *_NOISE, *_GROWTH, *_OFFSET),
     "wrong_dt": (*_MEASURED, *_GROWTH, "time_offset"),
+    "q_wrong_power_of_dt": (*_GAIN, *_GROWTH, *_NOISE, "overconfident_start", *NUMERICAL),
+    "q_too_large": NUMERICAL,
     "predicted_covariance_not_psd": (*_COVARIANCE, *_POINTS, "covariance_not_psd", "nonfinite"),
     "predicted_covariance_asymmetric": (*_GAIN, "azimuth_not_wrapped", "covariance_asymmetric", *NUMERICAL),
     "q_constant_per_step": (*_GAIN, *_POINTS, *_GROWTH, "overconfident_start"),
@@ -115,8 +129,10 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "sensor_bias": (*_GAIN, "overconfident_start", *NUMERICAL),
     "scale_error": (*_GAIN, "overconfident_start", *NUMERICAL),
     "process_noise_omitted": ("q_too_small", "overconfident_start", *NUMERICAL),
+    **dict.fromkeys(OWN, (*_STEPPED, "jacobian_wrong", "covariance_update_wrong")),
     "sigma_points_not_redrawn": ("gain_inconsistent", "jacobian_wrong", *_NOISE, *_GROWTH, *NUMERICAL),
-    "process_noise_twice": ("gain_inconsistent", "q_too_large"),
+    "process_noise_twice": ("gain_inconsistent", "covariance_update_wrong", "q_too_large"),
+    "covariance_update_wrong": (*_NOISE, *_GROWTH, *_ANGLE, "overconfident_start", *NUMERICAL),
     "gain_inconsistent": (*_ANGLE, *_NOISE, *_GROWTH, "overconfident_start", *NUMERICAL),
     "jacobian_wrong": (*_ANGLE, *_NOISE, *_GROWTH, *NUMERICAL),
     "azimuth_not_wrapped": NUMERICAL,
@@ -125,7 +141,6 @@ CONSEQUENCES: dict[str, tuple[str, ...]] = {
     "polar_start": ("overconfident_start", "sensor_bias"),
     "r_too_small": ("overconfident_start", *NUMERICAL),
     "r_too_large": NUMERICAL,
-    "q_too_large": NUMERICAL,
     "q_too_small": NUMERICAL,
     "too_far_off": ("covariance_unbelievable",),
 }
@@ -152,7 +167,12 @@ def rank(findings: Iterable[Finding]) -> list[Finding]:
         roots = (root for root in ranked if root.consequence_of is None)
         cause = next((root.fault for root in roots if _causes(root, finding)), None)
         ranked.append(replace(finding, consequence_of=cause))
-    return sorted(ranked, key=lambda one: (one.consequence_of is not None, -one.confidence))
+    return sorted(ranked, key=lambda one: (one.consequence_of is not None, _at_sensor(one), -one.confidence))
+
+
+def _at_sensor(finding: Finding) -> bool:
+    """Whether it arises only where the range is 0, as in no drive that is judged."""
+    return finding.shown_by in SINGULAR
 
 
 def _causes(root: Finding, finding: Finding) -> bool:
@@ -160,7 +180,7 @@ def _causes(root: Finding, finding: Finding) -> bool:
     if root.confidence < SURE or root.fault == finding.fault:
         return False
     if finding.fault in DRIVEN and root.fault not in DRIVEN:
-        return True
+        return not _at_sensor(root)
     if finding.fault not in CONSEQUENCES.get(root.fault, ()):
         return False
     if (root.fault, finding.fault) in DIRECT or root.fault == "not_deterministic":

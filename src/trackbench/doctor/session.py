@@ -44,14 +44,27 @@ class MissGiven(StepFailed):
         super().__init__(TrackerFault("it is given no scans without a detection"), scan)
 
 
+def not_counted() -> None:
+    """Of a step that nobody counts."""
+
+
 @dataclass(frozen=True)
-class WithoutMisses:
-    """A fresh tracker that is given no scan without a detection."""
+class Examined:
+    """Gives fresh trackers, and says how they are stepped."""
 
     make: Callable[[], Tracker]
+    no_misses: bool = False
+    """Whether they are given no scan without a detection."""
+    on_step: Callable[[], None] = not_counted
+    """Called after each step."""
 
     def __call__(self) -> Tracker:
         return self.make()
+
+    @classmethod
+    def of(cls, make: Callable[[], Tracker]) -> Examined:
+        """What gives such trackers already, or any other function as it is."""
+        return make if isinstance(make, Examined) else cls(make)
 
 
 class TrackerSession:
@@ -62,7 +75,8 @@ class TrackerSession:
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
         self._own = Alone(make)
-        self._no_misses = isinstance(make, WithoutMisses)
+        how = Examined.of(make)
+        self._no_misses, self._on_step = how.no_misses, how.on_step
         self._batched = bool(getattr(self._own.tracker, "batched", False))
         self._started = False
 
@@ -96,6 +110,8 @@ class TrackerSession:
             raise
         except BaseException as error:
             raise StepFailed(error, scan, self.given[:before]) from error
+        finally:
+            self._on_step()
         if estimate is not None and self._batched:
             estimate = self._of_one(estimate)
         self._started = self._started or estimate is not None
@@ -139,7 +155,7 @@ class TrackerSession:
     def _copied(self, scan: Scan) -> TrackerSession:
         twin = TrackerSession.__new__(TrackerSession)
         twin._batched, twin._started = self._batched, self._started
-        twin._no_misses = self._no_misses
+        twin._no_misses, twin._on_step = self._no_misses, self._on_step
         try:
             twin._own = self._own.copy()
         except Exception as error:

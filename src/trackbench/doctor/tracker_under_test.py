@@ -11,11 +11,14 @@ import numpy as np
 from trackbench.doctor import kind_of_filter
 from trackbench.doctor.assumptions import NONE, Assumptions
 from trackbench.doctor.drives import TestDrive
+from trackbench.doctor.findings import Finding
 from trackbench.doctor.output_checks import OutputChecks
 from trackbench.doctor.probes import Probe, Probes, probe_rate
 from trackbench.doctor.rollout import Rollout
-from trackbench.doctor.session import MissGiven, StepFailed, TrackerSession, WithoutMisses, finite
+from trackbench.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
+from trackbench.doctor.stated_covariance import stated_covariance_fault
 from trackbench.doctor.trial import Trial, averaged
+from trackbench.doctor.update_consistency import update_faults
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.stepping.steppers import masked
 from trackbench.trackers.base import Tracker
@@ -40,6 +43,7 @@ class TrackerUnderTest:
         seed: of the noise.
         late: for each sensor whose scans come late, by how much at most, s.
         assumptions: what the user states.
+        on_step: called after each of its steps.
     """
 
     def __init__(
@@ -51,8 +55,9 @@ class TrackerUnderTest:
         seed: int,
         late: Mapping[str, float],
         assumptions: Assumptions = NONE,
+        on_step: Callable[[], None] = not_counted,
     ) -> None:
-        self.make: Callable[[], Tracker] = WithoutMisses(make) if assumptions.no_misses else make
+        self.make = Examined(make, assumptions.no_misses, on_step)
         self.assumptions = assumptions
         self.sensors = sensors
         self.drives = drives
@@ -214,6 +219,17 @@ class TrackerUnderTest:
         return 1
 
     @cached_property
+    def silent_at_misses(self) -> bool:
+        """Whether a track that goes on after a measurement has no estimate (None) at a missed one."""
+        probe, sensor_set = self.probes.general[0], self.sensor_sets()[-1]
+        session = self.session_at(probe, sensor_set)
+        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        with self.recording_failures(probe.name):
+            if session is not None and session.peek(scan) is not None:
+                return session.predict(scan) is None
+        return False
+
+    @cached_property
     def stochastic(self) -> bool:
         """Whether the tracker says that it draws random numbers, by an attribute ``stochastic = True``."""
         return bool(getattr(self.make(), "stochastic", False))
@@ -227,6 +243,16 @@ class TrackerUnderTest:
     def linearises(self) -> bool | None:
         """As :func:`kind_of_filter.linearises`."""
         return kind_of_filter.linearises(self)
+
+    @cached_property
+    def stated_covariance_fault(self) -> Finding | None:
+        """As :func:`stated_covariance.stated_covariance_fault`."""
+        return stated_covariance_fault(self)
+
+    @cached_property
+    def update_faults(self) -> dict[str, Finding]:
+        """As :func:`update_consistency.update_faults`."""
+        return update_faults(self)
 
     @cached_property
     def memoryless(self) -> bool:

@@ -69,6 +69,8 @@ def require_writable(out: Path) -> None:
     Raises:
         InputError: they cannot.
     """
+    if out.exists() and not out.is_dir():
+        raise InputError(f"cannot write to {out}: it is a file, not a folder", key="--out")
     try:
         out.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=out).close()

@@ -120,8 +120,7 @@ def _steady(piece: Piece, state: Kinematics, elapsed: Array) -> tuple[Kinematics
         )
     )
     # Each from the start of the piece: no rounding adds up.
-    states = np.stack([STEADY.transition(begin, float(time)) for time in elapsed], axis=1)
-    px, py, speed, heading, yaw_rate, acceleration = states
+    px, py, speed, heading, yaw_rate, acceleration = STEADY.transition(begin[:, None], elapsed[:, None])
     path = Kinematics(px, py, speed, heading, acceleration, yaw_rate)
     return path, _last(path)
 

@@ -31,6 +31,7 @@ LEAST_GROWTH = 1e-6
 #: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory: none with
 #: constant velocity, and what other motions add in so short a step.
 ONLY = 0.2
+PER_STEP = "Does the process noise of a step depend on its length?"
 
 
 def process_noise(tracker: TrackerUnderTest) -> PartResult:
@@ -40,7 +41,13 @@ def process_noise(tracker: TrackerUnderTest) -> PartResult:
     alone = [(name,) for name in tracker.sensors]
     found = _growths(tracker, alone) or _growths(tracker, [tuple(tracker.sensors)])
     if not found:
-        return PartResult([CheckResult("process_noise", question, None, "there was no estimate to predict")])
+        why = "there was no estimate to predict"
+        return PartResult(
+            [
+                CheckResult("process_noise", question, None, why),
+                CheckResult("noise_per_step", PER_STEP, None, why),
+            ]
+        )
     growth = float(np.median([one[-1] for one in found]))
     if growth < NONE:
         most = max(float(one[-1]) for one in found)
@@ -92,7 +99,7 @@ def _growth_shown(found: Sequence[Array]) -> OverTime:
 
 def _per_step(tracker: TrackerUnderTest) -> PartResult:
     """Predict over a short and over a long step: with any white noise the variance grows with the step."""
-    question = "Does the process noise of a step depend on its length?"
+    question = PER_STEP
     pairs = []
     for probe in tracker.probes.general[:3]:
         over = [tracker.predicted(probe, step) for step in STEPS]

@@ -18,7 +18,7 @@ from trackbench.doctor.covariance_origin import (
 )
 from trackbench.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.output_checks import WorstCase, asymmetry, least_eigenvalue, scaled
+from trackbench.doctor.output_checks import SINGULAR, WorstCase, asymmetry, least_eigenvalue, scaled
 from trackbench.doctor.probes import Probe, with_noise
 from trackbench.doctor.session import FAR, StepFailed, TrackerSession, plausible
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
@@ -55,6 +55,8 @@ def validity(tracker: TrackerUnderTest) -> PartResult:
     result.checks.append(CheckResult("finite", "Is every number of every estimate finite?", bad is None, text))
     if bad is not None:
         text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
+        if bad.where in SINGULAR:
+            text += ", where the range is 0"
         # A track that has diverged may overflow for that alone.
         before, after = _around(tracker, bad)
         confidence = 0.98 if before is None or plausible(before) else 0.85

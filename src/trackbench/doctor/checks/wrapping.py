@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackbench.doctor.checks.turned_update import FAR, OTHER_TURN, TURN, Jump, jumps_of
+from trackbench.doctor.course_jump import course_jump, followed
 from trackbench.doctor.exhibits import Predictions, StatedBelief
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
 from trackbench.doctor.probes import Probe
@@ -19,12 +20,14 @@ from trackbench.doctor.trial import Trial
 ASTRAY, WORSE = 0.05, 5.0
 #: The same error from which on the track has diverged: a wrong course, of any speed that is about right, has up to 2.
 DIVERGED = 5.0
+#: Time for which a turning target is followed, s.
+TURNING = 5.0
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
 NEAR_PI = 0.02
 
 
 def wrapping(tracker: TrackerUnderTest) -> PartResult:
-    """Try measurements beside a target at the azimuth pi, and beside one with the course pi."""
+    """Try measurements beside a target at the azimuth pi, and beside one with the course pi; follow one through it."""
     result = PartResult()
     polar = [name for name, sensor in tracker.sensors.items() if sensor.type != "lidar"]
     for angle, probes, sensors in (
@@ -44,6 +47,7 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         ]
         if angle == "course":
             jumps += [astray for of in tracker.sensor_sets() if (astray := _astray(tracker, probes[0], of)) is not None]
+            jumps += _turning(tracker)
         if not jumps:
             result.checks.append(CheckResult(f"{angle}_wrapping", question, None, "there was no estimate to update"))
             continue
@@ -109,6 +113,22 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
         ),
     )
     return Jump(6 * FAR * error / (ASTRAY * speed), text, sensor_set[0], probe, False, False, False, shown)
+
+
+def _turning(tracker: TrackerUnderTest) -> list[Jump]:
+    """A target that turns through the course pi, held against the same scene turned away."""
+    probe = tracker.probes.course_turn
+    scans = tracker.approach(probe, tracker.sensor_sets()[-1], TURNING)
+    here = followed(tracker.make, scans)
+    text = probe.description
+    if here.failure is not None:
+        tracker.failures.append((probe.name, here.failure))
+        text += f": {here.failure}"
+    found = course_jump(tracker.make, scans, here)
+    if found is None:
+        return []
+    text += f"; {found.text}"
+    return [Jump(found.size, text, found.scan.sensor, probe, False, False, False, found.exhibit)]
 
 
 def _followed(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> tuple[Trial | None, float]:

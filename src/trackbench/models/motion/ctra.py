@@ -29,7 +29,7 @@ class ConstantTurnRateAcceleration(turning.SpeedAndYaw):
     angular: ClassVar[tuple[int, ...]] = (3,)
     driving_noise: ClassVar[tuple[str, ...]] = ("jerk_sigma_mps3", "yaw_acceleration_sigma_radps2")
 
-    def transition(self, x: Array, dt: float) -> Array:
+    def transition(self, x: Array, dt: float | Array) -> Array:
         px, py, v, yaw, w, a = x
         gain = a * (0.5 * dt)
         path = turning.arc(yaw, w, v + gain, gain, dt)

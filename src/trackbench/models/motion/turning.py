@@ -53,7 +53,7 @@ class Arc(NamedTuple):
     sin: Array
 
 
-def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None, dt: float) -> Arc:
+def arc(yaw: Array, yaw_rate: Array, mean_speed: Array, half_gain: Array | None, dt: float | Array) -> Arc:
     """The displacement of a body with the given yaw and yaw rate at its start; see ``Arc``."""
     half = yaw_rate * (0.5 * dt)
     c, s = cos_sin(yaw + half)

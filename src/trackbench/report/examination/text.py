@@ -26,7 +26,8 @@ def text(examination: Examination, every_check: bool = False) -> str:
     caused = consequences(examination)
     if caused:
         lines += ["", "Probably consequences; check them again after the fix:"]
-        lines += [_short(f"  {one.fault} (of {one.consequence_of}): {one.evidence}") for one in caused]
+        for one in caused:
+            lines += _wrapped(f"  {one.fault} (of {one.consequence_of}): {one.evidence}", "    ")
     return "\n".join([*lines, "", *_checks(examination, every_check)])
 
 
@@ -59,8 +60,3 @@ def _checks(examination: Examination, every: bool) -> Iterator[str]:
 
 def _wrapped(said: str, indent: str = "") -> list[str]:
     return textwrap.wrap(said, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
-
-
-def _short(said: str) -> str:
-    """One line, cut to the width."""
-    return said if len(said) <= WIDTH else said[: WIDTH - 3].rstrip() + "..."
