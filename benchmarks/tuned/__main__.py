@@ -1,7 +1,7 @@
 """Tune every tracker by one protocol, compare them on other scenes (results/tuned/), and give the shipped scenarios the
 values of their family.
 
-python -m benchmarks.tuned [--scores-only]
+python -m benchmarks.tuned [--scores-only] [--resume FOLDER]
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import yaml
 from .protocol import read
 from .scores import scored
 from .shipped import update
-from .tuning import all_tuned
+from .tuning import Kept, all_tuned
 
 OUT = Path(__file__).parents[2] / "results" / "tuned"
 
@@ -26,6 +26,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(prog="python -m benchmarks.tuned", description=__doc__)
     arguments.add_argument("--scores-only", action="store_true", help="with the values that are there")
     arguments.add_argument("--workers", type=int, default=2)
+    arguments.add_argument("--resume", type=Path, help="keep here what was tried, and do not try it again")
     given = arguments.parse_args()
     # Before a worker imports NumPy: the linear algebra of each would take every core.
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
@@ -34,7 +35,7 @@ def main() -> None:
     with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
         if not given.scores_only:
             found = {tracker: {} for tracker in protocol.trackers}
-            for tracker, name, best in all_tuned(protocol, pool):
+            for tracker, name, best in all_tuned(protocol, pool, Kept(given.resume)):
                 print(f"{tracker}, {name}: {best}", flush=True)
                 found[tracker][name] = best
             values.write_text(yaml.safe_dump(found, sort_keys=False), encoding="utf-8")

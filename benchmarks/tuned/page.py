@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from trackbench.metrics.verdicts import ABOVE, BELOW, TOLERANCE
+from trackbench.tuning.objectives import PRICE
 
 from .protocol import Protocol
+from .trust import Scores, believable, described, means, nearest, reasons
 
 #: What a set of values for several scenarios may cost in error against values for the very scenario.
 REGRET = 0.1
-#: What the mean NEES of a consistent tracker is; that of position or velocity alone is given twice, to be read alike.
-DOF = 4
 #: The condition of which an own table is made.
 TURNING = "turning"
 BAND = f"-{100 * BELOW:.0f} and +{100 * ABOVE:.0f} %"
@@ -22,8 +21,6 @@ TRUSTED = (
     "each range, the first second, position and velocity alone"
 )
 
-Scores = Mapping[str, Any]
-
 
 def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
     """The whole page."""
@@ -31,6 +28,7 @@ def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
         ["# Trackers tuned alike", ""],
         _protocol(protocol),
         _summary(protocol, scores),
+        _reasons(protocol, scores),
         _errors(protocol, scores),
         _trust(protocol, scores),
         _turning(protocol, scores),
@@ -41,16 +39,15 @@ def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
 
 
 def _protocol(protocol: Protocol) -> Iterator[str]:
-    tuned, scored = protocol.tuned_on, protocol.scored_on
     yield "Made by `make tuned` from `benchmarks/tuned/protocol.yaml`."
     yield ""
     yield (
         f"Every tracker is tuned in the same way: {protocol.trials} trials, of which {protocol.spread} are spread over "
         f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the smallest position error with "
-        "a mean NEES that is consistent in every condition; each per cent beyond counts as much as 2 % of error), on "
-        f"{tuned.scenes} scenes of {tuned.runs} runs. It is scored on {scored.scenes} scenes of {scored.runs} runs "
-        "with other traffic and other noise. It has one set of values for a family of scenarios; beside them stand one "
-        "for the very scenario and one for all."
+        "a mean NEES that is consistent in every condition; each per cent beyond counts as much as "
+        f"{PRICE:g} % of error), on {protocol.tuned_on}. It is scored on {protocol.scored_on} with other traffic and "
+        "other noise. It has one set of values for a family of scenarios; beside them stand one for the very scenario "
+        "and one for all."
     )
     yield ""
     for family, names in protocol.families.items():
@@ -59,6 +56,7 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
 
 
 def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
+    trackers = list(protocol.trackers)
     yield "## Which tracker is best where"
     yield ""
     yield (
@@ -77,19 +75,39 @@ def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
                 of["best"],
                 _error(of["scores"][of["best"]]),
                 ", ".join(of["not shown to be worse"]) or "none",
-                ", ".join(_believable(protocol, of["scores"])) or _nearest(protocol, of["scores"]),
+                ", ".join(believable(trackers, of["scores"])) or _nearest(trackers, of["scores"]),
                 _error(of["scores"]["smoothed"]),
             ]
             for name, of in scores.items()
         ],
     )
-    none = [name for name, of in scores.items() if not _believable(protocol, of["scores"])]
-    undecided = [name for name in none if _nearest(protocol, scores[name]["scores"]).startswith("not decided")]
+    none = [of for of in scores.values() if not believable(trackers, of["scores"])]
+    with_own = [of for of in none if believable(list(of["own"]), of["own"])]
+    undecided = [of for of in none if of not in with_own and nearest(trackers, of["scores"])[1].beyond <= 0.0]
     yield (
-        f"Some tracker is believable in {len(scores) - len(none)} of {len(scores)} scenarios; in {len(undecided)} more "
-        "these scenes do not decide."
+        f"Some tracker is believable with the values of the family in {len(scores) - len(none)} of {len(scores)} "
+        f"scenarios, in {len(with_own)} more with the scenario's own; in {len(undecided)} more these scenes do not "
+        "decide."
     )
     yield ""
+
+
+def _reasons(protocol: Protocol, scores: Scores) -> Iterator[str]:
+    trackers = list(protocol.trackers)
+    none = {name: of for name, of in scores.items() if not believable(trackers, of["scores"])}
+    if none:
+        yield "## Why none is believable"
+        yield ""
+        yield "Mean NEES, of which 4 is right, with the values of the family; of the others in brackets what they miss."
+        yield ""
+        for name, of in none.items():
+            yield f"- {name}: {'; '.join(reasons(trackers, of['scores'], of['own']))}."
+        yield ""
+
+
+def _nearest(trackers: Sequence[str], scores: Scores) -> str:
+    best, off = nearest(trackers, scores)
+    return f"not decided of {best}" if off.beyond <= 0.0 else f"none; {best}: {described(off)}"
 
 
 def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
@@ -148,12 +166,11 @@ def _turning(protocol: Protocol, scores: Scores) -> Iterator[str]:
 
 
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
-    compared = protocol.compared_on
     yield "## What one set of values costs"
     yield ""
     yield (
         "Position error with the values of the family, and of all scenarios, over that with the scenario's own values, "
-        f"on {compared.scenes} scenes of {compared.runs} runs; above {100 * REGRET:.0f} % bold. Less than nothing is "
+        f"on {protocol.compared_on}; above {100 * REGRET:.0f} % bold. Less than nothing is "
         "possible: the values are chosen for consistency first."
     )
     yield ""
@@ -184,30 +201,6 @@ def _values(protocol: Protocol, values: Mapping[str, Any]) -> Iterator[str]:
     yield from _table(["option", *names], rows)
 
 
-def _believable(protocol: Protocol, found: Scores) -> list[str]:
-    return [item for item in protocol.trackers if found[item]["verdict"] == "consistent"]
-
-
-def _nearest(protocol: Protocol, found: Scores) -> str:
-    nearest = min(protocol.trackers, key=lambda item: _furthest(found[item])[0])
-    off, name, mean = _furthest(found[nearest])
-    if off <= 0.0:
-        return f"not decided of {nearest}"
-    share = found[nearest]["conditions"][name]["share"] if name else 1.0
-    part = f", {100 * share:.0f} % of its estimates" if share < 1.0 else ""
-    return f"none; {nearest}: {name or 'all'} {mean:.1f}{part}"
-
-
-def _furthest(scores: Scores) -> tuple[float, str, float]:
-    """By how much a mean NEES is beyond what is allowed, as a logarithm; of which condition, and what it is."""
-    log = math.log(scores["nees"] / DOF)
-    found = [(abs(log) - math.log(1.0 + TOLERANCE), "", scores["nees"])]
-    for name, of in scores["conditions"].items():
-        log = math.log(of["mean"] / DOF)
-        found.append((max(log - math.log(1.0 + ABOVE), math.log(1.0 - BELOW) - log), name, of["mean"]))
-    return max(found)
-
-
 def _error(scores: Scores) -> str:
     low, high = scores["ci95"]
     diverged = f" [{scores['diverged']}]" if scores["diverged"] else ""
@@ -218,9 +211,9 @@ def _nees(scores: Scores) -> str:
     text = f"{scores['nees']:.1f}"
     if scores["verdict"] == "consistent":
         return f"**{text}**"
-    off, name, mean = _furthest(scores)
-    if off > 0.0:
-        return f"{text} ({name} {mean:.1f})" if name else text
+    off = max(means(scores))
+    if off.beyond > 0.0:
+        return f"{text} ({off.condition} {off.mean:.1f})" if off.condition else text
     return f"{text} (not decided)"
 
 

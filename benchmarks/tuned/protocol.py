@@ -21,6 +21,9 @@ class Budget:
     scenes: int
     runs: int
 
+    def __str__(self) -> str:
+        return f"{self.scenes} scenes of {self.runs} {'run' if self.runs == 1 else 'runs'}"
+
 
 @dataclass(frozen=True)
 class Refinement:

@@ -12,7 +12,10 @@ import trackbench as tb
 
 from .page import page
 from .protocol import Budget, Protocol
+from .trust import believable, by_distance
 
+#: So many of the nearest are scored with their own values too, where none is believable with those of the family.
+NEAREST = 2
 #: The tracker whose smoother stands beside, as what was to be had offline.
 SMOOTHED = "imm_cv_ca"
 
@@ -55,15 +58,29 @@ def _of_scenario(protocol: Protocol, values: Values, scenario: str) -> dict[str,
         {name: entries[tracker] for name, (tracker, _) in each.items()},
         {name: values[tracker][of] for name, (tracker, of) in each.items()},
     )
+    scores = {name: _scores(result[name]) for name in result}
     return {
         "best": best,
         "not shown to be worse": [name for name in entries if name != best and name not in shown_worse],
-        "scores": {name: _scores(result[name]) for name in result},
+        "scores": scores,
+        "own": _with_own_values(protocol, values, scenario, scores),
         "position_rmse": {
             which: {tracker: compared[f"{tracker}_{which}"].position_rmse.value for tracker in entries}
             for which in sets
         },
     }
+
+
+def _with_own_values(protocol: Protocol, values: Values, scenario: str, scores: Mapping[str, Any]) -> dict[str, Any]:
+    """Scores of the nearest with the values of the very scenario, where none is believable with those of the family."""
+    trackers = list(protocol.trackers)
+    if believable(trackers, scores):
+        return {}
+    near = by_distance(trackers, scores)[:NEAREST]
+    entries = {tracker: protocol.trackers[tracker]["entry"] for tracker in near}
+    own = {tracker: values[tracker][scenario] for tracker in near}
+    result = _run(protocol, scenario, protocol.scored_on, entries, own)
+    return {name: _scores(result[name]) for name in result}
 
 
 def _run(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import pickle
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
+from pathlib import Path
 from typing import Any
 
 from trackbench.execution import InProcess
@@ -90,10 +92,34 @@ def batches(protocol: Protocol) -> list[Proposals]:
     return [Proposals("spread", protocol.spread), *(Proposals("local", local.size, radius) for radius in local.radii)]
 
 
-def all_tuned(protocol: Protocol, pool: Executor) -> Iterator[tuple[str, str, dict[str, Any]]]:
+class Kept:
+    """What came of each scenario's own search, in a folder if one is given: a search that was interrupted, or that has
+    other families, does not try it again."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+
+    def of(self, tracker: str, scenario: str) -> Outcomes:
+        """What was tried; nothing where nothing is kept."""
+        file = self._file(tracker, scenario)
+        return pickle.loads(file.read_bytes()) if file is not None and file.exists() else {}
+
+    def keep(self, tracker: str, scenario: str, outcomes: Outcomes) -> None:
+        """Keep it for another search."""
+        file = self._file(tracker, scenario)
+        if file is not None:
+            file.write_bytes(pickle.dumps(outcomes))
+
+    def _file(self, tracker: str, scenario: str) -> Path | None:
+        return None if self._folder is None else self._folder / f"{tracker}_{scenario}.pickle"
+
+
+def all_tuned(protocol: Protocol, pool: Executor, kept: Kept) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Tracker, set of scenarios and values: of each scenario by itself, then of the families and of all."""
     alone = {
-        (tracker, name): pool.submit(tuned, protocol, tracker, [name], [{}])
+        (tracker, name): pool.submit(tuned, protocol, tracker, [name], [kept.of(tracker, name)])
         for tracker in protocol.trackers
         for name in protocol.scenarios
     }
@@ -102,6 +128,7 @@ def all_tuned(protocol: Protocol, pool: Executor) -> Iterator[tuple[str, str, di
         outcomes = {}
         for name in protocol.scenarios:
             best, (outcomes[name],) = alone.pop((tracker, name)).result()
+            kept.keep(tracker, name, outcomes[name])
             yield tracker, name, best
         for name, scenarios in {**protocol.families, "all": protocol.scenarios}.items():
             known = [outcomes[item] for item in scenarios]

@@ -23,19 +23,18 @@ APART = 9.0
 class StraightLine(NamedTuple):
     """The motion at constant velocity that some measurements say, px, py, vx, vy, of each object."""
 
-    first: Gaussian
+    first: Array
     """``(4, L)`` at the first measurement."""
     latest: Gaussian
     """``(4, L)`` at the latest."""
-    other: Gaussian
+    other: Array
     """``(4, L)`` at the first measurement, the second best."""
     ambiguous: Mask
     """``(L,)`` whether that one explains the measurements nearly as well."""
 
     def part(self, where: Mask) -> StraightLine:
         """Of some objects."""
-        first, latest, other = (one.part(where) for one in self[:3])
-        return StraightLine(first, latest, other, self.ambiguous[where])
+        return StraightLine(self.first[:, where], self.latest.part(where), self.other[:, where], self.ambiguous[where])
 
 
 def straight_line(measurements: FirstMeasurements, prior: BatchPrior) -> StraightLine:
@@ -53,11 +52,15 @@ def straight_line(measurements: FirstMeasurements, prior: BatchPrior) -> Straigh
     if np.any(apart):
         here = measurements.part(apart)
         for fit in (one, two):
-            _put(fit, apart, fit_from(fit.first.mean[:, apart], prior.driven_line, here, prior))
+            _put(fit, apart, fit_from(fit.first[:, apart], prior.driven_line, here, prior))
         ambiguous |= _nearly_alike(one, two)
     better = one.cost <= two.cost
-    first, latest = (a.where(better, b) for a, b in zip(one[:2], two[:2], strict=True))
-    return StraightLine(first, latest, two.first.where(better, one.first), ambiguous)
+    return StraightLine(
+        np.where(better, one.first, two.first),
+        one.latest.where(better, two.latest),
+        np.where(better, two.first, one.first),
+        ambiguous,
+    )
 
 
 def _nearly_alike(one: Fit, two: Fit) -> Mask:
@@ -80,19 +83,25 @@ def start_state(
     acceleration stands in its place. Of two motions that explain the measurements nearly alike it is the mixture's mean
     and covariance.
     """
-    own = fit_from(motion.from_cartesian(line.first, prior.others).mean, motion, measurements, prior)
+    own = fit_from(_begin(motion, line.first, prior), motion, measurements, prior)
     found = own.latest
     if not own.converged.all():
-        other = fit_from(line.first.mean, prior.driven_line, measurements, prior).latest
+        other = fit_from(line.first, prior.driven_line, measurements, prior).latest
         found = found.where(own.converged, motion.from_cartesian(other, prior.others))
     where = line.ambiguous
     if np.any(where):
-        begin = motion.from_cartesian(line.other.part(where), prior.others).mean
+        begin = _begin(motion, line.other[:, where], prior)
         second = fit_from(begin, motion.part(where), measurements.part(where), prior)
         weight = 1.0 / (1.0 + np.exp(np.clip(0.5 * (second.cost - own.cost[where]), -700.0, 700.0)))
         both = [found.part(where), second.latest]
         _put(found, where, moment_matched([1.0 - weight, weight], both, motion.angular))
     return found
+
+
+def _begin(motion: MotionModel, line: Array, prior: BatchPrior) -> Array:
+    """``(n, L)`` the state of px, py, vx, vy; which does not depend on how well they are known."""
+    known = np.broadcast_to(np.eye(4)[..., None], (4, *line.shape))
+    return motion.from_cartesian(Gaussian(line, known), prior.others).mean
 
 
 def _undriven(velocity: Array, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
@@ -103,8 +112,7 @@ def _undriven(velocity: Array, measurements: FirstMeasurements, prior: BatchPrio
 
 def _across(measurements: FirstMeasurements) -> Array:
     """``(2, L)`` the direction across the first line of sight."""
-    earliest = np.argmax(measurements.kind >= 0, axis=0), slice(None), np.arange(measurements.kind.shape[1])
-    x, y = measurements.position - measurements.pose[earliest].T[:2]
+    x, y = measurements.position - measurements.pose[0, :2]
     return np.asarray(np.stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9))
 
 

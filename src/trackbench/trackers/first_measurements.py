@@ -17,10 +17,10 @@ CLOCK = 9
 
 
 class FirstMeasurements(NamedTuple):
-    """The K measurements of each of L objects at most, the latest last; those that an object lacks come first."""
+    """The K measurements of each of L objects at most, in order of time; those that an object lacks come last."""
 
     interval: Array
-    """``(K - 1, L)`` s from each to the next; 0 from one that there is not."""
+    """``(K - 1, L)`` s from each to the next; 0 to one that there is not."""
     kinds: tuple[type[Sensor], ...]
     kind: Indices
     """``(K, L)`` number of its sensor's kind; -1 where there is no measurement."""
@@ -55,10 +55,10 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
         scans: in order of time, measurements ``(m, L)``.
         taken: ``(scans, L)`` which of them count; the last for every object.
     """
-    count = min(int(taken.sum(axis=0).max()), MOST_MEASUREMENTS)
-    # Stable: of each object those that count come last, in their order.
-    number = np.argsort(taken, axis=0, kind="stable")[-count:]
-    there = np.take_along_axis(taken, number, axis=0)
+    used = taken & (np.cumsum(taken[::-1], axis=0)[::-1] <= MOST_MEASUREMENTS)
+    # Stable: of each object those that are used come first, in their order.
+    number = np.argsort(~used, axis=0, kind="stable")[: int(used.sum(axis=0).max())]
+    there = np.take_along_axis(used, number, axis=0)
     kinds = tuple(dict.fromkeys(SENSOR_MODELS[scan.kind] for scan in scans))
     size = max(len(scan.measurement) for scan in scans)
     value = np.zeros((len(scans), size, taken.shape[1]))
@@ -73,12 +73,12 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
     kind = np.array([kinds.index(SENSOR_MODELS[scan.kind]) for scan in scans])[number]
     position = np.stack([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans])
     return FirstMeasurements(
-        np.where(there[:-1], np.round(np.diff(time, axis=0), CLOCK), 0.0),
+        np.where(there[1:], np.round(np.diff(time, axis=0), CLOCK), 0.0),
         kinds,
         np.where(there, kind, -1),
         np.take_along_axis(value, number[:, None], axis=0),
         np.moveaxis(whitener[number, lanes], 1, -1) * there[:, None, None],
         np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
         np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
-        position[number[np.argmax(there, axis=0), lanes], :, lanes].T,
+        position[number[0], :, lanes].T,
     )

@@ -23,7 +23,7 @@ UNDER = "under "
 #: How much it counts that a mean NEES, that which is furthest from what a verdict tolerates, is off by a further per
 #: cent, beside an error that is larger by one. Without end it would ruin the error of a tracker that no noise makes
 #: consistent.
-PRICE = 2.0
+PRICE = 4.0
 #: How far the logarithm of the mean NEES over its degrees of freedom may be off: half of what the verdict tolerates,
 #: so that it holds on other scenes too.
 SLACK = math.log(1.0 + TOLERANCE / 2)
