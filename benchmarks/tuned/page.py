@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from trackbench.metrics.verdicts import ABOVE, BELOW, TOLERANCE
+from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE
 from trackbench.tuning.objectives import PRICE
 
 from .protocol import Protocol
-from .trust import Scores, believable, described, means, nearest, reasons
+from .trust import DOF, Scores, believable, by_distance, described, furthest, reasons, undecided
 
 #: What a set of values for several scenarios may cost in error against values for the very scenario.
 REGRET = 0.1
 #: The condition of which an own table is made.
 TURNING = "turning"
-BAND = f"-{100 * BELOW:.0f} and +{100 * ABOVE:.0f} %"
+WITHIN, UNDER = ((DOF * (1 - below), DOF * (1 + above)) for below, above in ((TOLERANCE, TOLERANCE), (BELOW, ABOVE)))
 TRUSTED = (
-    f"within {100 * TOLERANCE:.0f} % of 4 over all estimates, and within {BAND} under every condition: each manoeuvre, "
-    "each range, the first second, position and velocity alone"
+    f"shown to be within {WITHIN[0]:.1f} and {WITHIN[1]:.1f}, where {DOF} is right, over all estimates, and within "
+    f"{UNDER[0]:g} and {UNDER[1]:g} under every condition that has {100 * SMALLEST_SHARE:.0f} % of the estimates: each "
+    "manoeuvre, each range, position and velocity alone"
 )
+#: A value so near to an end of its range, as a share of the range on its logarithmic scale, is at it.
+END = 0.01
 
 
 def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
@@ -43,15 +47,17 @@ def _protocol(protocol: Protocol) -> Iterator[str]:
     yield ""
     yield (
         f"Every tracker is tuned in the same way: {protocol.trials} trials, of which {protocol.spread} are spread over "
-        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the smallest position error with "
-        "a mean NEES that is consistent in every condition; each per cent beyond counts as much as "
+        f"its ranges, for the objective `{protocol.objective}` of `trackbench tune` (the position error, and a price "
+        "on the mean NEES that is furthest off in any condition: each per cent beyond counts as much as "
         f"{PRICE:g} % of error), on {protocol.tuned_on}. It is scored on {protocol.scored_on} with other traffic and "
-        "other noise. It has one set of values for a family of scenarios; beside them stand one for the very scenario "
+        "other noise. It has one set of values for a family of scenarios; beside them stand one for the scenario alone "
         "and one for all."
     )
     yield ""
     for family, names in protocol.families.items():
         yield f"- {family}: {', '.join(names)}"
+    yield ""
+    yield protocol.remarks
     yield ""
 
 
@@ -60,43 +66,53 @@ def _summary(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Which tracker is best where"
     yield ""
     yield (
-        "Position RMSE with the values of the family, m, with the 95 % interval over scenes. As good: not shown to be "
-        "worse by more than 1 % or 5 mm. Believable: trackers whose mean NEES is "
-        f"{TRUSTED}; where none is shown to be, the nearest, with its mean NEES that is furthest off, or not decided "
-        "where all are within these bounds but their intervals are not. Smoothed: the errors of "
-        "`imm_cv_ca` after a Rauch-Tung-Striebel smoother, what was to be had offline."
+        "Position RMSE with the values of the family, m, with the 95 % interval over scenes. Not shown worse: by more "
+        "than 1 % or 5 mm, paired over scenes, which is no proof of equality. Believable: trackers whose mean NEES is "
+        f"{TRUSTED}; else those of which these scenes do not decide; else the nearest, with its mean NEES that is "
+        "furthest off. Smoothed: `imm_cv_ca` with a Rauch-Tung-Striebel smoother, which uses later measurements too."
     )
     yield ""
     yield from _table(
-        ["scenario", "best", "RMSE", "as good", "believable", "smoothed"],
+        ["scenario", "best", "RMSE", "not shown worse", "believable", "smoothed"],
         [
             [
                 name,
                 of["best"],
                 _error(of["scores"][of["best"]]),
                 ", ".join(of["not shown to be worse"]) or "none",
-                ", ".join(believable(trackers, of["scores"])) or _nearest(trackers, of["scores"]),
+                _believable(trackers, of["scores"]),
                 _error(of["scores"]["smoothed"]),
             ]
             for name, of in scores.items()
         ],
     )
     none = [of for of in scores.values() if not believable(trackers, of["scores"])]
+    is_open = [of for of in none if undecided(trackers, of["scores"])]
     with_own = [of for of in none if believable(list(of["own"]), of["own"])]
-    undecided = [of for of in none if of not in with_own and nearest(trackers, of["scores"])[1].beyond <= 0.0]
+    unturned = [name for name, of in scores.items() if TURNING not in of["scores"][of["best"]]["conditions"]]
     yield (
-        f"Some tracker is believable with the values of the family in {len(scores) - len(none)} of {len(scores)} "
-        f"scenarios, in {len(with_own)} more with the scenario's own; in {len(undecided)} more these scenes do not "
-        "decide."
+        f"Some tracker is shown to be believable with the values of the family in {len(scores) - len(none)} of "
+        f"{len(scores)} scenarios, and with the scenario's own, of the nearest, in {len(with_own)} more; in "
+        f"{len(is_open)} these scenes do not decide, and in {len(none) - len(is_open)} each is shown to be off "
+        f"somewhere. Too few estimates are in turns to be judged in: {', '.join(unturned)}."
     )
     yield ""
+
+
+def _believable(trackers: Sequence[str], scores: Scores) -> str:
+    if right := believable(trackers, scores):
+        return ", ".join(right)
+    if open_of := undecided(trackers, scores):
+        return f"not decided of {', '.join(open_of)}"
+    best = by_distance(trackers, scores)[0]
+    return f"none; {best}: {described(furthest(scores[best]))}"
 
 
 def _reasons(protocol: Protocol, scores: Scores) -> Iterator[str]:
     trackers = list(protocol.trackers)
     none = {name: of for name, of in scores.items() if not believable(trackers, of["scores"])}
     if none:
-        yield "## Why none is believable"
+        yield "## Where none is shown to be believable"
         yield ""
         yield "Mean NEES, of which 4 is right, with the values of the family; of the others in brackets what they miss."
         yield ""
@@ -105,15 +121,13 @@ def _reasons(protocol: Protocol, scores: Scores) -> Iterator[str]:
         yield ""
 
 
-def _nearest(trackers: Sequence[str], scores: Scores) -> str:
-    best, off = nearest(trackers, scores)
-    return f"not decided of {best}" if off.beyond <= 0.0 else f"none; {best}: {described(off)}"
-
-
 def _errors(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Position error"
     yield ""
-    yield "RMSE with the values of the family, m; bold: the best and those as good. In brackets: runs that diverged."
+    yield (
+        "RMSE with the values of the family, m; bold: the best and those not shown worse. In brackets: runs that "
+        "diverged."
+    )
     yield ""
     yield from _table(
         ["scenario", *protocol.trackers, "smoothed"],
@@ -134,8 +148,9 @@ def _trust(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## Whose covariance can be believed"
     yield ""
     yield (
-        f"Mean NEES with the values of the family, of which 4 is right. Bold: {TRUSTED}. Else the condition that is "
-        "furthest off, or what is not decided; position and velocity alone are doubled, so that 4 is right of them too."
+        f"Mean NEES with the values of the family, of which 4 is right. Bold: {TRUSTED}. Otherwise the condition that "
+        "is furthest off, or that these scenes do not decide; position and velocity alone are doubled, so that 4 is "
+        "right of them too."
     )
     yield ""
     yield from _table(
@@ -147,7 +162,10 @@ def _trust(protocol: Protocol, scores: Scores) -> Iterator[str]:
 def _turning(protocol: Protocol, scores: Scores) -> Iterator[str]:
     yield "## In turns"
     yield ""
-    yield f"Mean NEES while a vehicle turns, with the values of the family; bold: shown to be within {BAND} of it."
+    yield (
+        "Mean NEES while a vehicle turns, with the values of the family; bold: shown to be within "
+        f"{UNDER[0]:g} and {UNDER[1]:g}."
+    )
     yield ""
     yield from _table(
         ["scenario", *protocol.trackers],
@@ -166,16 +184,19 @@ def _turning(protocol: Protocol, scores: Scores) -> Iterator[str]:
 
 
 def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
-    yield "## What one set of values costs"
+    yield "## Error with one set of values"
     yield ""
     yield (
-        "Position error with the values of the family, and of all scenarios, over that with the scenario's own values, "
-        f"on {protocol.compared_on}; above {100 * REGRET:.0f} % bold. Less than nothing is "
-        "possible: the values are chosen for consistency first."
+        "Position error with the values of the family, and with those of all scenarios, over that with the scenario's "
+        f"own values, on {protocol.compared_on}; above {100 * REGRET:.0f} % bold. It is no full cost: all values are "
+        "chosen for error and consistency together, so that it may be below zero. Left out: a scenario that is a "
+        "family by itself."
     )
     yield ""
     rows, worst = [], []
     for name, of in scores.items():
+        if len(protocol.families[protocol.family_of(name)]) == 1:
+            continue
         cells = [name]
         for item in protocol.trackers:
             error = {which: of["position_rmse"][which][item] for which in ("own", "family", "all")}
@@ -185,20 +206,38 @@ def _regret(protocol: Protocol, scores: Scores) -> Iterator[str]:
         rows.append(cells)
     yield from _table(["scenario", *protocol.trackers], rows)
     value, name, item = max(worst)
-    yield f"The largest cost of the values of a family is {value:+.1%}, of {item} in {name}."
+    yield (
+        f"With the values of the family it is at most {100 * REGRET:.0f} % larger in "
+        f"{sum(ratio <= REGRET for ratio, _, _ in worst)} of {len(worst)} cases, and {value:.1%} at most, of {item} in "
+        f"{name}."
+    )
     yield ""
 
 
 def _values(protocol: Protocol, values: Mapping[str, Any]) -> Iterator[str]:
     yield "## The values"
     yield ""
+    yield "In brackets: at an end of the range that was searched, so that a better one may lie beyond."
+    yield ""
     names = [*protocol.families, "all"]
     rows = [
-        [f"{tracker}: `{key}`", *(f"{values[tracker][name][key]:.3g}" for name in names)]
-        for tracker in protocol.trackers
-        for key in values[tracker]["all"]
+        [f"{tracker}: `{key}`", *(_value(values[tracker][name][key], low, high) for name in names)]
+        for tracker, stated in protocol.trackers.items()
+        for key, low, high in map(_range, stated["ranges"])
     ]
     yield from _table(["option", *names], rows)
+
+
+def _range(text: str) -> tuple[str, float, float]:
+    """The option, and both ends."""
+    key, _, ends = text.partition("=")
+    low, _, high = ends.partition(":")
+    return key, float(low), float(high)
+
+
+def _value(value: float, low: float, high: float) -> str:
+    place = math.log(value / low) / math.log(high / low)
+    return f"({value:.3g})" if min(place, 1.0 - place) < END else f"{value:.3g}"
 
 
 def _error(scores: Scores) -> str:
@@ -211,10 +250,10 @@ def _nees(scores: Scores) -> str:
     text = f"{scores['nees']:.1f}"
     if scores["verdict"] == "consistent":
         return f"**{text}**"
-    off = max(means(scores))
-    if off.beyond > 0.0:
-        return f"{text} ({off.condition} {off.mean:.1f})" if off.condition else text
-    return f"{text} (not decided)"
+    if scores["verdict"] == "undecided":
+        return f"{text} (not decided)"
+    off = furthest(scores)
+    return f"{text} ({off.condition} {off.value:.1f})" if off.condition else text
 
 
 def _bold(text: str, where: bool) -> str:

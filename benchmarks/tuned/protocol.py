@@ -47,6 +47,8 @@ class Protocol:
     compared_on: Budget
     families: dict[str, list[str]]
     trackers: dict[str, dict[str, Any]]
+    remarks: str
+    """What a reader of the scores should know."""
 
     @property
     def trials(self) -> int:
