@@ -239,7 +239,7 @@ def not_redrawn(tracker: TrackerUnderTest, sensor: str) -> Finding | None:
             session = tracker.session_at(probe, sensor_set)
             for gap, found in errors.items():
                 trial = None if session is None else after_gap(tracker, probe, sensor, session, gap)
-                update = None if trial is None or not trial.usable else trial.update(trial.predicted_measurement)
+                update = None if trial is None or not trial.usable else trial.linear_update()
                 if trial is not None and update is not None:
                     error, right = gain_error(trial, update.gain)
                     found.append(error)
