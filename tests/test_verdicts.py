@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.calibration.verdicts import RIGHT_ON_AVERAGE, right_on_average
 
-import trackbench as tb
 from trackbench.metrics.intervals import ratio
 from trackbench.metrics.verdict_words import conditions_off
 from trackbench.metrics.verdicts import condition_verdict, judged, together, verdict, whiteness_verdict
@@ -147,21 +147,9 @@ def test_with_more_runs_a_verdict_passes_through_undecided():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scenario", "seed", "trackers"),
-    [
-        ("highway", 13, ("ekf_cv", "kf_cv")),
-        ("highway_dense", 7, ("ukf_ctrv",)),
-        ("fusion", 15, ("ekf_cv",)),
-        ("radar_only", 15, ("ekf_cv", "ekf_ca")),
-        ("sensor_dropout", 15, ("ekf_cv", "ekf_ca")),
-    ],
-)
-def test_a_mean_that_is_right_on_simulated_traffic_is_right_by_cancellation(scenario, seed, trackers):
-    changes = {"truth.steering_rate_degps": None, "truth.seed": seed}
-    found = tb.run(tb.load(scenario, changes, runs=50, trackers=trackers))
-    for name in trackers:
-        nees = found[name].nees
+@pytest.mark.parametrize(("scenario", "seed"), RIGHT_ON_AVERAGE)
+def test_a_mean_that_is_right_on_simulated_traffic_is_right_by_cancellation(scenario, seed):
+    for nees in right_on_average(scenario, seed, 50).values():
         assert nees.value == pytest.approx(4.0, rel=0.1)
         assert nees.verdict == "mixed"
         assert {item.name: item.verdict for item in nees.conditions}["turning"] == "optimistic"
