@@ -62,7 +62,7 @@ class RateTermMissing(RadarRow):
 
     def change(self, H: Array, offset: Array, velocity: Array) -> None:
         (dx, dy), vx = offset, velocity[0]
-        H[2, :2] = vx * dy / max(np.hypot(dx, dy), MIN_RANGE) ** 3 * np.array([dy, -dx])
+        H[2, :2] = vx * dy / np.maximum(np.hypot(dx, dy), MIN_RANGE) ** 3 * np.array([dy, -dx])
 
 
 class RateVelocitySwapped(RadarRow):
