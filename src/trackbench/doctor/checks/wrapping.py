@@ -20,6 +20,9 @@ from trackbench.doctor.trial import Trial
 ASTRAY, WORSE = 0.05, 5.0
 #: The same error from which on the track has diverged: a wrong course, of any speed that is about right, has up to 2.
 DIVERGED = 5.0
+#: By how much it is turned elsewhere, rad. After a quarter turn the sigma points of an uncertain course lie about the
+#: axes as before: what leads them astray there too is no angle that jumps.
+ELSEWHERE = (TURN, OTHER_TURN, np.pi / 2, np.pi)
 #: Time for which a turning target is followed, s.
 TURNING = 5.0
 #: Angle from pi of the targets that are tried, rad; those of other sensors' sites are elsewhere.
@@ -90,7 +93,7 @@ def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]
     if here is None or not ASTRAY * speed <= error < DIVERGED * speed:
         return None
     usual, others = 0.0, []
-    for turn in (TURN, OTHER_TURN):
+    for turn in ELSEWHERE:
         turned, of_turned = _followed(tracker, probe.turned(turn, tracker.sensors[sensor_set[0]]), sensor_set)
         usual = max(usual, of_turned)
         if turned is None or error < WORSE * usual:
