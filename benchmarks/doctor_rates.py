@@ -156,7 +156,8 @@ def correct_trackers(seen: Sequence[Seen]) -> list[str]:
         by_name[str(one.task.what)].append(one)
     lines = [
         "The correct trackers, with the least and the largest mean NEES of position or velocity in any drive of any",
-        "examination; 2 is right, and 0.06 to 30 passes, since the motion of some drives is that of no model:",
+        "examination; 2 is right, and 0.06 to 30 passes, in three drives with manoeuvres that a sound model need not",
+        "have up to 150 and 600:",
         "",
         "| tracker | nothing found | NEES |",
         "| --- | ---: | ---: |",
