@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE
 from trackbench.tuning.objectives import PRICE
+from trackbench.tuning.parameters import Parameter
 
 from .protocol import Protocol
 from .trust import DOF, Scores, believable, by_distance, described, furthest, reasons, undecided
@@ -16,14 +16,13 @@ from .trust import DOF, Scores, believable, by_distance, described, furthest, re
 REGRET = 0.1
 #: The condition of which an own table is made.
 TURNING = "turning"
-WITHIN, UNDER = ((DOF * (1 - below), DOF * (1 + above)) for below, above in ((TOLERANCE, TOLERANCE), (BELOW, ABOVE)))
+WITHIN = DOF * (1 - TOLERANCE), DOF * (1 + TOLERANCE)
+UNDER = DOF * (1 - BELOW), DOF * (1 + ABOVE)
 TRUSTED = (
     f"shown to be within {WITHIN[0]:.1f} and {WITHIN[1]:.1f}, where {DOF} is right, over all estimates, and within "
     f"{UNDER[0]:g} and {UNDER[1]:g} under every condition that has {100 * SMALLEST_SHARE:.0f} % of the estimates: each "
     "manoeuvre, each range, position and velocity alone"
 )
-#: A value so near to an end of its range, as a share of the range on its logarithmic scale, is at it.
-END = 0.01
 
 
 def page(protocol: Protocol, values: Mapping[str, Any], scores: Scores) -> str:
@@ -220,24 +219,17 @@ def _values(protocol: Protocol, values: Mapping[str, Any]) -> Iterator[str]:
     yield "In brackets: at an end of the range that was searched, so that a better one may lie beyond."
     yield ""
     names = [*protocol.families, "all"]
+    loaded = protocol.loaded(protocol.scenarios[0], protocol.entries)
     rows = [
-        [f"{tracker}: `{key}`", *(_value(values[tracker][name][key], low, high) for name in names)]
-        for tracker, stated in protocol.trackers.items()
-        for key, low, high in map(_range, stated["ranges"])
+        [f"{tracker}: `{option.key}`", *(_value(option, values[tracker][name][option.key]) for name in names)]
+        for tracker in protocol.trackers
+        for option in protocol.parameters(tracker, loaded)
     ]
     yield from _table(["option", *names], rows)
 
 
-def _range(text: str) -> tuple[str, float, float]:
-    """The option, and both ends."""
-    key, _, ends = text.partition("=")
-    low, _, high = ends.partition(":")
-    return key, float(low), float(high)
-
-
-def _value(value: float, low: float, high: float) -> str:
-    place = math.log(value / low) / math.log(high / low)
-    return f"({value:.3g})" if min(place, 1.0 - place) < END else f"{value:.3g}"
+def _value(option: Parameter, value: float) -> str:
+    return f"{value:.3g}" if option.edge(value) is None else f"({value:.3g})"
 
 
 def _error(scores: Scores) -> str:

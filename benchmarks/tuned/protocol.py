@@ -9,6 +9,8 @@ from typing import Any
 import yaml
 
 import trackbench as tb
+from trackbench.tuning.parameters import Parameter
+from trackbench.tuning.ranges import parse_range
 
 HERE = Path(__file__).parent
 SCENARIOS = HERE.parents[1] / "scenarios"
@@ -59,6 +61,15 @@ class Protocol:
     def scenarios(self) -> list[str]:
         """All of them."""
         return [name for names in self.families.values() for name in names]
+
+    @property
+    def entries(self) -> dict[str, Any]:
+        """The trackers as the search begins with them."""
+        return {tracker: stated["entry"] for tracker, stated in self.trackers.items()}
+
+    def parameters(self, tracker: str, loaded: Any) -> list[Parameter]:
+        """What is tuned of a tracker of a loaded scenario."""
+        return [parse_range(text, loaded, tracker) for text in self.trackers[tracker]["ranges"]]
 
     def family_of(self, scenario: str) -> str:
         """The family that a scenario belongs to."""

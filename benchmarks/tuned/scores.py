@@ -38,7 +38,7 @@ def _of_scenario(protocol: Protocol, values: Values, scenario: str) -> dict[str,
     """The trackers with the values of the family, held against each other; and with each set of values, on the same
     measurements."""
     sets = {"own": scenario, "family": protocol.family_of(scenario), "all": "all"}
-    entries = {tracker: stated["entry"] for tracker, stated in protocol.trackers.items()}
+    entries = protocol.entries
     of_family = {tracker: values[tracker][sets["family"]] for tracker in entries}
     smoothed = {**entries[SMOOTHED], "smoother": "rts"}
     result = _run(
@@ -77,7 +77,7 @@ def _with_own_values(protocol: Protocol, values: Values, scenario: str, scores: 
     if believable(trackers, scores):
         return {}
     near = by_distance(trackers, scores)[:NEAREST]
-    entries = {tracker: protocol.trackers[tracker]["entry"] for tracker in near}
+    entries = {tracker: protocol.entries[tracker] for tracker in near}
     own = {tracker: values[tracker][scenario] for tracker in near}
     result = _run(protocol, scenario, protocol.scored_on, entries, own)
     return {name: _scores(result[name]) for name in result}

@@ -25,7 +25,7 @@ def update(protocol: Protocol, values: Mapping[str, Any]) -> None:
 def tuned_text(protocol: Protocol, values: Mapping[str, Any], scenario: str) -> str:
     """The text of a scenario whose trackers have the values of its family, to two digits."""
     family = protocol.family_of(scenario)
-    entries = {tracker: stated["entry"] for tracker, stated in protocol.trackers.items()}
+    entries = protocol.entries
     loaded = protocol.loaded(scenario, entries)
     found = {
         tracker: plain(loaded, tracker, {key: _rounded(value) for key, value in values[tracker][family].items()})

@@ -15,7 +15,7 @@ from trackbench.tuning.evaluation import Bench, Evaluator, Outcome
 from trackbench.tuning.measures import Sums
 from trackbench.tuning.objectives import OBJECTIVES
 from trackbench.tuning.parameters import Values
-from trackbench.tuning.ranges import parse_range, start_values
+from trackbench.tuning.ranges import start_values
 from trackbench.tuning.search import Proposals, search
 from trackbench.tuning.split import Split, halved
 from trackbench.tuning.study import Study
@@ -39,9 +39,9 @@ class Tried:
     """
 
     def __init__(self, protocol: Protocol, tracker: str, scenario: str, outcomes: Outcomes) -> None:
-        stated, budget = protocol.trackers[tracker], protocol.tuned_on
-        loaded = protocol.loaded(scenario, {tracker: stated["entry"]})
-        self.parameters = [parse_range(text, loaded, tracker) for text in stated["ranges"]]
+        budget = protocol.tuned_on
+        loaded = protocol.loaded(scenario, {tracker: protocol.entries[tracker]})
+        self.parameters = protocol.parameters(tracker, loaded)
         self.start = start_values(loaded, tracker, self.parameters)
         self.outcomes = outcomes
         train = halved(loaded, Split(budget.scenes, 1, budget.runs, 1)).train
