@@ -1,22 +1,18 @@
-"""The engines that are compared, each from the same beliefs through the same measurements."""
+"""Both engines of trackbench and other packages, each from the same beliefs through the same measurements."""
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent.parent))
-
+from benchmarks.scene import DT, SENSORS, weaving
 from tests import peers
 
-from scene import DT, SENSORS, weaving
-from trackbench.metrics import Scorer, Target, score_together
+from trackbench.engine.choice import Engine, compute_by
+from trackbench.metrics import BlockScores, Scorer, Target, score_together
 from trackbench.metrics.conditions import conditions
+from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.scans import ideal_sensors, sense
@@ -24,7 +20,7 @@ from trackbench.stepping.steppers import Direct
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Scan, Truth
+from trackbench.types import Array, Gaussian, Scan, Truth
 
 NOISE = {"acceleration_sigma_mps2": peers.ACCELERATION_SIGMA}
 YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}
@@ -67,32 +63,65 @@ def problem(runs: int, steps: int) -> Problem:
     return Problem(truth, sense(ideal_sensors(truth, SENSORS), 1, "benchmark", range(runs)).scans, runs)
 
 
-def prepared(of: Problem, name: str) -> FilterTracker:
-    """A tracker that starts every run from its own draw around the truth."""
+def prepared(of: Problem, name: str, engine: Engine) -> FilterTracker:
+    """A tracker that starts every run from its own draw around the truth, as a run where nothing comes late has it."""
     truth, runs = of.truth, of.runs
-    tracker = build(FilterConfig.model_validate(TRACKERS[name]))
+    tracker = replace(build(FilterConfig.model_validate(TRACKERS[name])), engine=engine, lag_s=0.0)
     fields = (truth.px, truth.py, truth.speed, truth.course, truth.acceleration, truth.yaw_rate)
     motion = Kinematics(*(np.full(runs, values[0, 0, 0]) for values in fields))
     return tracker.with_prior(np.zeros(runs), motion, np.random.default_rng(2).standard_normal((6, runs)))
 
 
-def estimates(of: Problem, name: str, runs: int) -> Array:
-    """``(runs, steps, n)`` trackbench's states of the first runs."""
-    stepper = Direct(prepared(of, name))
-    return np.stack([stepper.step(scan).state[:, :runs].T for scan in of.scans], axis=1)
+def estimates(of: Problem, name: str) -> Array:
+    """``(runs, steps, n)`` the states by NumPy."""
+    stepper = Direct(prepared(of, name, "numpy"))
+    return np.stack([stepper.step(scan).state.T for scan in of.scans], axis=1)
 
 
-def filtering(of: Problem, name: str) -> float:
+def estimates_apart(of: Problem, name: str) -> float:
+    """Largest difference of the engines' estimates: of a component in its standard deviations, of a covariance in those
+    of both.
+
+    Raises:
+        SystemExit: the fused engine did not compute the tracker.
+    """
+    reference, fused = Direct(prepared(of, name, "numpy")), Direct(prepared(of, name, "fused"))
+    apart = 0.0
+    for scan in of.scans:
+        expected, found = reference.step(scan), fused.step(scan)
+        sigma = np.sqrt(np.einsum("ii...->i...", expected.covariance))
+        means = (found.mean - expected.mean) / sigma
+        covariances = (found.covariance - expected.covariance) / (sigma * sigma[:, None])
+        apart = max(apart, float(np.abs(means).max()), float(np.abs(covariances).max()))
+    if fused.engine_used.engine == "numpy":
+        raise SystemExit(f"{name}: the fused engine left it to NumPy: {fused.engine_used.why_numpy}")
+    return apart
+
+
+def scores_apart(of: Problem, name: str) -> float:
+    """Largest difference of the engines' sums over the runs of errors, NEES and NIS, over the largest such sum."""
+    (_, expected), (_, found) = (filtering_and_scoring(of, name, engine) for engine in ("numpy", "fused"))
+    pairs = zip(_sums(found), _sums(expected), strict=True)
+    return max(float(np.abs(one - other).max() / max(np.abs(other).max(), 1e-300)) for one, other in pairs)
+
+
+def _sums(scores: BlockScores) -> list[Array]:
+    """Each ``(runs,)``."""
+    parts = [*scores.errors.values(), *scores.nis.values()]
+    return [row for part in parts for row in part.per_run]
+
+
+def filtering(of: Problem, name: str, engine: Engine) -> float:
     """Seconds that trackbench takes for all runs."""
-    stepper = Direct(prepared(of, name))
+    stepper = Direct(prepared(of, name, engine))
     begin = time.perf_counter()
     for scan in of.scans:
         stepper.step(scan)
     return time.perf_counter() - begin
 
 
-def filtering_and_scoring(of: Problem, name: str) -> float:
-    """The same, with every estimate and innovation scored as a block of the runner does it."""
+def filtering_and_scoring(of: Problem, name: str, engine: Engine) -> tuple[float, BlockScores]:
+    """The same, with every estimate and innovation scored as a block of the runner does it; and the sums."""
     truth = of.truth
     target = Target(
         time=truth.time,
@@ -104,7 +133,8 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
     )
     counts = {sensor: sum(scan.sensor == sensor for scan in of.scans) for sensor in SENSORS}
     classes = conditions(truth, np.arange(of.steps), ideal_sensors(truth, SENSORS), range(of.runs))
-    stepper, scorer = Direct(prepared(of, name)), Scorer(target, classes, counts)
+    stepper = Direct(prepared(of, name, engine))
+    scorer = Scorer(target, classes, counts, compute=compute_by(engine))
     begin = time.perf_counter()
     for instant, scan in enumerate(of.scans):
         estimate = stepper.step(scan)
@@ -112,8 +142,8 @@ def filtering_and_scoring(of: Problem, name: str) -> float:
         scorer.estimate(estimate)
         if scorer.full or instant == of.steps - 1:
             score_together([scorer])
-    scorer.close()
-    return time.perf_counter() - begin
+    scores: BlockScores = scorer.close()[ESTIMATES.name]
+    return time.perf_counter() - begin, scores
 
 
 @dataclass(frozen=True)
@@ -127,13 +157,19 @@ class PeerTask:
 
 def task(of: Problem, name: str, runs: int) -> PeerTask:
     """The first runs of the problem for a peer."""
-    prior = prepared(of, name).prior
-    assert prior is not None
+    belief = first_belief(of, name)
     batch = [
         [scan._replace(measurement=scan.measurement[:, run].copy(), valid=scan.valid[run]) for scan in of.scans]
         for run in range(runs)
     ]
-    return PeerTask([prior.mean[:, run] for run in range(runs)], prior.covariance, batch)
+    return PeerTask([belief.mean[:, run] for run in range(runs)], belief.covariance, batch)
+
+
+def first_belief(of: Problem, name: str) -> Gaussian:
+    """From which trackbench starts: a mean of every run, and the covariance of all."""
+    prior = prepared(of, name, "numpy").prior
+    assert prior is not None
+    return Gaussian(prior.belief.mean, prior.belief.covariance[..., 0])
 
 
 def peer_estimates(peer: peers.Peer, given: PeerTask) -> Array:
@@ -143,8 +179,8 @@ def peer_estimates(peer: peers.Peer, given: PeerTask) -> Array:
     )
 
 
-def timed(call: Callable[[], object]) -> float:
-    """Seconds that a call takes."""
+def seconds_of_peer(peer: peers.Peer, given: PeerTask) -> float:
+    """Seconds that a peer takes."""
     begin = time.perf_counter()
-    call()
+    peer_estimates(peer, given)
     return time.perf_counter() - begin

@@ -1,6 +1,6 @@
 """Peak memory of a large run: prints one line of JSON.
 
-Run as ``python benchmarks/memory.py [runs]``; the memory of a process is only its own in a process of its own.
+Run as ``python -m benchmarks.memory [runs]``; the memory of a process is only its own in a process of its own.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import sys
 import time
 from pathlib import Path
 
-from scene import DT, SENSORS, weaving
+from benchmarks.scene import DT, SENSORS, weaving
+
 from trackbench.runner.run import run
 from trackbench.scenario import Scenario
 from trackbench.scenario.config import ScenarioConfig

@@ -38,6 +38,10 @@ STAGES = {
     ],
     "figures": ["trackbench.document.drawing:svg_in_page", "trackbench.document.drawing:svg_file"],
     "recording": ["trackbench.recording.writer:write"],
+    "tracing": ["trackbench.engine.trace:trace"],
+    "emitting": ["trackbench.engine.vector_code:function"],
+    "compiling": ["trackbench.engine.machine:Processor.object_code"],
+    "loading kernels": ["trackbench.engine.machine:Processor.function"],
     "comparison": ["trackbench.compare.assembly:compare", "trackbench.report.comparison.files:batch_files"],
 }
 IMPORTS, REST = "imports", "the rest"

@@ -177,6 +177,18 @@ def test_the_chain_does_not_depend_on_the_rate_of_scans(stay):
     np.testing.assert_allclose(transition_probabilities(stay, 1e6), np.tile(np.array(stay) / sum(stay), (len(stay), 1)))
 
 
+@every_kind
+def test_where_no_time_passes_no_mode_goes_over_to_another(kind):
+    filter = imm(kind, *MODELS.values(), initial=(0.4, 0.3, 0.2, 0.1))
+    belief = run(filter, begun(filter, (3,)), scans((3,), steps=2))[-1].belief
+    np.testing.assert_array_equal(filter.chain(0.0), np.eye(4))
+    found, expected = filter.predict_by(belief, 0.0, filter.chain(0.0)), filter.predict(belief, 0.0)
+    np.testing.assert_array_equal(found.probability, expected.probability)
+    for one, other in zip(found.modes, expected.modes, strict=True):
+        np.testing.assert_array_equal(one.mean, other.mean)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+
+
 def test_without_a_measurement_the_modes_are_left_to_the_chain():
     filter = imm(ExtendedKalmanFilter, MODELS["cv"], MODELS["ctrv"], stay=(1.0, 4.0), initial=(0.9, 0.1))
     belief = begun(filter, (2,))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -153,6 +154,20 @@ def test_a_late_scan_that_finds_no_track_has_no_log_likelihood() -> None:
     said = taken(linear("replay"), [second, first])[-1].log_likelihood
     # The first object is seen in the late scan alone, the second in the other alone.
     assert np.isnan(said).all()
+
+
+def test_a_copied_state_shares_what_is_over_and_goes_on_by_itself() -> None:
+    scans = lidar_scans()
+    made, state = linear("replay"), None
+    for one in [*scans[:4], *scans[5:8]]:
+        state, _ = made.step(state, one)
+    assert state is not None
+    copied = deepcopy(state)
+    assert all(one is other for one, other in zip(copied.history, state.history, strict=True))
+    assert copied.belief.mean is not state.belief.mean
+    copied.belief.mean[:] = np.nan
+    expected = taken(made, [*scans[:4], *scans[5:8], scans[4]])[-1].mean
+    np.testing.assert_array_equal(made.step(state, scans[4])[1].mean, expected)
 
 
 def test_what_is_dropped_changes_nothing() -> None:

@@ -52,6 +52,22 @@ def test_a_measurement_without_an_innovation_counts_in_no_pair():
     np.testing.assert_array_equal(np.flatnonzero(found.per_step[NIS["missing"]]), missing)
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e60])
+def test_an_innovation_that_cannot_be_summed_does_not_count(bad):
+    random = np.random.default_rng(5)
+    white, used = random.normal(size=(45, 2, 6)), np.ones((45, 6), dtype=bool)
+    for place in ((7, 3), (8, 3), (23, 0), (44, 5)):
+        used[place] = False
+        white[place[0], 1, place[1]] = bad
+    collected = Innovations(45, objects=2, runs=3, chunk=8)
+    for item in white:
+        collected.add(item, *[np.ones(6, dtype=bool)] * 2)
+    found = collected.scores()
+    np.testing.assert_allclose(found.lags, by_hand(white, used), rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(found.per_step[NIS["count"]], used.sum(axis=1))
+    np.testing.assert_array_equal(found.per_step[NIS["missing"]], (~used).sum(axis=1))
+
+
 def test_the_table_agrees_with_the_whiteness_at_lag_one(run_tiny: Run):
     result = run_tiny("monte_carlo.runs=6")
     table = result.tables["autocorrelation"].to_pylist()

@@ -14,8 +14,10 @@ from trackbench.multi.gate import GatedPairs, under_modes
 from trackbench.multi.hard import Situation
 from trackbench.multi.intensity import Intensity
 from trackbench.multi.soft import weighed
+from trackbench.multi.track_filter import PredictedTracks, TrackFilter
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.initial_config import InitialConfig
 from trackbench.types import Gaussian
 
 CV, CTRV = ({"model": name, **NOISE[name]} for name in ("cv", "ctrv"))
@@ -89,9 +91,9 @@ def test_one_track_and_two_detections_are_weighed_by_total_probability():
     )
     detections = side_by_side(scan, as_listed=True)
     predicted, detection_probability, gate, density = filter.predict_measurement(belief, scan), 0.9, 0.999, 0.02
-    at = Situation(
-        filter, belief, predicted, detections, np.zeros(1, int), np.array([0.9]), gate, Intensity(density, 0)
-    )
+    expected = PredictedTracks(belief, predicted, np.ones(1, dtype=bool))
+    tracks = TrackFilter(filter, InitialConfig())
+    at = Situation(tracks, expected, detections, np.zeros(1, int), np.array([0.9]), gate, Intensity(density, 0))
     pairs = GatedPairs(np.zeros(2, int), np.arange(2), np.ones(2), np.zeros(2))
     pairs = under_modes(pairs, predicted, filter.measured(detections.scan), belief.probability)
     found = weighed(at, pairs, None, density, 6)

@@ -100,6 +100,7 @@ def test_verbose_says_what_is_done_and_leaves_stdout_alone(
         r"the work runs in this process",
         r"truth simulated in \d+\.\d s: highway-v0",
         rf"truth kept in the cache: {tmp_path}/cache/highway-v0-\w+\.truth",
+        r"computed by NumPy: 512 steps are not worth compiling",
         r"tiny: 4 runs in \d+\.\d s, 1 block",
         r"tiny: raw took \d+\.\d\d s",
         r"tiny: ekf took \d+\.\d\d s",

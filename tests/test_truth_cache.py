@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from trackbench import user_cache
 from trackbench.truth import Draw, LoadedTruth, cache, highway
 from trackbench.truth.sources import HighwayTruth
 from trackbench.types import Progress, Truth
+from trackbench.user_cache import cache_folder
 
 CONFIG = HighwayTruth(source="highway-env", env="u-turn-v1", seed=1, duration_s=1, rate_hz=10)
 
@@ -117,7 +119,7 @@ def test_failed_write_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPat
     def full(source: str, target: Path) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(cache.os, "replace", full)
+    monkeypatch.setattr(user_cache.os, "replace", full)
     assert "No space left" in load(CONFIG).notes[0]
     assert list(folder.iterdir()) == []
 
@@ -136,7 +138,7 @@ def test_driver_class_of_the_users_own_is_never_cached(
 def test_cache_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TRACKBENCH_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
-    assert cache.folder() == Path("/somewhere/trackbench")
+    assert cache_folder() == Path("/somewhere/trackbench")
     monkeypatch.delenv("XDG_CACHE_HOME")
     monkeypatch.setenv("HOME", "/home/someone")
-    assert cache.folder() == Path("/home/someone/.cache/trackbench")
+    assert cache_folder() == Path("/home/someone/.cache/trackbench")

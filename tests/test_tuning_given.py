@@ -91,7 +91,7 @@ def test_a_trial_that_lacks_an_innovation_of_the_start_is_refused(scenario: Scen
 def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Scenario) -> None:
     work, entry = work_of(scenario, truths_of(scenario)), scenario.config.trackers["early"]
     piece = BlockRuns(0, range(4))
-    whole, given = score_start(work, piece, entry)
+    whole, given, _ = score_start(work, piece, entry)
     random = np.random.default_rng(1)
     some = Given(*(random.random(mask.shape) < 0.5 for mask in given))
     others = Given(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))

@@ -9,6 +9,7 @@ What a program or a notebook needs is here, and is imported when it is first use
 """
 
 import sys
+import time
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
     from trackbench.types import Estimate, Scan, Tracks, Truth
 
     __version__: str
+
+#: When the first of the package was read, seconds since 1970.
+STARTED = time.time()
 
 #: Where each name comes from.
 _HOMES = {

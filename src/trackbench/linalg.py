@@ -7,13 +7,18 @@ Loops run over the few components and every NumPy call works along the batch, wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench.types import Array, Mask
 from trackbench.units import TWO_PI
+
+#: Its type, which NumPy leaves open.
+_einsum: Callable[..., Array] = np.einsum
+#: What an array can be filled with.
+_NUMBERS = frozenset({float, int, bool, np.float64, np.int64, np.ndarray})
 
 
 def matrix(rows: Sequence[Sequence[Array | float]]) -> Array:
@@ -24,6 +29,8 @@ def matrix(rows: Sequence[Sequence[Array | float]]) -> Array:
 
 def vector(entries: Sequence[Array | float]) -> Array:
     """A vector ``(n, ...)`` from its entries, each a number or an array over the batch."""
+    if not _NUMBERS.issuperset(map(type, entries)):
+        return np.stack(np.broadcast_arrays(*entries))
     # Filling is several times faster than numpy.stack, which needs every entry at its full size.
     filled = np.empty((len(entries), *_common_shape(entries)))
     for i, entry in enumerate(entries):
@@ -42,28 +49,28 @@ def matmul(a: Array, b: Array) -> Array:
     """``A B``."""
     if a.ndim == 2 and b.ndim > 2:
         # One matrix for the whole batch: a product with one wide matrix, for which BLAS is twice as fast.
-        return np.asarray(np.matmul(a, b.reshape(len(b), -1)).reshape(len(a), *b.shape[1:]))
-    return np.asarray(np.einsum("ik...,kj...->ij...", a, b))
+        return (a @ b.reshape(len(b), -1)).reshape(len(a), *b.shape[1:])
+    return _einsum("ik...,kj...->ij...", a, b)
 
 
 def matmul_transposed(a: Array, b: Array) -> Array:
     """``A B^T``."""
-    return np.asarray(np.einsum("ik...,jk...->ij...", a, b))
+    return _einsum("ik...,jk...->ij...", a, b)
 
 
 def gram(a: Array) -> Array:
     """``A^T A``, symmetric to the last bit."""
-    return np.asarray(np.einsum("ki...,kj...->ij...", a, a))
+    return _einsum("ki...,kj...->ij...", a, a)
 
 
 def apply(a: Array, x: Array) -> Array:
     """``A x``."""
-    return np.asarray(np.einsum("ik...,k...->i...", a, x))
+    return _einsum("ik...,k...->i...", a, x)
 
 
 def apply_transposed(a: Array, x: Array) -> Array:
     """``A^T x``."""
-    return np.asarray(np.einsum("ki...,k...->i...", a, x))
+    return _einsum("ki...,k...->i...", a, x)
 
 
 def quadratic(a: Array, p: Array) -> Array:
@@ -72,7 +79,7 @@ def quadratic(a: Array, p: Array) -> Array:
     if a.ndim == 2 and p.ndim > 2:
         # Each row of A P is again one wide matrix.
         rows = product.reshape(len(a), len(p), -1)
-        return np.asarray(np.matmul(a, rows).reshape(len(a), len(a), *p.shape[2:]))
+        return (a @ rows).reshape(len(a), len(a), *p.shape[2:])
     return matmul_transposed(product, a)
 
 
@@ -103,7 +110,8 @@ class Cholesky(NamedTuple):
     def log_density(self, whitened: Array) -> Array:
         """``(...)`` logarithm of ``N(y; 0, P)``, for ``L^-1 y`` ``(n, ...)``."""
         normalised = np.prod(np.stack(self.inverse_diagonal), axis=0) * TWO_PI ** (-len(whitened) / 2)
-        return np.asarray(np.log(normalised) - 0.5 * np.einsum("i...,i...->...", whitened, whitened))
+        logarithm: Array = np.log(normalised) - 0.5 * _einsum("i...,i...->...", whitened, whitened)
+        return logarithm
 
     def whiten(self, b: Array) -> Array:
         """``L^-1 B`` for a vector or a matrix ``b`` of ``n`` rows."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
+from functools import partial
 from typing import NamedTuple
 
 from trackbench.api.files import pages, save
@@ -69,6 +70,7 @@ class Batch:
             item.truths,
             self._executor,
             isolation=self._plan.isolation,
+            engine=self._plan.engine,
             observed=self._listener.observes,
             alone=self._alone,
         )
@@ -77,7 +79,7 @@ class Batch:
         scenario, observe = item.scenario, self._listener.begin(item)
         with self._listener.progress(f"{place}{scenario.config.name}", "runs") as advance:
             if pending is not None:
-                result = pending.collect(command_of(scenario), advance, observe)
+                result = pending.collect(command_of(scenario, self._plan.engine), advance, observe)
             else:
                 assert self._plan.precision is not None
                 result = run_until(
@@ -86,7 +88,8 @@ class Batch:
                     *self._plan.precision,
                     executor=self._executor,
                     isolation=self._plan.isolation,
-                    command=command_of,
+                    engine=self._plan.engine,
+                    command=partial(command_of, engine=self._plan.engine),
                     progress=advance,
                     on_recorded_run=observe,
                 )

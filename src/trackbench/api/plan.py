@@ -6,6 +6,7 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+from trackbench.engine.choice import EngineName, require_engine
 from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import shown_name
@@ -29,6 +30,8 @@ class Plan:
     """Whether the Rerun recording is written."""
     isolation: Isolation = ISOLATED
     """How trackers that are not built in are kept apart from the bench."""
+    engine: EngineName = "auto"
+    """What computes."""
     precision: tuple[float, int] | None = None
     """The share and the largest number of runs, where the precision decides on their number."""
 
@@ -37,10 +40,12 @@ class Plan:
             raise InputError(f"{self.workers!r} is no number of processes; give a whole one from 1", key="workers")
         if self.workers > 1 and self.cluster is not None:
             raise InputError("the work runs in one place: leave it out beside a cluster", key="workers")
+        require_engine(self.engine)
 
 
-def command_of(scenario: Scenario) -> str:
+def command_of(scenario: Scenario, engine: EngineName = "auto") -> str:
     """What reproduces the result of a scenario."""
     settings = (x for item in scenario.overrides for x in ("--set", item))
     only = ["--trackers", ",".join(scenario.selected)] if scenario.selected else []
-    return shlex.join(["trackbench", "run", shown_name(scenario.path), *settings, *only])
+    by = [] if engine == "auto" else ["--engine", engine]
+    return shlex.join(["trackbench", "run", shown_name(scenario.path), *settings, *only, *by])

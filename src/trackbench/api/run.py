@@ -11,6 +11,7 @@ from trackbench.api.listener import Counter
 from trackbench.api.plan import Plan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.engine.choice import EngineName
 from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.scenario import Scenario
@@ -29,6 +30,7 @@ def run(
     cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
@@ -41,6 +43,7 @@ def run(
     cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
@@ -52,13 +55,14 @@ def run(
     cluster: str | None = None,
     out: Path | str | None = None,
     recording: bool = True,
+    engine: EngineName = "auto",
     in_process: bool = False,
     tracker_timeout: float = ISOLATED.timeout,
     progress: Progress = no_progress,
 ) -> ReportableResult | list[ReportableResult]:
     """Score every tracker of a scenario over its Monte-Carlo runs.
 
-    The result is the same wherever it is made, to the last bit, but for the times.
+    The result of an engine is the same wherever it is made, to the last bit, but for the times.
 
     Args:
         scenario: what :func:`load` gave or takes; or a list or tuple of these, which gives a list of results.
@@ -67,12 +71,15 @@ def run(
         out: a folder in which each scenario gets one, as by ``trackbench run``: result, report, recording, tables.
             Several are also compared there. Nothing is written unless given.
         recording: whether the Rerun recording is among the files.
+        engine: what computes: ``numpy``; ``fused``, machine code made of the same functions, which takes
+            ``trackbench[fast]``; or ``auto``, the fused one where it can be had and there is work enough for it.
         in_process: whether trackers of your own get no process of their own: for a debugger.
         tracker_timeout: longest time that one may take to answer a scan, s.
         progress: called with the number of runs done and of all of a scenario.
 
     Raises:
-        InputError: something is wrong in a scenario, nothing can be written to ``out``, or no cluster can be reached.
+        InputError: something is wrong in a scenario, nothing can be written to ``out``, no cluster can be reached,
+            or the engine cannot be had.
         TrackbenchError: the folder cannot be written, or workers died.
     """
     if INSIDE in os.environ:
@@ -80,7 +87,8 @@ def run(
         problem = "a script that runs scenarios is imported as the module of a tracker; write the call under"
         raise InputError(f'{problem} if __name__ == "__main__":')
     given = scenario if isinstance(scenario, list | tuple) else [scenario]
-    plan = Plan(None if out is None else Path(out), workers, cluster, recording, Isolation(in_process, tracker_timeout))
+    isolation = Isolation(in_process, tracker_timeout)
+    plan = Plan(None if out is None else Path(out), workers, cluster, recording, isolation, engine)
     listener = Counter(progress, "runs")
     loaded = [loaded_scenario(item) for item in given]
     with executor(workers, cluster) as chosen:

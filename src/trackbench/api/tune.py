@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from trackbench.api.listener import Listener
+from trackbench.engine.choice import EngineName, require_engine
 from trackbench.errors import InputError, nearest
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins
@@ -43,6 +44,10 @@ class TunePlan:
     storage: Path | None = None
     split: Split = field(default_factory=Split)
     isolation: Isolation = ISOLATED
+    engine: EngineName = "auto"
+
+    def __post_init__(self) -> None:
+        require_engine(self.engine)
 
 
 def objective_of(name: str | None, scenarios: Sequence[Scenario]) -> Objective:
@@ -88,7 +93,7 @@ def tune_trackers(
     for task in tasks:
         with listener.progress(task.tracker, "trials") as advance:
             apart = [item.apart for item in halves]
-            found.append(tune(task, train, test, apart, executor, plan.isolation, advance))
+            found.append(tune(task, train, test, apart, executor, plan.isolation, plan.engine, advance))
     return found
 
 

@@ -103,6 +103,7 @@ def command_of_tuning(scenarios: Sequence[Scenario], trackers: Sequence[str], pl
         "--train-seed": split.train_seed,
         "--test-seed": split.test_seed,
         "--seed": plan.seed or None,
+        "--engine": None if plan.engine == "auto" else plan.engine,
         "--out": out,
     }
     options = [part for name, value in given.items() if value is not None for part in (name, str(value))]

@@ -12,6 +12,7 @@ from trackbench.api.run import Several
 from trackbench.api.scenario import Named, listed, loaded_scenario
 from trackbench.api.tune import TunePlan, objective_of, tune_trackers
 from trackbench.api.tune_files import command_of_tuning, default_out, require_out, save_tuning
+from trackbench.engine.choice import EngineName
 from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.report.tuning import tuning_document, tuning_summary
@@ -85,6 +86,7 @@ def tune(
     test_seed: int | None = None,
     seed: int = 0,
     workers: int = 1,
+    engine: EngineName = "auto",
     progress: Progress = no_progress,
 ) -> TunedTrackers:
     """Find the options with which trackers do best, on some scenes and noise, and try them on others.
@@ -106,6 +108,7 @@ def tune(
         test_seed: of the noise that is tried on.
         seed: of the search.
         workers: number of processes.
+        engine: what computes, as for :func:`run`.
         progress: called with the number of trials done and of all of a tracker.
 
     Raises:
@@ -118,7 +121,7 @@ def tune(
     loaded = [loaded_scenario(item) for item in (scenario if isinstance(scenario, list | tuple) else [scenario])]
     split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
     kept = None if storage is None else Path(storage)
-    plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split)
+    plan = TunePlan(objective_of(objective, loaded), _texts(ranges), trials, seed, kept, split, engine=engine)
     names = listed(trackers)
     with executor(workers, None) as chosen:
         found = tune_trackers(loaded, names, plan, chosen, Counter(progress, "trials"))

@@ -60,7 +60,7 @@ def print_contents(contents: RecordedContents, console: Console) -> None:
     written = f"written by Rerun {recorded.rerun}" if recorded.rerun else "tables and summary of the run"
     lines = [
         f"{recorded.file}: {written}",
-        ", ".join(f"{name} {version}" for name, version in summary.versions.items()),
+        summary.made_with,
         f"measurements: {summary.fingerprint}",
         *(
             f"{name}: {sensor.kind}, {counted(sensor.measurements, 'measurement')} at {sensor.instants} instants"

@@ -15,10 +15,12 @@ from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run
 from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
+from trackbench.cli.engine import engine_option
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.live import live_options, require_known, showing
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
+from trackbench.engine.choice import EngineName
 from trackbench.errors import InputError
 from trackbench.execution import executor
 from trackbench.results import Result
@@ -56,6 +58,7 @@ FAILED_TRACKER = 3
 )
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask: tcp://HOST:PORT or local:N; same result.")
+@engine_option
 @isolation_options
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
@@ -75,6 +78,7 @@ def run_command(
     out: Path,
     workers: int,
     cluster: str | None,
+    engine: EngineName,
     isolation: Isolation,
     no_recording: bool,
     junit: Path | None,
@@ -101,7 +105,7 @@ def run_command(
         raise InputError("is where --runs-until stops, which is not given", key="--max-runs")
     precision = None if runs_until is None else (runs_until, max_runs or MAX_RUNS)
     only = None if trackers is None else [name for item in trackers.split(",") if (name := item.strip())]
-    plan = Plan(out, workers, cluster, not no_recording, isolation, precision)
+    plan = Plan(out, workers, cluster, not no_recording, isolation, engine, precision)
     if junit is not None:
         results.require_file(junit, "--junit")
     files = scenario_files(scenarios)

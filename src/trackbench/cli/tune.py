@@ -10,10 +10,12 @@ from rich.console import Console
 from trackbench import results
 from trackbench.api.scenario import load_several
 from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
+from trackbench.cli.engine import engine_option
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.serve import INTERRUPTED
 from trackbench.cli.verbosity import quiet_option, verbose_option
+from trackbench.engine.choice import EngineName
 from trackbench.execution import executor
 from trackbench.scenario.shipped import scenario_files
 from trackbench.stepping.isolation import Isolation
@@ -50,6 +52,7 @@ from trackbench.stepping.isolation import Isolation
     help="The scenario with the found values.  [tuned.yaml; for several the folder tuned]",
 )
 @click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
+@engine_option
 @isolation_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 @quiet_option("The verdict on each tracker alone.")
@@ -71,6 +74,7 @@ def tune_command(
     settings: tuple[str, ...],
     out: Path | None,
     workers: int,
+    engine: EngineName,
     isolation: Isolation,
     as_json: bool,
     quiet: bool,
@@ -99,7 +103,7 @@ def tune_command(
 
     loaded, notes = load_several(scenario_files(scenarios), settings)
     split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
-    plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, split, isolation)
+    plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, split, isolation, engine)
     names = [name for item in trackers.split(",") if (name := item.strip())]
     out = out or default_out(loaded)
     require_out(out, loaded)

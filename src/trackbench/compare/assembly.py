@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from trackbench.compare.comparability import Comparability, comparability, require_same_metric
+from trackbench.compare.comparability import Comparability, comparability, engine_notes, require_same_metric
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
 from trackbench.compare.entries import Entry, ResultSet
@@ -57,7 +57,7 @@ def compare(
     }
     if limits:
         _require_judgeable(sets, cells, compared, chosen)
-    found, notes = [], [*left_out]
+    found, notes = [], [*left_out, *engine_notes(sets, compared)]
     what = "only one tracker" if len(sets) == 1 else "no tracker of the same name in the first result and a later one"
     for group, own in zip(groups, known, strict=True):
         made = _comparison([item.label for item in sets], group, own, wanted, limits, chosen)

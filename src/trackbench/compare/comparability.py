@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from trackbench.compare.entries import Entry
+from trackbench.compare.entries import Entry, ResultSet
+from trackbench.compare.groups import ScenarioResults
 from trackbench.errors import InputError
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.words import counted
@@ -77,6 +78,16 @@ def require_same_metric(baseline: Entry, later: Entry, path: str) -> None:
     for key, before, now in _differing(ours, theirs) if ours and theirs else ():
         reason = f"another metric {path}: {key} is {_shown(now)} here and {_shown(before)} there"
         raise InputError(f"cannot be compared with {baseline.label}: {reason}", file=later.label)
+
+
+def engine_notes(sets: Sequence[ResultSet], cells: Sequence[ScenarioResults]) -> Iterator[str]:
+    """Each later set that another engine computed than the baseline: its values may be compared all the same."""
+    for number, later in enumerate(sets[1:], 1):
+        both = [(cell.entries[0], cell.entries[number]) for cell in cells if number in cell.entries]
+        engines = [[entry.result.summary.engine_in_words for entry in pair] for pair in both]
+        for ours, theirs in sorted({(ours, theirs) for ours, theirs in engines if ours != theirs}):
+            by = f"{later.label} was computed by the {theirs}, {sets[0].label} by the {ours}"
+            yield f"{by}: equal values may differ in their last digits"
 
 
 def _places(entry: Entry) -> list[tuple[int, int]]:

@@ -113,7 +113,8 @@ def evidence_run(
     scans = [one_run(scan, run) for scan in drive.scans]
     mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
     innovations: dict[str, list[_Innovation]] = {}
-    session = TrackerSession(make)
+    # As many as the questions that give one innovation: the measurement, and two beside it in each component.
+    session = TrackerSession(make, columns=1 + 2 * max(len(scan.measurement) for scan in scans))
     started = False
     for k, scan in enumerate(scans):
         started = started or bool(scan.valid)

@@ -52,6 +52,14 @@ class OutputChecks:
             one = estimate.mean[:, None], estimate.covariance[..., None]
             self.add_batch(*one, [scan], where, lambda _: given[:known])
 
+    def add_track(self, estimates: Sequence[Estimate | None], scans: Sequence[Scan], where: str) -> None:
+        """Check the estimates of a track, each after the ordinary scan of the same place; None counts as none."""
+        known = [(k, one) for k, one in enumerate(estimates) if one is not None]
+        if known:
+            mean = np.stack([one.mean for _, one in known], axis=-1)
+            covariance = np.stack([one.covariance for _, one in known], axis=-1)
+            self.add_batch(mean, covariance, [scans[k] for k, _ in known], where, lambda i: scans[: known[i][0] + 1])
+
     def add_batch(
         self, mean: Array, covariance: Array, scans: Sequence[Scan], where: str, given: Callable[[int], Sequence[Scan]]
     ) -> None:

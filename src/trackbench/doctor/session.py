@@ -71,19 +71,32 @@ class TrackerSession:
     """A fresh tracker that follows one target; scans and estimates have no batch axes.
 
     ``peek`` steps a copy of the tracker and of its state, because some trackers keep their state in the instance.
+
+    Args:
+        make: gives a fresh tracker.
+        columns: how many targets one that takes a batch follows at once, each in a column of its own.
     """
 
-    def __init__(self, make: Callable[[], Tracker]) -> None:
+    def __init__(self, make: Callable[[], Tracker], columns: int = 1) -> None:
         self._own = Alone(make)
         how = Examined.of(make)
         self._no_misses, self._on_step = how.no_misses, how.on_step
         self._batched = bool(getattr(self._own.tracker, "batched", False))
-        self._started = False
+        self._started = [False] * (columns if self._batched else 1)
+
+    @property
+    def columns(self) -> int:
+        """How many targets it follows: one where the tracker takes no batch."""
+        return len(self._started)
 
     @property
     def given(self) -> list[Scan]:
-        """The scans so far."""
-        return [_alone(scan) for scan in self._own.given] if self._batched else self._own.given
+        """The scans so far, those of the first column."""
+        return self.given_to(0)
+
+    def given_to(self, column: int) -> list[Scan]:
+        """The scans so far of one column."""
+        return [_column(scan, column) for scan in self._own.given] if self._batched else self._own.given
 
     @property
     def not_copied(self) -> str | None:
@@ -92,15 +105,24 @@ class TrackerSession:
         return tracker.not_copied if isinstance(tracker, RemoteTracker) else self._own.not_copied
 
     def step(self, scan: Scan) -> Estimate | None:
-        """The estimate after a scan; None before the track has started.
+        """The estimate after a scan, which all columns are given; None before the track has started.
 
         Raises:
             StepFailed: the tracker raised, or returned no valid estimate.
             MissGiven: the scan has no detection, and it may not be given.
         """
-        if self._no_misses and not scan.valid.any():
-            raise MissGiven(scan)
-        given = _batch_of_one(scan) if self._batched else scan
+        return self.step_each([scan] * self.columns)[0]
+
+    def step_each(self, scans: Sequence[Scan]) -> list[Estimate | None]:
+        """The estimates after a scan for each column, all of one sensor and instant.
+
+        Raises:
+            StepFailed: as of ``step``, in any column.
+            MissGiven: as of ``step``.
+        """
+        if self._no_misses and not all(scan.valid.any() for scan in scans):
+            raise MissGiven(scans[0])
+        given = _side_by_side(scans) if self._batched else scans[0]
         before = len(self._own.given)
         try:
             estimate = self._own.step(given)
@@ -109,13 +131,12 @@ class TrackerSession:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            raise StepFailed(error, scan, self.given[:before]) from error
+            raise StepFailed(error, scans[0], self.given[:before]) from error
         finally:
             self._on_step()
-        if estimate is not None and self._batched:
-            estimate = self._of_one(estimate)
-        self._started = self._started or estimate is not None
-        return estimate
+        found = [self._of(estimate, column) for column in range(self.columns)]
+        self._started = [had or one is not None for had, one in zip(self._started, found, strict=True)]
+        return found
 
     def peek(self, scan: Scan) -> Estimate | None:
         """What ``step`` would return, without changing the session.
@@ -124,6 +145,20 @@ class TrackerSession:
             StepFailed: as of ``step``, or the tracker can neither be copied nor repeated.
         """
         return self._copied(scan).step(scan)
+
+    def peek_each(self, scans: Sequence[Scan]) -> list[Estimate | None]:
+        """What ``step_each`` would return, without changing the session.
+
+        Raises:
+            StepFailed: as of ``step_each``, or the tracker can neither be copied nor repeated.
+        """
+        return self._copied(scans[0]).step_each(scans)
+
+    @property
+    def alike(self) -> bool:
+        """Whether all columns have the same estimate, to the last bit."""
+        latest = self._own.latest
+        return latest is None or all(bool(np.all(part == part[..., :1])) for part in (latest.mean, latest.covariance))
 
     def predict(self, scan: Scan) -> Estimate | None:
         """The estimate at the time of a scan before its measurement: that at a missed measurement then.
@@ -135,9 +170,7 @@ class TrackerSession:
         """
         if not self._no_misses:
             return self.peek(masked(scan))
-        latest = self._own.latest
-        if latest is not None and self._batched:
-            latest = self._of_one(latest)
+        latest = self._of(self._own.latest, 0)
         if latest is None:
             return None
         transition = np.eye(4)
@@ -154,7 +187,7 @@ class TrackerSession:
 
     def _copied(self, scan: Scan) -> TrackerSession:
         twin = TrackerSession.__new__(TrackerSession)
-        twin._batched, twin._started = self._batched, self._started
+        twin._batched, twin._started = self._batched, list(self._started)
         twin._no_misses, twin._on_step = self._no_misses, self._on_step
         try:
             twin._own = self._own.copy()
@@ -162,12 +195,14 @@ class TrackerSession:
             raise StepFailed(error, scan, self.given) from error
         return twin
 
-    def _of_one(self, estimate: Estimate) -> Estimate | None:
+    def _of(self, estimate: Estimate | None, column: int) -> Estimate | None:
+        if estimate is None or not self._batched:
+            return estimate
+        mean, covariance, own = estimate.mean[..., column], estimate.covariance[..., column], estimate.state
         # A batched tracker returns NaN for a track that has not started.
-        if not self._started and np.isnan(estimate.mean).all():
+        if not self._started[column] and np.isnan(mean).all():
             return None
-        own = None if estimate.state is None else estimate.state[..., 0]
-        return Estimate(estimate.mean[..., 0], estimate.covariance[..., 0], own)
+        return Estimate(mean, covariance, None if own is None else own[..., column])
 
 
 def _too_large(estimate: Estimate) -> bool:
@@ -199,9 +234,11 @@ def apart(one: Estimate, other: Estimate) -> float:
     return float(np.maximum(mean.max(), covariance.max()))
 
 
-def _batch_of_one(scan: Scan) -> Scan:
-    return scan._replace(measurement=scan.measurement[:, None], valid=scan.valid[None])
+def _side_by_side(scans: Sequence[Scan]) -> Scan:
+    """One scan with a column of each."""
+    measurement = np.stack([scan.measurement for scan in scans], axis=-1)
+    return scans[0]._replace(measurement=measurement, valid=np.stack([scan.valid for scan in scans], axis=-1))
 
 
-def _alone(scan: Scan) -> Scan:
-    return scan._replace(measurement=scan.measurement[:, 0], valid=scan.valid[0])
+def _column(scan: Scan, column: int) -> Scan:
+    return scan._replace(measurement=scan.measurement[:, column], valid=scan.valid[column])

@@ -101,18 +101,24 @@ class TrackerUnderTest:
             self._sessions[key] = self._follow(*key)
         return self._sessions[key]
 
+    def session_of_most(self, probe: Probe) -> TrackerSession | None:
+        """The same with all sensors, or with one of those with which the tracker does not fail."""
+        found = (self.session_at(probe, sensor_set) for sensor_set in reversed(self.sensor_sets()))
+        return next((session for session in found if session is not None), None)
+
     def _follow(self, probe: Probe, sensor_set: tuple[str, ...], replica: bool) -> TrackerSession | None:
         session = TrackerSession(self.make)
         # One that starts earlier has other random numbers, too.
         earlier = 0.1 if replica and self.assumptions.no_misses else 0.0
         scans = self.approach(probe, sensor_set, WARM_UP + earlier)
+        if replica and not self.assumptions.no_misses:
+            scans = kind_of_filter.with_additional_step(scans)
+        estimates: list[Estimate | None] = []
         with self.recording_failures(probe.name):
-            if replica and not self.assumptions.no_misses:
-                scans = kind_of_filter.with_additional_step(scans)
-            for k, scan in enumerate(scans, start=1):
-                self.output_checks.add(session.step(scan), scan, probe.name, scans[:k])
-            return session
-        return None
+            for scan in scans:
+                estimates.append(session.step(scan))
+        self.output_checks.add_track(estimates, scans, probe.name)
+        return session if len(estimates) == len(scans) else None
 
     def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
         """What a session would answer to a scan; None where there is no estimate, or the step fails."""
@@ -159,7 +165,7 @@ class TrackerUnderTest:
         return None
 
     def predicted(self, probe: Probe, step: float) -> tuple[Estimate, Estimate] | None:
-        """The estimates at a missed scan at time 0 and at one ``step`` s later, after measurements of all sensors.
+        """The estimates at a missed scan at time 0 and at one ``step`` s later, after measurements of most sensors.
 
         None where the tracker failed, or one of them is none or not finite.
         """
@@ -178,7 +184,7 @@ class TrackerUnderTest:
         return None if then is None or not finite(then) else (now, then)
 
     def _stepped_to_zero(self, probe: Probe, name: str) -> tuple[TrackerSession, Estimate] | None:
-        session = self.session_at(probe, self.sensor_sets()[-1])
+        session = self.session_of_most(probe)
         if session is not None:
             with self.recording_failures(probe.name):
                 session = session.copy()
@@ -205,6 +211,11 @@ class TrackerUnderTest:
                     if trial is not None and trial.usable:
                         found[name].append(trial)
         return found
+
+    @cached_property
+    def batched(self) -> bool:
+        """Whether it takes a batch of targets at once."""
+        return bool(getattr(self.make(), "batched", False))
 
     @cached_property
     def repeats(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -122,10 +123,23 @@ class Trial:
         Raises:
             StepFailed: its process ended.
         """
-        key = tuple(float(value) for value in measurement)
+        key = _key(measurement)
         if key not in self._posteriors:
             self._posteriors[key] = self._asked(np.array(key))
         return self._posteriors[key]
+
+    def _ask_at_once(self, measurements: list[Array]) -> None:
+        """Try measurements in one step, where the tracker takes a batch and its columns are still alike."""
+        room = self.session.columns
+        if not 1 < len(measurements) <= room or self.repeats > 1 or not self.session.alike:
+            return
+        scans = [self.scan._replace(measurement=one) for one in measurements]
+        with suppress(StepFailed):
+            # A step that fails tells not at which of them: they are tried one by one.
+            found = self.session.peek_each(scans + scans[:1] * (room - len(scans)))
+            for one, estimate in zip(measurements, found, strict=False):
+                usable = estimate is not None and finite(estimate)
+                self._posteriors[_key(one)] = estimate if usable else None
 
     def _asked(self, measurement: Array) -> Estimate | None:
         try:
@@ -156,29 +170,33 @@ class Trial:
 
     def update(self, measurement: Array) -> TrialUpdate | None:
         """The estimate and the gain at a measurement; None where ``posterior`` is."""
-        key = tuple(float(value) for value in measurement)
+        key = _key(measurement)
         if key not in self._updates:
             self._updates[key] = self._differentiated(np.array(key))
         return self._updates[key]
 
     def _differentiated(self, measurement: Array) -> TrialUpdate | None:
+        steps = np.diag((GAIN_STEP if self.repeats == 1 else DRAWN_STEP) * self.sigma)
+        self._ask_at_once([measurement, *(measurement + step for step in (*steps, *-steps))])
         centre = self.posterior(measurement)
         if centre is None:
             return None
         columns = []
-        for i, size in enumerate((GAIN_STEP if self.repeats == 1 else DRAWN_STEP) * self.sigma):
+        for i, step in enumerate(steps):
             slopes = []
-            for step in (size, -size):
-                changed = measurement.copy()
-                changed[i] += step
-                estimate = self.posterior(changed)
+            for side in (step, -step):
+                estimate = self.posterior(measurement + side)
                 if estimate is None:
                     return None
-                slopes.append((estimate.mean - centre.mean) / step)
+                slopes.append((estimate.mean - centre.mean) / side[i])
             # An angle may jump on one side.
             one_sided = min(slopes, key=lambda slope: float(np.abs(slope).max()))
             columns.append(one_sided if self.repeats == 1 else (slopes[0] + slopes[1]) / 2)
         return TrialUpdate(centre, np.stack(columns, axis=1), self)
+
+
+def _key(measurement: Array) -> tuple[float, ...]:
+    return tuple(float(value) for value in measurement)
 
 
 def averaged(session: TrackerSession, scan: Scan, repeats: int) -> Estimate | None:

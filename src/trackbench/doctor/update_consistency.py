@@ -143,16 +143,29 @@ def _multiple(errors: Sequence[UpdateErrors]) -> tuple[str, float] | None:
 def _simpler(errors: Sequence[UpdateErrors]) -> tuple[str, float | None] | None:
     """A gain that fits far better than the right one, and how often the measurement is applied, if it is that."""
     ways: list[tuple[str, float | None, Callable[[UpdateErrors], Array]]] = [
-        (f"that of {times} updates with the same measurement", float(times), partial(_repeated, times=times))
-        for times in range(2, TIMES + 1)
+        ("that of the diagonal of the innovation covariance alone", None, _of_diagonal)
     ]
-    ways.append(("that of the diagonal of the innovation covariance alone", None, _of_diagonal))
+    if not _optimal(errors):
+        ways += [
+            (f"that of {times} updates with the same measurement", float(times), partial(_repeated, times=times))
+            for times in range(2, TIMES + 1)
+        ]
     misfits = [float(np.quantile([_gain_misfit(one, way(one)) for one in errors], MOST)) for _, _, way in ways]
     best, alone = int(np.argmin(misfits)), float(np.quantile([one.gain for one in errors], MOST))
     if misfits[best] > min(RIGHT, alone / RATIO) or alone < CLEAR:
         return None
     words, factor, _ = ways[best]
     return f"{words} (within {misfits[best]:.2g} of it, and within {alone:.2g} of the right one)", factor
+
+
+def _optimal(errors: Sequence[UpdateErrors]) -> bool:
+    """Whether the covariances are ``(I - K H) P`` of the applied gains: these are then the best ones for some noise."""
+    misfits = []
+    for one in errors:
+        p = linalg.symmetrise(one.update.trial.prediction.covariance)
+        left = p - one.update.gain @ one.update.trial.jacobian @ p
+        misfits.append(_covariance_error(one.update, left, one.right_covariance))
+    return float(np.median(misfits)) < WRONG
 
 
 def _repeated(one: UpdateErrors, times: int) -> Array:

@@ -3,11 +3,13 @@
 from trackbench.filters.base import (
     AnyBelief,
     Belief,
+    Doubt,
     Filter,
     Measured,
     MultiModelBelief,
     PredictedMeasurement,
     SingleModelFilter,
+    Step,
     Update,
 )
 from trackbench.filters.batches import bare, choose, concatenated, placed, select, selected_prediction
@@ -20,6 +22,7 @@ __all__ = [
     "CUBATURE",
     "AnyBelief",
     "Belief",
+    "Doubt",
     "ExtendedKalmanFilter",
     "Filter",
     "InteractingMultipleModel",
@@ -30,6 +33,7 @@ __all__ = [
     "PredictedMeasurement",
     "SigmaPointFilter",
     "SingleModelFilter",
+    "Step",
     "SymmetricSet",
     "Update",
     "bare",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -56,8 +56,8 @@ class Update(NamedTuple, Generic[B]):
     """``(m, m, ...)``"""
     whitened_innovation: Array
     """``(m, ...)`` innovation in units of its own standard deviations: ``L^-1 y`` with ``S = L L^T``."""
-    innovation_factor: linalg.Cholesky
-    """``L``"""
+    innovation_factor: linalg.Cholesky | None = None
+    """``L``, where it is at hand."""
     mixture: Array | None = None
     """``(...)`` logarithm of the density of the measurement, where it is that of a mixture."""
 
@@ -66,7 +66,22 @@ class Update(NamedTuple, Generic[B]):
         """``(...)`` logarithm of the density of the measurement: ``N(y; 0, S)``, or that of the mixture."""
         if self.mixture is not None:
             return self.mixture
-        return self.innovation_factor.log_density(self.whitened_innovation)
+        factor = self.innovation_factor or linalg.cholesky(self.innovation_covariance)
+        return factor.log_density(self.whitened_innovation)
+
+
+class Step(NamedTuple, Generic[B]):
+    """What a filter makes of a scan that was taken some time after its belief."""
+
+    update: Update[B]
+    cartesian: Gaussian
+    """px, py, vx, vy after it."""
+    doubtful: Mask | None = None
+    """``(...)`` where the prediction was found doubtful, so that the step should not have been made."""
+
+
+#: Says of a predicted belief where it is doubtful.
+Doubt = Callable[[Any], Mask]
 
 
 class Measured(NamedTuple):
@@ -124,6 +139,10 @@ class Filter(Protocol[B]):
         """
         ...
 
+    def step(self, belief: B, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[B]:
+        """The belief after a scan that was taken ``dt`` seconds later; ``doubt`` is asked of the prediction."""
+        ...
+
     def smooth(self, belief: B, later: B, dt: float) -> B:
         """The belief once it is known what is believed ``dt`` seconds (more than zero) later from more measurements."""
         ...
@@ -147,6 +166,10 @@ class SingleModelFilter(ABC):
     def begin(self, state_of: Callable[[MotionModel], Gaussian]) -> Belief:
         """The belief of a track that starts where ``state_of`` says."""
         return Belief(*state_of(self.motion))
+
+    def step(self, belief: Belief, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[Belief]:
+        """The belief after a scan that was taken ``dt`` seconds later; ``doubt`` is asked of the prediction."""
+        return stepped(self, belief, dt, scan, doubt)
 
     def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
         """The belief once it is known what is believed ``dt`` seconds later, by Rauch, Tung and Striebel.
@@ -194,6 +217,13 @@ class SingleModelFilter(ABC):
 
         ``predicted`` is what ``predict_measurement`` gave for this belief, which then need not be computed again.
         """
+
+
+def stepped(filter: Filter[B], belief: B, dt: float, scan: Scan, doubt: Doubt | None) -> Step[B]:
+    """A prediction and an update."""
+    predicted = filter.predict(belief, dt)
+    update = filter.update(predicted, scan)
+    return Step(update, filter.cartesian(update.belief), None if doubt is None else doubt(predicted))
 
 
 def correct(

@@ -31,13 +31,15 @@ def bare(belief: AnyBelief) -> AnyBelief:
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
     """Some members of the last batch axis."""
-    return mapped(lambda values: values[..., which], belief)
+    index = np.flatnonzero(which) if which.dtype == bool else which
+    # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
+    return mapped(lambda values: values.take(index, axis=-1), belief)
 
 
 def selected_prediction(predicted: PredictedMeasurement, which: Indices) -> PredictedMeasurement:
     """The same of a predicted measurement."""
     modes = tuple(selected_prediction(mode, which) for mode in predicted.modes)
-    mean, covariance, cross = (part[..., which] for part in predicted[:3])
+    mean, covariance, cross = (part.take(which, axis=-1) for part in predicted[:3])
     return PredictedMeasurement(mean, covariance, cross, modes)
 
 

@@ -11,12 +11,15 @@ import numpy as np
 from trackbench import linalg
 from trackbench.filters.base import (
     Belief,
+    Doubt,
     Measured,
     MultiModelBelief,
     PredictedMeasurement,
     SingleModelFilter,
+    Step,
     Update,
     either,
+    stepped,
 )
 from trackbench.filters.future import future
 from trackbench.filters.mixing import in_state_of, moment_matched
@@ -35,6 +38,8 @@ def transition_probabilities(stay_s: tuple[float, ...], dt: float) -> Array:
     ``stay_s[i]``, and then goes over to any of the others alike. So the chain does not depend on the rate of scans.
     """
     size, stay = len(stay_s), np.sqrt(stay_s)
+    if dt == 0.0:
+        return np.eye(size)
     # With rates 1 / ((M - 1) stay_s[i]) the chain is reversible: scaled by the stays, the rate matrix is symmetric.
     rates = (np.ones((size, size)) - size * np.eye(size)) / (size - 1)
     values, vectors = np.linalg.eigh(rates / np.outer(stay, stay))
@@ -68,10 +73,22 @@ class InteractingMultipleModel:
 
     def predict(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
         """Mix the modes by the Markov chain, and predict each."""
-        if dt > 0.0:
-            belief = self._mixed(belief, self._chain(dt))
+        # Where no time passes, to mix them would change nothing and cost more than the rest.
+        return self.predict_by(belief, dt, self.chain(dt)) if dt > 0.0 else self._predicted(belief, dt)
+
+    def predict_by(self, belief: MultiModelBelief, dt: float, chain: Array) -> MultiModelBelief:
+        """The same, with the ``chain`` of ``dt``."""
+        return self._predicted(self._mixed(belief, chain), dt)
+
+    def _predicted(self, belief: MultiModelBelief, dt: float) -> MultiModelBelief:
         modes = [filter.predict(mode, dt) for filter, mode in zip(self.filters, belief.modes, strict=True)]
         return joined(belief.probability, modes, belief.repaired)
+
+    def step(
+        self, belief: MultiModelBelief, dt: float, scan: Scan, doubt: Doubt | None = None
+    ) -> Step[MultiModelBelief]:
+        """The belief after a scan that was taken ``dt`` seconds later; ``doubt`` is asked of the prediction."""
+        return stepped(self, belief, dt, scan, doubt)
 
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filters compare them with their predictions."""
@@ -103,12 +120,10 @@ class InteractingMultipleModel:
         if not np.all(scan.valid):
             log_likelihood = np.where(scan.valid, log_likelihood, 0.0)
             said = [Gaussian(np.where(scan.valid, mean, 0.0), covariance) for mean, covariance in said]
-        joint = np.log(belief.probability) + log_likelihood
-        probability = normalised(joint)
+        probability, mixture = normalised(np.log(belief.probability) + log_likelihood)
         after = joined(probability, [update.belief for update in updates], belief.repaired)
         innovation, covariance = moment_matched(belief.probability, said, self.measured(scan).angular)
         s = linalg.ensure_definite(covariance)
-        mixture = np.logaddexp.reduce(joint, axis=0)
         return Update(after, innovation, s.covariance, s.factor.whiten(innovation), s.factor, mixture)
 
     def smooth(self, belief: MultiModelBelief, later: MultiModelBelief, dt: float) -> MultiModelBelief:
@@ -119,7 +134,7 @@ class InteractingMultipleModel:
         filter leaves, with one smoother for each mode, as that of Lopez and Danès (2017), "Low-complexity IMM smoothing
         for jump Markov nonlinear systems"; here the measurements to come enter as a ratio of two Gaussians.
         """
-        chain = self._chain(dt)
+        chain = self.chain(dt)
         size = len(self.filters)
         joint = np.zeros((size, *later.probability.shape))
         parts: list[list[Gaussian]] = [[] for _ in self.filters]
@@ -130,7 +145,7 @@ class InteractingMultipleModel:
             after = self.filters[j].smooth(Belief(*mixed), later.modes[j], dt)
             known = future(mixed, Gaussian(after.mean, after.covariance), motion.angular)
             found = [known.joined(part) for part in before]
-            share = normalised(np.log(come) + np.stack([likelihood for _, likelihood, _ in found]))
+            share, _ = normalised(np.log(come) + np.stack([likelihood for _, likelihood, _ in found]))
             for k, i in enumerate(self.origins(j)):
                 joint[i, j] = share[k] * later.probability[j]
                 parts[i].append(found[k][0])
@@ -153,7 +168,7 @@ class InteractingMultipleModel:
         parts = [filter.cartesian(mode) for filter, mode in zip(self.filters, belief.modes, strict=True)]
         return moment_matched(belief.probability, parts, ())
 
-    def _chain(self, dt: float) -> Array:
+    def chain(self, dt: float) -> Array:
         """``(M, M)``, or ``(M, M, batch)`` where each of a batch has its own, as ``transition_probabilities``."""
         distinct, place = self._stays
         chains = [transition_probabilities(tuple(stay), dt) for stay in distinct]
@@ -198,7 +213,9 @@ def joined(probability: Array, modes: Sequence[Belief], repaired: Mask | None) -
     return MultiModelBelief(probability, tuple(mode._replace(repaired=None) for mode in modes), repaired)
 
 
-def normalised(logarithm: Array) -> Array:
-    """``(M, ...)`` probabilities from their logarithms, which may lack a common term."""
-    weights = np.maximum(np.exp(logarithm - logarithm.max(axis=0)), LEAST)
-    return np.asarray(weights / weights.sum(axis=0))
+def normalised(logarithm: Array) -> tuple[Array, Array]:
+    """Probabilities ``(M, ...)`` of logarithms that may lack a common term, and the logarithm ``(...)`` of the sum."""
+    largest = logarithm.max(axis=0)
+    weights = np.maximum(np.exp(logarithm - largest), LEAST)
+    total = weights.sum(axis=0)
+    return weights / total, largest + np.log(total)

@@ -28,7 +28,7 @@ from trackbench.units import difference
 def predict_linearised(motion: MotionModel, belief: Belief, dt: float) -> Belief:
     """Time update with the transition's Jacobian: ``P <- F P F^T + Q`` (Särkkä 2013, equation 5.26)."""
     x, p = belief.mean, belief.covariance
-    if motion.linear and not motion.batched:
+    if motion.linear and not motion.batched and isinstance(dt, float):
         f, q = _constant(motion, dt)
     else:
         f, q = motion.jacobian(x, dt), process_noise(motion, x, dt)

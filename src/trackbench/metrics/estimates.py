@@ -9,15 +9,9 @@ import numpy as np
 from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.parts import stretches
-from trackbench.metrics.protocol import Chunk, Scope, reject
-from trackbench.metrics.sums import ERROR_FIELDS, OVERFLOW, BlockScores, Cells, ErrorSums, Givers, merge
-from trackbench.trackers.answers import TOO_LARGE
+from trackbench.metrics.protocol import Chunk, Scope
+from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, Givers, merge
 from trackbench.types import Array, Indices, Mask
-
-#: Below this true speed the course means nothing, m/s.
-MOVING = 1.0
-#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
-SMALLEST_DETERMINANT = 1e-14
 
 
 class EstimateSums:
@@ -62,51 +56,31 @@ class _Summing:
         self._repaired = np.zeros(scope.runs)
         self._spread = np.full((2, instants), np.nan)
         self._innovations = {
-            name: Innovations(count, scope.objects, scope.runs, scope.chunk)
+            name: Innovations(count, scope.objects, scope.runs, scope.chunk, scope.compute)
             for name, count in scope.measurements.items()
         }
         self._seconds, self._steps = 0.0, 0
 
     def add(self, chunk: Chunk) -> None:
-        """Add some instants.
-
-        Raises:
-            Fault: an error is too large to be summed.
-        """
+        """Add some instants."""
         for sensor, innovations in chunk.innovations.items():
             for innovation in innovations:
                 self._innovations[sensor].add(innovation.whitened, innovation.used, innovation.due)
         self._repaired += chunk.repaired
         self._seconds += chunk.seconds
         self._steps += chunk.steps
-        here, error, scored, shape = chunk.instants, chunk.error, chunk.scored, self._shape(chunk)
-        vx, vy = chunk.truth[2], chunk.truth[3]
-        moving = scored & np.broadcast_to(vx * vx + vy * vy > MOVING**2, shape).reshape(scored.shape)
-        values = np.empty((len(ERROR_FIELDS), *scored.shape))
-        values[0] = 1.0
-        with np.errstate(all="ignore"):
-            squares = np.multiply(error, error, out=values[1:5])
-            # The first two whitened components are those of the position by itself.
-            values[8] = chunk.whitened[0] * chunk.whitened[0] + chunk.whitened[1] * chunk.whitened[1]
-            values[9] = _nees_of_velocity(squares, error[2] * error[3], chunk.covariance)
-        values[5] = chunk.nees
-        values[6] = moving
-        np.multiply(chunk.course_error, chunk.course_error, out=values[7])
-        values[10:] = np.broadcast_to(self._scope.target.reference[:, here], (2, *shape)).reshape(2, *scored.shape)
-        if not scored.all():
-            np.copyto(values, 0.0, where=~scored)
-        np.copyto(values[7], 0.0, where=~moving)
-        if not values.max() < OVERFLOW:
-            reject(TOO_LARGE, ~(values.max(axis=0) < OVERFLOW), here.start)
+        here, scored, values = chunk.instants, chunk.scored, chunk.values
         square = values[1] + values[2]
-        self._diverged |= self._by_run((square > self._scope.target.divergence**2).any(axis=0)) > 0
+        far = square > self._scope.target.divergence**2
+        if far.any():
+            self._diverged |= self._by_run(far.any(axis=0)) > 0
         if self._scope.first:
             self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
         for givers, (instants, members) in chunk.agreement.partly.items():
             if self._scope.tracker in givers:
                 self._add_few(givers, here.start + instants, members, values[:, instants, members])
         if chunk.agreement.partly:
-            np.copyto(values, 0.0, where=~chunk.agreement.everywhere)
+            values = np.where(chunk.agreement.everywhere, values, 0.0)
         per_step, per_class = self._of(chunk.agreement.all)
         per_step[:, here] = values @ np.ones(scored.shape[1])
         self._add_by_class(per_class, values, self._class[here])
@@ -143,9 +117,6 @@ class _Summing:
         code, stretch = divmod(self._found[found], self._stretches)
         return Cells(code, run + stretch, combined(per_class[:, found, run]))
 
-    def _shape(self, chunk: Chunk) -> tuple[int, int, int]:
-        return len(chunk.time), self._scope.objects, self._scope.runs
-
     def _by_run(self, batch: Array) -> Array:
         """``(..., runs)`` sums over the objects of values ``(..., batch)``."""
         return np.asarray(batch.reshape(*batch.shape[:-1], self._scope.objects, self._scope.runs).sum(axis=-2))
@@ -156,7 +127,10 @@ class _Summing:
         present = np.flatnonzero(np.bincount(classes.reshape(-1)))
         if classes.shape[-1] == 1:
             member = (present[:, None] == classes.reshape(-1)).astype(float)
-            per_class[:, present] += member @ values.reshape(len(values), -1, runs)
+            sums = member @ values.reshape(len(values), -1, runs)
+            # Without the copy that an index of several classes makes.
+            for number, place in enumerate(present):
+                per_class[:, place] += sums[:, number]
             return
         places = (classes * runs + np.arange(runs)).reshape(-1)
         for total, value in zip(per_class, values, strict=True):
@@ -171,14 +145,6 @@ class _Summing:
         for step, total, value in zip(per_step, per_class, values, strict=True):
             step += np.bincount(instants, value, len(step))
             total += np.bincount(places, value, total.size).reshape(total.shape)
-
-
-def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
-    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
-    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
-    variances = a * d
-    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
-    return np.asarray((d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant)
 
 
 def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:

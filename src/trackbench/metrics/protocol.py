@@ -5,14 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from trackbench import linalg
 from trackbench.config import Config
+from trackbench.engine.equations import Compute, by_numpy
 from trackbench.metrics.conditions import Classes
+from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval
-from trackbench.metrics.sums import Givers
+from trackbench.metrics.sums import ERROR, Givers
 from trackbench.results import MetricValue
 from trackbench.types import Array, Indices, Mask
 
@@ -67,6 +71,8 @@ class Scope:
     """Whether there is no other run."""
     chunk: int
     """Largest number of instants in a chunk."""
+    compute: Compute = by_numpy
+    """What computes equations."""
 
     @property
     def objects(self) -> int:
@@ -107,16 +113,12 @@ class Chunk:
     """``(instants,)`` s."""
     truth: Array
     """``(4, instants, objects, runs or 1)`` px, py, vx, vy."""
-    error: Array
-    """``(4, instants, batch)`` estimate minus truth."""
-    course_error: Array
-    """``(instants, batch)`` rad, wrapped."""
+    mean: Array
+    """``(4, instants, batch)`` of the estimate."""
     covariance: Array
     """``(4, 4, instants, batch)``"""
-    nees: Array
-    """``(instants, batch)``"""
-    whitened: Array
-    """``(4, instants, batch)`` ``L^-1`` times the error, where the covariance is ``L L^T``."""
+    values: Array
+    """``(12, instants, batch)`` rows ``ERROR_FIELDS``, what the built-in metrics sum; 0 where not scored."""
     scored: Mask
     """``(instants, batch)`` where the estimate counts; elsewhere the other arrays may hold anything."""
     agreement: Agreement
@@ -129,6 +131,33 @@ class Chunk:
     """Time spent in the tracker."""
     steps: int
     """Number of steps of single objects that it took."""
+
+    @cached_property
+    def error(self) -> Array:
+        """``(4, instants, batch)`` estimate minus truth."""
+        return _fixed((self._mean_by_run - self.truth).reshape(self.mean.shape))
+
+    @cached_property
+    def course_error(self) -> Array:
+        """``(instants, batch)`` rad, wrapped."""
+        return _fixed(course_error(self._mean_by_run, self.truth).reshape(self.scored.shape))
+
+    @property
+    def nees(self) -> Array:
+        """``(instants, batch)``"""
+        nees: Array = self.values[ERROR["nees"]]
+        return nees
+
+    @cached_property
+    def whitened(self) -> Array:
+        """``(4, instants, batch)`` ``L^-1`` times the error, where the covariance is ``L L^T``."""
+        with np.errstate(all="ignore"):
+            return _fixed(linalg.cholesky(self.covariance).whiten(self.error))
+
+    @property
+    def _mean_by_run(self) -> Array:
+        """``(4, instants, objects, runs)``"""
+        return self.mean.reshape(*self.mean.shape[:2], -1, self.runs)
 
     @property
     def runs(self) -> int:
@@ -155,6 +184,12 @@ def reject(cause: str, wrong: Mask, first: int) -> None:
     if np.any(wrong):
         step, member = np.argwhere(wrong)[0]
         raise Fault(cause, first + int(step), int(member))
+
+
+def _fixed(array: Array) -> Array:
+    """An array that nobody else has, so that it cannot be changed."""
+    array.flags.writeable = False
+    return array
 
 
 class Accumulator(Protocol):

@@ -9,17 +9,20 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.conditions import Classes
-from trackbench.metrics.consistency import normalised_square, whitened_innovation
+from trackbench.metrics.consistency import whitened_innovation
+from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.evaluate import accumulators
 from trackbench.metrics.protocol import Agreement, Chunk, Fault, Innovation, Metric, Scope, Target, reject
-from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
-from trackbench.types import Estimate, Mask, Scan
-from trackbench.units import wrap_angle
+from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
+from trackbench.types import Array, Estimate, Mask, Scan
 
 #: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
 BATCH = 8000
+#: Tuples of arrays that a metric may look at.
+NAMED = (Target, Agreement)
 
 
 class Scorer:
@@ -38,6 +41,7 @@ class Scorer:
         first: bool = True,
         single: bool = False,
         metrics: Sequence[Metric] = BUILT_IN,
+        compute: Compute = by_numpy,
     ) -> None:
         """A scorer of one block.
 
@@ -49,16 +53,16 @@ class Scorer:
             first: whether it is the first block, whose percentiles are kept.
             single: whether there is no other run.
             metrics: what is to be computed.
+            compute: how equations are computed.
         """
-        self._target = target
+        self._target, self._compute = target, compute
         _, _, self._objects, _ = target.state.shape
         self._runs = target.due.shape[2]
         batch = self._objects * self._runs
         self.chunk: int = max(1, BATCH // batch)
         self.tracker = tracker
-        scope = Scope(
-            _read_only(target), _read_only(classes), _read_only(measurements), tracker, first, single, self.chunk
-        )
+        known = _read_only(target), _read_only(classes), _read_only(measurements)
+        scope = Scope(*known, tracker, first, single, self.chunk, compute)
         self._expected = scope.expected
         self._accumulators = accumulators(metrics)
         self._sums = {name: accumulator.init(scope) for name, accumulator in self._accumulators.items()}
@@ -73,8 +77,8 @@ class Scorer:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
         if not scan.asked:
             used = scan.valid & self._expected[instant]
-            innovation = Innovation(instant, whitened_innovation(estimate), used, used & self._had)
-            self._innovations[scan.sensor].append(innovation)
+            found = whitened_innovation(estimate), used, used & self._had
+            self._innovations[scan.sensor].append(Innovation(instant, *map(_read_only, found)))
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._expected[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)
@@ -103,20 +107,17 @@ class Scorer:
         Raises:
             Fault: an estimate is not finite.
         """
-        here = slice(self._first, self._first + self._filled)
-        mean, covariance = self._mean[:, : self._filled], self._covariance[:, :, : self._filled]
-        # A sum is finite only if all of its terms are; a covariance with finite variances and other entries that are
-        # not is not positive definite.
-        total = mean.sum(axis=0) + np.einsum("ii...->...", covariance)
-        self._finite = np.isfinite(total)
-        if self._finite.all():
+        here = self._waiting
+        finite, begun = _masks(self._computed(GIVEN, self._estimates()), "finite", "begun")
+        self._finite = finite
+        if finite.all():
             self._seen[:] = True
         else:
             # NaN from the start means that there is no estimate yet.
-            seen = self._seen | np.logical_or.accumulate(~np.isnan(total), axis=0)
+            seen = self._seen | np.logical_or.accumulate(begun, axis=0)
             self._seen = seen[-1]
-            reject(NOT_FINITE, self._alive(here) & seen & ~self._finite, here.start)
-        return np.asarray(self._expected[here] & self._finite)
+            reject(NOT_FINITE, self._alive(here) & seen & ~finite, here.start)
+        return self._expected[here] & finite
 
     def score(self, given: Mask, agreement: Agreement) -> None:
         """Score what waits, of which ``given`` told where it counts.
@@ -136,35 +137,51 @@ class Scorer:
 
     def _taken(self, given: Mask, agreement: Agreement) -> Chunk:
         """What waits, as a chunk."""
-        filled, first = self._filled, self._first
-        self._filled, self._first = 0, first + filled
-        here = slice(first, first + filled)
-        mean, covariance = self._mean[:, :filled], self._covariance[:, :, :filled]
-        shape = (filled, self._objects, self._runs)
+        here, estimates = self._waiting, self._estimates()
+        self._filled, self._first = 0, here.stop
         truth = self._target.state[:, here]
-        course = np.arctan2(mean[3], mean[2]).reshape(shape) - np.arctan2(truth[3], truth[2])
-        # In the place of the mean, which is not needed any more.
-        np.subtract(mean.reshape(4, *shape), truth, out=mean.reshape(4, *shape))
-        error = mean
-        nees, whitened, positive = normalised_square(error, covariance)
-        if not positive.all():
-            reject(NOT_DEFINITE, self._alive(here) & self._finite & ~positive, first)
+        shape = estimates["mean"].shape[1:]
+        held_against = {
+            "truth": truth,
+            "reference": self._target.reference[:, here],
+            "finite": self._finite.reshape(shape),
+            "scored": given.reshape(shape),
+        }
+        found = self._computed(ERRORS, {**estimates, **held_against})
+        definite, bounded = _masks(found, "definite", "bounded")
+        if not definite.all():
+            reject(NOT_DEFINITE, self._alive(here) & ~definite, here.start)
+        if not bounded.all():
+            reject(TOO_LARGE, ~bounded, here.start)
         return Chunk(
             instants=here,
             time=_read_only(self._target.time[here]),
             truth=_read_only(truth),
-            error=_read_only(error),
-            course_error=_read_only(wrap_angle(course).reshape(nees.shape)),
-            covariance=_read_only(covariance),
-            nees=_read_only(nees),
-            whitened=_read_only(whitened),
+            mean=_read_only(estimates["mean"].reshape(4, *given.shape)),
+            covariance=_read_only(estimates["covariance"].reshape(4, 4, *given.shape)),
+            values=_read_only(found["rows"].reshape(-1, *given.shape)),
             scored=_read_only(given),
             agreement=_read_only(agreement),
-            innovations=_read_only(self._innovations),
+            innovations=MappingProxyType({sensor: tuple(each) for sensor, each in self._innovations.items()}),
             repaired=_read_only(self._repaired),
             seconds=self._seconds,
             steps=self._steps,
         )
+
+    @property
+    def _waiting(self) -> slice:
+        """The instants of what waits."""
+        return slice(self._first, self._first + self._filled)
+
+    def _estimates(self) -> dict[str, Array]:
+        """What waits, with the batch axes ``(instants, objects, runs)``."""
+        shape = self._filled, self._objects, self._runs
+        mean, covariance = self._mean[:, : self._filled], self._covariance[:, :, : self._filled]
+        return {"mean": mean.reshape(4, *shape), "covariance": covariance.reshape(4, 4, *shape)}
+
+    def _computed(self, equations: Equations, values: Values) -> dict[str, Array]:
+        with np.errstate(all="ignore"):
+            return self._compute(equations, values)
 
     def _alive(self, instants: slice) -> Mask:
         """``(instants, batch)``"""
@@ -194,9 +211,10 @@ def score_together(scorers: Sequence[Scorer]) -> dict[str, Fault]:
 def _agreement(given: Mapping[str, Mask]) -> Agreement:
     names, masks = list(given), np.stack(list(given.values()))
     everywhere = np.asarray(masks.all(axis=0))
-    instants, members = np.nonzero(masks.any(axis=0) & ~everywhere)
-    if len(instants) == 0:
+    differ = masks.any(axis=0) & ~everywhere
+    if not differ.any():
         return Agreement(frozenset(names), everywhere, {})
+    instants, members = np.nonzero(differ)
     patterns, which = np.unique(masks[:, instants, members], axis=1, return_inverse=True)
     partly = {}
     for number, pattern in enumerate(patterns.T):
@@ -205,14 +223,21 @@ def _agreement(given: Mapping[str, Mask]) -> Agreement:
     return Agreement(frozenset(names), everywhere, partly)
 
 
+def _masks(found: Mapping[str, Any], *names: str) -> list[Mask]:
+    """Masks ``(instants, batch)`` of what was computed ``(instants, objects, runs)``."""
+    return [found[name].reshape(len(found[name]), -1) for name in names]
+
+
 def _read_only(value: Any) -> Any:
     """What a metric may look at and not change, whose owner still may: an array, or a collection of them."""
     if isinstance(value, np.ndarray):
         view = value.view()
         view.flags.writeable = False
         return view
-    if isinstance(value, Target | Innovation | Agreement):
+    if isinstance(value, NAMED):
         return type(value)(*map(_read_only, value))
+    if isinstance(value, list | tuple):
+        return tuple(map(_read_only, value))
     if isinstance(value, Mapping):
         return MappingProxyType({key: _read_only(item) for key, item in value.items()})
-    return tuple(map(_read_only, value)) if isinstance(value, list | tuple) else value
+    return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,19 +18,33 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
         weight: ``(P,)``; a pair of negative weight is never taken.
         run: ``(P,)`` of each pair, ascending.
     """
-    worth = np.flatnonzero(weight > 0.0)
-    track, detection = pairs.track[worth], pairs.detection[worth]
-    alone = (np.bincount(track)[track] == 1) & (np.bincount(detection)[detection] == 1) if len(worth) else worth > 0
-    contested = worth[~alone]
-    taken: list[Indices] = [worth[alone]]
-    for part in _split(contested, run[contested]):
+    rest = np.flatnonzero(weight > 0.0)
+    taken: list[Indices] = []
+    while len(rest):
+        # What outweighs all its rivals together is in every best assignment.
+        track, detection, own = pairs.track[rest], pairs.detection[rest], weight[rest]
+        of_track, of_detection = np.bincount(track, own), np.bincount(detection, own)
+        sure = 3.0 * own > of_track[track] + of_detection[detection]
+        if not sure.any():
+            taken += _by_run(pairs, weight, run, rest)
+            break
+        of_track[track[sure]] = of_detection[detection[sure]] = 0.0
+        taken.append(rest[sure])
+        rest = rest[(of_track[track] > 0.0) & (of_detection[detection] > 0.0)]
+    return np.sort(np.concatenate(taken)) if len(taken) > 1 else (taken or [rest])[0]
+
+
+def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
+    """The best assignment of some pairs, one run after the other."""
+    taken = []
+    for part in np.split(which, np.flatnonzero(np.diff(run[which])) + 1):
         rows, row = np.unique(pairs.track[part], return_inverse=True)
         columns, column = np.unique(pairs.detection[part], return_inverse=True)
         value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
         value[row, column], index[row, column] = weight[part], part
         chosen = index[_solver()(value, maximize=True)]
         taken.append(chosen[chosen >= 0])
-    return np.sort(np.concatenate(taken))
+    return taken
 
 
 def in_order_of_list(pairs: GatedPairs) -> Indices:
@@ -58,11 +71,6 @@ def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices
     found = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
     same = np.flatnonzero(detection[found] == track) if len(order) else found
     return same, found[same]
-
-
-def _split(values: Indices, group: Indices) -> Sequence[Indices]:
-    """``values`` by their group, which ascends."""
-    return np.split(values, np.flatnonzero(np.diff(group)) + 1) if len(values) else []
 
 
 def _solver() -> Any:

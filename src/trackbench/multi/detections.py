@@ -20,8 +20,6 @@ class RunDetections(NamedTuple):
     """``(N,)`` where each stands in the scan of its run."""
     first: Indices
     """``(runs,)`` the first detection of each run."""
-    rank: Indices
-    """``(N,)`` the how-manieth of its run each is."""
 
 
 def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
@@ -29,16 +27,18 @@ def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
 
     Within a run they stand as listed, or sorted by their values, so that the order of the list changes nothing.
     """
-    measurement, valid = scan.measurement, scan.valid
-    most, runs = valid.shape
-    counts = np.count_nonzero(valid, axis=0)
-    if as_listed or most == 0:
-        order = np.broadcast_to(np.arange(most)[:, None], valid.shape)
-    else:
-        # Padding is NaN, which sorts last.
-        order = np.lexsort(measurement[::-1], axis=0)
-    column = order.T[np.arange(most) < counts[:, None]]
+    most, runs = scan.valid.shape
+    flat = scan.measurement.reshape(len(scan.measurement), -1)
+    counts = scan.valid.sum(axis=0)
     run = np.repeat(np.arange(runs), counts)
-    first = np.cumsum(counts) - counts
-    flat = scan._replace(measurement=measurement[:, column, run], valid=np.ones(len(run), dtype=bool))
-    return RunDetections(flat, run, column, first, np.arange(len(run)) - first[run])
+    # Padding comes last, as NaN does when it is sorted.
+    there = np.arange(most) < counts[:, None]
+    if as_listed or most == 0:
+        place = there.nonzero()[1] * runs + run
+    else:
+        place = np.argsort(scan.measurement[0].T, axis=1)[there] * runs + run
+        first = flat[0].take(place)
+        if (first[1:] == first[:-1]).any():
+            place = np.lexsort(scan.measurement[::-1], axis=0).T[there] * runs + run
+    alone = scan._replace(measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool))
+    return RunDetections(alone, run, place // runs, counts.cumsum() - counts)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
+from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.filters import Measured, PredictedMeasurement
+from trackbench.multi.close import close_pairs
 from trackbench.multi.detections import RunDetections
 from trackbench.types import Array, FieldOfView, Indices, Mask, Scan
 from trackbench.units import difference, wrap_angle
@@ -27,11 +30,17 @@ class GatedPairs(NamedTuple):
 
     def select(self, which: Mask) -> GatedPairs:
         """Some of the pairs."""
-        return GatedPairs(self.track[which], self.detection[which], self.distance[which], self.log_likelihood[which])
+        index = np.flatnonzero(which)
+        return GatedPairs._make(part.take(index) for part in self)
 
 
 def gated(
-    predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
+    predicted: PredictedMeasurement,
+    measured: Measured,
+    detections: RunDetections,
+    run: Indices,
+    threshold: float,
+    compute: Compute = by_numpy,
 ) -> GatedPairs:
     """The pairs whose squared Mahalanobis distance is at most ``threshold``.
 
@@ -41,31 +50,58 @@ def gated(
         detections: of all runs.
         run: ``(L,)`` of each track.
         threshold: of chi-square with ``m`` degrees of freedom.
+        compute: how equations are computed.
     """
     track, detection = _close(predicted, measured, detections, run, threshold)
-    distance, log_likelihood = _likelihood(predicted, measured, track, detection)
+    distance, log_likelihood = _likelihood(predicted, measured, track, detection, compute)
     return GatedPairs(track, detection, distance, log_likelihood).select(distance <= threshold)
 
 
-def under_modes(pairs: GatedPairs, predicted: PredictedMeasurement, measured: Measured, prior: Array) -> GatedPairs:
+def under_modes(
+    pairs: GatedPairs,
+    predicted: PredictedMeasurement,
+    measured: Measured,
+    prior: Array,
+    compute: Compute = by_numpy,
+) -> GatedPairs:
     """The pairs, their likelihood that of the mixture of the modes, whose probabilities are ``prior`` ``(M, L)``."""
-    of_mode = [_likelihood(mode, measured, pairs.track, pairs.detection)[1] for mode in predicted.modes]
+    of_mode = [_likelihood(mode, measured, pairs.track, pairs.detection, compute)[1] for mode in predicted.modes]
     joint = np.log(prior[:, pairs.track]) + np.stack(of_mode)
     largest = joint.max(axis=0)
     return pairs._replace(log_likelihood=largest + np.log(np.exp(joint - largest).sum(axis=0)))
 
 
 def _likelihood(
-    predicted: PredictedMeasurement, measured: Measured, track: Indices, detection: Indices
+    predicted: PredictedMeasurement, measured: Measured, track: Indices, detection: Indices, compute: Compute
 ) -> tuple[Array, Array]:
     """``(P,)`` squared Mahalanobis distance and log-likelihood of each pair."""
-    innovation = difference(measured.value[:, detection], predicted.mean[:, track], measured.angular)
-    noise = measured.noise[..., None] if measured.noise.ndim == 2 else measured.noise[..., detection]
-    factor = linalg.cholesky(predicted.covariance[..., track] + noise)
-    whitened = factor.whiten(innovation)
-    distance = np.einsum("ip,ip->p", whitened, whitened)
-    normalised = np.prod(factor.inverse_diagonal, axis=0) * (2 * np.pi) ** (-len(innovation) / 2)
-    return distance, np.log(normalised) - 0.5 * distance
+    noise = measured.noise if measured.noise.ndim == 2 else measured.noise.take(detection, axis=-1)
+    found = compute(
+        _of_pair(measured.angular),
+        {
+            "value": measured.value.take(detection, axis=-1),
+            "noise": noise,
+            "expected": predicted.mean.take(track, axis=-1),
+            "spread": predicted.covariance.take(track, axis=-1),
+        },
+    )
+    return found["distance"], found["log_likelihood"]
+
+
+@cache
+def _of_pair(angular: tuple[int, ...]) -> Equations:
+    """How far a detection is from a track, whatever the number of components."""
+
+    def function(values: Values) -> Values:
+        innovation = difference(values["value"], values["expected"], angular)
+        spread = values["spread"]
+        factor = linalg.cholesky(spread + linalg.expand(values["noise"], spread))
+        whitened = factor.whiten(innovation)
+        distance = np.einsum("i...,i...->...", whitened, whitened)
+        return {"distance": distance, "log_likelihood": factor.log_density(whitened)}
+
+    ranks = {"value": 1, "noise": 2, "expected": 1, "spread": 2}
+    return Equations("distance of a detection from a track", function, ranks, frozenset({"spread"}), key=angular)
 
 
 def _close(
@@ -74,24 +110,17 @@ def _close(
     """Pairs that are close in one component: a gate lies within the box about it, and that is quickly asked."""
     free = [i for i in range(len(measured.value)) if i not in measured.angular]
     axis = free[0] if free else 0
-    listed = np.full((len(detections.first), int(detections.rank.max(initial=-1)) + 1), np.nan)
-    listed[detections.run, detections.rank] = measured.value[axis]
-    noise = measured.noise[axis, axis].max(initial=0.0)
-    reach = np.sqrt(threshold * (predicted.covariance[axis, axis] + noise))
-    away = listed[run] - predicted.mean[axis][:, None]
-    if not free:
-        away = wrap_angle(away)
-    track, rank = np.nonzero(np.abs(away) <= reach[:, None])
-    return track, detections.first[run[track]] + rank
+    noise = measured.noise[axis, axis]
+    largest = noise if noise.ndim == 0 else noise.max(initial=0.0)
+    reach = np.sqrt(threshold * (predicted.covariance[axis, axis] + largest))
+    return close_pairs(predicted.mean[axis], reach, run, measured.value[axis], detections, angular=not free)
 
 
 def in_view(position: Array, scan: Scan) -> Mask:
     """``(L,)`` which positions ``(2, L)`` are in the field of view of the sensor."""
     view = scan.field_of_view or FieldOfView(np.pi, np.inf)
     dx, dy = position[0] - scan.sensor_pose[0], position[1] - scan.sensor_pose[1]
-    seen = np.ones(dx.shape, dtype=bool)
-    if np.isfinite(view.max_range):
-        seen &= dx * dx + dy * dy <= view.max_range**2
+    seen: Mask = dx * dx + dy * dy <= view.max_range * view.max_range
     if view.half_angle < np.pi:
         seen &= np.abs(wrap_angle(np.arctan2(dy, dx) - scan.sensor_pose[2])) <= view.half_angle
     return seen

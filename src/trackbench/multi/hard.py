@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.filters import AnyBelief, Filter, PredictedMeasurement, bare, placed, select, selected_prediction
+from trackbench.filters import AnyBelief
 from trackbench.multi.detections import RunDetections
 from trackbench.multi.intensity import Intensity
 from trackbench.multi.table import NONE
+from trackbench.multi.track_filter import PredictedTracks, TrackFilter
 from trackbench.types import Array, Indices
 
 
 class Situation(NamedTuple):
     """The tracks and the detections of a scan, before they are associated."""
 
-    filter: Filter[Any]
-    belief: AnyBelief
-    """Of the L tracks, predicted to the scan."""
-    predicted: PredictedMeasurement
-    """``(m, L)``"""
+    filter: TrackFilter
+    expected: PredictedTracks
+    """Of the L tracks."""
     detections: RunDetections
     run: Indices
     """``(L,)``"""
@@ -59,20 +58,9 @@ def decided(at: Situation, track: Indices, detection: Indices, log_ratio: Array)
         track, detection: ``(P,)`` the pairs, each track and each detection at most once.
         log_ratio: ``(P,)`` logarithm of the likelihood ratio of each.
     """
-    belief = bare(at.belief)
     of_track, unclaimed = np.full(len(at.run), NONE), np.ones(len(at.detections.run))
     of_track[track], unclaimed[detection] = detection, 0.0
     ratio = np.log(at.miss)
-    if len(track):
-        belief = placed(belief, track, updates(at, track, detection))
-        ratio[track] = log_ratio
+    ratio[track] = log_ratio
+    belief = at.filter.taken_in(at.expected, at.detections.scan, of_track)
     return Association(belief, of_track, unclaimed, ratio)
-
-
-def updates(at: Situation, track: Indices, detection: Indices) -> AnyBelief:
-    """Of P members: the belief of each track after the detection that stands beside it."""
-    scan = at.detections.scan
-    own = scan._replace(measurement=scan.measurement[:, detection], valid=scan.valid[detection])
-    predicted = selected_prediction(at.predicted, track)
-    found: AnyBelief = at.filter.update(select(at.belief, track), own, predicted).belief
-    return found

@@ -65,7 +65,9 @@ class CountLogic:
     size: ClassVar[int] = 3
 
     def begun(self, count: int, existence: Array | None) -> Array:
-        return np.repeat([[1.0], [1.0], [0.0]], count, axis=1)
+        evidence = np.ones((3, count))
+        evidence[2] = 0.0
+        return evidence
 
     def after_time(self, evidence: Array, elapsed: float) -> Array:
         return evidence

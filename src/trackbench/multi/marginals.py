@@ -6,57 +6,70 @@ proportional to the product of the weights of its pairs.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from trackbench.engine.equations import Compute, Equations, by_numpy
 from trackbench.types import Array, Indices
 
 #: Messages are passed until none changes by more than this, relative to the largest that a message can be...
 TOLERANCE = 1e-6
 #: ...or so often.
 MOST_ITERATIONS = 200
+#: Clusters whose enumeration has more terms are computed by NumPy: they are rare, and take long to compile.
+MOST_TERMS = 256
 
 
-def marginals(track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int], max_cluster: int) -> Array:
+def marginals(
+    track: Indices,
+    detection: Indices,
+    weight: Array,
+    sizes: tuple[int, int],
+    max_cluster: int,
+    compute: Compute = by_numpy,
+) -> Array:
     """``(P,)`` association probability of each pair.
 
     Args:
-        track, detection: ``(P,)`` of each pair; pairs that share neither, nor are linked by others, do not compete.
+        track, detection: ``(P,)`` of each pair, sorted by track; pairs that share neither, nor are linked by others, do
+            not compete.
         weight: ``(P,)`` probability of the pair over that of neither being associated.
         sizes: how many tracks and how many detections there are.
         max_cluster: clusters of more tracks and more detections than this are left to belief propagation.
+        compute: how equations are computed.
     """
     tracks, detections = sizes
     found = weight / (1.0 + weight)
-    rivals = (np.bincount(track, minlength=tracks)[track] > 1) | (
-        np.bincount(detection, minlength=detections)[detection] > 1
+    rivals = np.flatnonzero(
+        (np.bincount(track, minlength=tracks)[track] > 1)
+        | (np.bincount(detection, minlength=detections)[detection] > 1)
     )
-    if np.any(rivals):
-        found[rivals] = _of_clusters(track[rivals], detection[rivals], weight[rivals], sizes, max_cluster)
+    if len(rivals):
+        found[rivals] = _of_clusters(track[rivals], detection[rivals], weight[rivals], sizes, max_cluster, compute)
     return found
 
 
-def _of_clusters(track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int], max_cluster: int) -> Array:
-    tracks, detections = sizes
-    cluster = _clusters(track, detection, tracks, detections)
-    track_count = np.bincount(cluster[:tracks], minlength=int(cluster.max()) + 1)
-    detection_count = np.bincount(cluster[tracks:], minlength=len(track_count))
-    of_pair = cluster[track]
+def _of_clusters(
+    track: Indices, detection: Indices, weight: Array, sizes: tuple[int, int], max_cluster: int, compute: Compute
+) -> Array:
+    of_track, of_detection = _clusters(track, detection, sizes)
+    (row, rows), (column, columns) = (_rank(of, len(track)) for of in (of_track, of_detection))
+    cluster = of_track[track]
     found = np.empty(len(track))
-    loopy = np.minimum(track_count, detection_count)[of_pair] > max_cluster
-    if np.any(loopy):
+    loopy = np.minimum(rows, columns)[cluster] > max_cluster
+    if loopy.any():
         found[loopy] = belief_propagation(track[loopy], detection[loopy], weight[loopy], sizes)
-    row, column = _rank(cluster[:tracks]), _rank(cluster[tracks:])
-    shape = track_count * (detections + 1) + detection_count
-    shape_of_pair = np.where(loopy, -1, shape[of_pair])
-    for key in np.unique(shape_of_pair[~loopy]):
-        pairs = np.flatnonzero(shape_of_pair == key)
-        own, place = np.unique(of_pair[pairs], return_inverse=True)
+    shape = np.where(loopy, -1, (rows * (sizes[1] + 1) + columns)[cluster])
+    for key in np.unique(shape):
+        if key < 0:
+            continue
+        pairs = np.flatnonzero(shape == key)
+        own, place = np.unique(cluster[pairs], return_inverse=True)
         at = (row[track[pairs]], column[detection[pairs]], place)
-        dense = np.zeros((*divmod(int(key), detections + 1), len(own)))
+        dense = np.zeros((*divmod(int(key), sizes[1] + 1), len(own)))
         dense[at] = weight[pairs]
-        found[pairs] = enumeration(dense)[at]
+        terms = dense.shape[0] * dense.shape[1] * 2 ** min(dense.shape[:2])
+        by = compute if terms <= MOST_TERMS else by_numpy
+        found[pairs] = by(ENUMERATION, {"weight": dense})["share"][at]
     return found
 
 
@@ -83,7 +96,7 @@ def enumeration(weight: Array) -> Array:
         forward.append(after)
     every = tuple(range(detections))
     total = forward[-1].sum(axis=every)
-    found = np.empty_like(weight)
+    found = np.zeros_like(weight)
     backward = np.ones_like(before)
     for t in reversed(range(tracks)):
         earlier = backward * none[t]
@@ -121,27 +134,31 @@ def _with_detection(detections: int, state: int) -> list[tuple[slice | int, ...]
     return [(slice(None),) * d + (state,) for d in range(detections)]
 
 
-def _clusters(track: Indices, detection: Indices, tracks: int, detections: int) -> Indices:
-    """``(tracks + detections,)`` the number of the cluster of each."""
-    sparse: Any = _sparse()
-    links = (np.ones(len(track), dtype=bool), (track, detection + tracks))
-    graph = sparse.coo_matrix(links, shape=(tracks + detections,) * 2)
-    return np.asarray(sparse.csgraph.connected_components(graph, directed=False)[1], dtype=np.intp)
+#: The same as equations.
+ENUMERATION = Equations(
+    "association probabilities of a cluster",
+    lambda values: {"share": enumeration(values["weight"])},
+    {"weight": 2},
+)
 
 
-def _rank(cluster: Indices) -> Indices:
-    """The how-manieth of its cluster each is."""
+def _clusters(track: Indices, detection: Indices, sizes: tuple[int, int]) -> tuple[Indices, Indices]:
+    """The cluster of each track and of each detection: the least number of its pairs; of no pair where it has none."""
+    label = np.arange(len(track))
+    found = np.full(sizes[0], len(track)), np.full(sizes[1], len(track))
+    while True:
+        before = label
+        for of, which in zip(found, (track, detection), strict=True):
+            np.minimum.at(of, which, label)
+            label = of[which]
+        if np.array_equal(label, before):
+            return found
+
+
+def _rank(cluster: Indices, pairs: int) -> tuple[Indices, Indices]:
+    """The how-manieth of its cluster each is, and how many each cluster has."""
     order = np.argsort(cluster, kind="stable")
-    counts = np.bincount(cluster)
+    counts = np.bincount(cluster, minlength=pairs + 1)
     rank = np.empty_like(cluster)
     rank[order] = np.arange(len(cluster)) - (np.cumsum(counts) - counts)[cluster[order]]
-    return rank
-
-
-def _sparse() -> Any:
-    # A scenario that is only checked need not wait for this import.
-    from scipy import sparse
-    from scipy.sparse import csgraph
-
-    assert csgraph
-    return sparse
+    return rank, counts

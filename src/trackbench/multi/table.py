@@ -35,7 +35,8 @@ class TrackTable(NamedTuple):
     def select(self, which: Mask | Indices) -> TrackTable:
         """Some of the tracks."""
         belief = select(self.belief, which)
-        return TrackTable._make(part[..., which] if isinstance(part, np.ndarray) else belief for part in self)
+        index = np.flatnonzero(which) if which.dtype == bool else which
+        return TrackTable._make(part.take(index, axis=-1) if isinstance(part, np.ndarray) else belief for part in self)
 
 
 def empty(filter: Filter[Any], evidence: int) -> TrackTable:
@@ -49,14 +50,15 @@ def empty(filter: Filter[Any], evidence: int) -> TrackTable:
     return TrackTable(none, none, filter.begin(nothing), np.zeros(0), np.zeros((evidence, 0)), none, none)
 
 
-def joined(table: TrackTable, more: TrackTable, runs: int) -> TrackTable:
-    """Both, the tracks of a run together and ``more`` behind the others."""
+def succeeded(table: TrackTable, kept: Mask, more: TrackTable, runs: int) -> TrackTable:
+    """The tracks that are kept, ``(L,)``, and ``more``, the tracks of a run together and ``more`` behind the others."""
     belief = concatenated(table.belief, more.belief)
     both = TrackTable._make(
         np.concatenate([part, other], axis=-1) if isinstance(part, np.ndarray) else belief
         for part, other in zip(table, more, strict=True)
     )
-    return both if runs == 1 else both.select(np.argsort(both.run, kind="stable"))
+    order = np.concatenate([np.flatnonzero(kept), np.arange(len(kept), len(both.run))])
+    return both.select(order if runs == 1 else order[np.argsort(both.run[order], kind="stable")])
 
 
 def rank_in_run(run: Indices, runs: int) -> Indices:
@@ -86,18 +88,22 @@ def reported(table: TrackTable, filter: Filter[Any], existence: Array | None, ru
         runs: how many.
     """
     which = np.flatnonzero(table.id != NONE)
-    run = table.run[which]
-    mean, covariance = filter.cartesian(select(table.belief, which))
-    probability = None if existence is None else existence[which]
-    place = (rank_in_run(run, runs), run)
-    shape = (int(place[0].max(initial=-1)) + 1, runs)
+    shape, missing = (len(which), 1), None
+    if runs > 1:
+        run = table.run[which]
+        rank = rank_in_run(run, runs)
+        shape = (int(rank.max(initial=-1)) + 1, runs)
+        place = np.full(shape, NONE)
+        place[rank, run] = which
+        which = place.reshape(-1)
+        missing = np.flatnonzero(which == NONE)
+        which[missing] = 0
 
     def padded(values: Any) -> Any:
-        full = np.full((*values.shape[:-1], *shape), NONE if values.dtype.kind == "i" else np.nan)
-        full[(..., *place)] = values
-        return full
+        if missing is not None:
+            values[..., missing] = NONE if values.dtype.kind == "i" else np.nan
+        return values.reshape(*values.shape[:-1], *shape)
 
-    given: tuple[Any, ...] = (table.id[which], mean, covariance, probability, table.used[which])
-    if runs == 1:
-        return Tracks._make(None if part is None else part[..., None] for part in given)
-    return Tracks._make(None if part is None else padded(part) for part in given)
+    mean, covariance = map(padded, filter.cartesian(select(table.belief, which)))
+    probability = None if existence is None else padded(existence.take(which))
+    return Tracks(padded(table.id.take(which)), mean, covariance, probability, padded(table.used.take(which)))

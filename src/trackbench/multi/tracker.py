@@ -10,21 +10,24 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from trackbench.distributions import chi_square_quantile
+from trackbench.engine.choice import Engine, compute_by, used
+from trackbench.engine.equations import Compute
+from trackbench.engine.used import EngineUsed
 from trackbench.filters import AnyBelief, Belief, Filter, MultiModelBelief, bare, choose
 from trackbench.multi import assign
 from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
-from trackbench.multi.gate import GatedPairs, gated, in_view, under_modes
+from trackbench.multi.gate import GatedPairs, gated, under_modes
 from trackbench.multi.hard import Association, Situation, decided
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
 from trackbench.multi.soft import weighed
-from trackbench.multi.table import NONE, TrackTable, empty, joined, numbered, reported
+from trackbench.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
+from trackbench.multi.track_filter import PredictedTracks, TrackFilter, detections_of
 from trackbench.multi.undetected import Undetected
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.config import AdvanceAt
-from trackbench.trackers.initial import from_first
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod, Taken, kept, position, replayed
 from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks
@@ -46,7 +49,7 @@ class MultiObjectState(NamedTuple):
     next_id: Indices
     """``(runs,)``"""
     undetected: Undetected
-    history: tuple[Taken[MultiObjectState], ...] = ()
+    history: tuple[Taken[MultiObjectState, Tracks], ...] = ()
     """The latest scans that were taken in."""
 
 
@@ -69,6 +72,7 @@ class MultiObjectTracker:
     """What becomes of a scan that is older than the state."""
     lag_s: float = 1.0
     """How far back a late scan may reach, s."""
+    engine: Engine = "numpy"
 
     batched: ClassVar = True
     multi_object: ClassVar = True
@@ -77,6 +81,29 @@ class MultiObjectTracker:
     def wants_origins(self) -> bool:
         """Whether ``step`` is to be told which object caused each detection."""
         return self.associate.method == "oracle"
+
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        return used(self._filter)
+
+    @cached_property
+    def _filter(self) -> Filter[Any]:
+        """The filter as the engine computes it."""
+        return self._track_filter.filter
+
+    @cached_property
+    def _compute(self) -> Compute:
+        return compute_by(self.engine)
+
+    @cached_property
+    def _track_filter(self) -> TrackFilter:
+        if self.engine == "numpy":
+            return TrackFilter(self.filter, self.initial)
+        # Its import takes a moment.
+        from trackbench.multi.fused_tracks import FusedTrackFilter
+
+        return FusedTrackFilter(self.filter, self.initial)
 
     def step(
         self, state: MultiObjectState | None, scan: Scan, origins: Indices | None = None
@@ -117,18 +144,18 @@ class MultiObjectTracker:
         before = state._replace(history=())
         after, answer = self._in_sequence(before, scan, origins)
         if self.late == "replay" and self.lag_s > 0.0:
-            taken = Taken(before, scan, origins)
+            taken = Taken(before, scan, origins, answer)
             after = after._replace(history=kept(self._in_sequence, state.history, taken, self.lag_s))
         return after, answer
 
     def _in_sequence(
         self, state: MultiObjectState, scan: Scan, origins: Indices | None
     ) -> tuple[MultiObjectState, Tracks]:
-        ahead, belief = self._predicted(state, scan.time)
-        return self._after(ahead, belief, scan, origins)
+        expected = self._track_filter.expect(state.table.belief, scan.time - state.time, scan)
+        return self._after(self._at(state, scan.time), expected, scan, origins)
 
     def _asked(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
-        ahead, _ = self._predicted(state, time)
+        ahead = self._predicted(state, time)
         table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
         return ahead, self._tracks(table, len(ahead.next_id))
 
@@ -137,7 +164,7 @@ class MultiObjectTracker:
         state = state or self._nothing_yet(time, run + 1)
         own = np.flatnonzero(state.table.run == run)
         table = state.table.select(own)._replace(run=np.zeros(len(own), dtype=np.intp), used=np.full(len(own), NONE))
-        ahead, _ = self._predicted(state._replace(table=table), time)
+        ahead = self._predicted(state._replace(table=table), time)
         return _alone(self._tracks(ahead.table, 1))
 
     def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
@@ -145,28 +172,35 @@ class MultiObjectTracker:
         undetected = Undetected(self.associate.undetected, {})
         return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), undetected)
 
-    def _predicted(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, AnyBelief]:
-        """The state at a later time, and the belief with what the filter can reuse for its update."""
+    def _predicted(self, state: MultiObjectState, time: float) -> MultiObjectState:
+        """The state at a later time."""
+        ahead = self._at(state, time)
+        belief = state.table.belief
+        if len(state.table.run):
+            belief = bare(self._filter.predict(belief, time - state.time))
+        return ahead._replace(table=ahead.table._replace(belief=belief))
+
+    def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
+        """The state at a later time, but for the beliefs."""
         elapsed, table, config = time - state.time, state.table, self.associate
         survival = float(np.exp(-elapsed / config.lifetime_s))
         undetected = state.undetected.after_time(survival, config.birth_rate_hz * elapsed)
-        belief = table.belief
-        if len(table.run):
-            belief = self.filter.predict(belief, elapsed)
-        table = table._replace(belief=bare(belief), evidence=self._logic.after_time(table.evidence, elapsed))
-        return MultiObjectState(time, table, state.next_id, undetected), belief
+        table = table._replace(evidence=self._logic.after_time(table.evidence, elapsed))
+        return MultiObjectState(time, table, state.next_id, undetected)
 
     def _after(
-        self, ahead: MultiObjectState, belief: AnyBelief, scan: Scan, origins: Indices | None
+        self, ahead: MultiObjectState, expected: PredictedTracks, scan: Scan, origins: Indices | None
     ) -> tuple[MultiObjectState, Tracks]:
         config, runs = self.associate, len(ahead.next_id)
         detections = side_by_side(scan, as_listed=config.method == "naive")
         origin = None if origins is None else origins[detections.column, detections.run]
-        at = self._situation(ahead, belief, detections)
+        at = self._situation(ahead, expected, detections)
         found = self._associated(at, ahead.table, origin)
-        table = self._judged(ahead.table, found, at)
+        table, ends = self._judged(ahead.table, found, at)
         if self.initial.sensors is None or scan.sensor in self.initial.sensors:
-            table = joined(table, self._begun(at, found.unclaimed, origin), runs)
+            table = succeeded(table, ~ends, self._begun(at, found.unclaimed, origin), runs)
+        else:
+            table = table.select(~ends)
         confirmed = (table.id != NONE) | self._logic.confirms(table.evidence)
         table, next_id = numbered(table, confirmed, ahead.next_id)
         undetected = ahead.undetected
@@ -174,19 +208,18 @@ class MultiObjectTracker:
             undetected = undetected.after_scan(scan, self._stated_probability(scan))
         return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
 
-    def _situation(self, ahead: MultiObjectState, belief: AnyBelief, detections: RunDetections) -> Situation:
-        scan, run = detections.scan, ahead.table.run
-        position = self.filter.cartesian(belief).mean[:2]
-        predicted = self.filter.predict_measurement(belief, scan)
-        expected = intensity(
+    def _situation(self, ahead: MultiObjectState, expected: PredictedTracks, detections: RunDetections) -> Situation:
+        scan = detections.scan
+        density = intensity(
             scan,
-            len(predicted.mean),
+            len(expected.measurement.mean),
             self.associate,
             ahead.undetected.in_view(scan.sensor),
             self.initial.velocity_sigma_mps,
         )
-        probability = np.where(in_view(position, scan), self._stated_probability(scan), 0.0)
-        return Situation(self.filter, belief, predicted, detections, run, probability, self.associate.gate, expected)
+        probability = np.where(expected.in_view, self._stated_probability(scan), 0.0)
+        run, gate = ahead.table.run, self.associate.gate
+        return Situation(self._track_filter, expected, detections, run, probability, gate, density)
 
     def _associated(self, at: Situation, table: TrackTable, origin: Indices | None) -> Association:
         config, probability = self.associate, self._stated_probability(at.detections.scan)
@@ -194,9 +227,11 @@ class MultiObjectTracker:
             assert origin is not None
             return _by_origin(at, table.origin, origin)
         measured = self.filter.measured(at.detections.scan)
-        pairs = gated(at.predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)))
-        if isinstance(at.belief, MultiModelBelief):
-            pairs = under_modes(pairs, at.predicted, measured, at.belief.probability)
+        belief, predicted, _ = at.expected
+        threshold, compute = _threshold(config.gate, len(measured.value)), self._compute
+        pairs = gated(predicted, measured, at.detections, at.run, threshold, compute)
+        if isinstance(belief, MultiModelBelief):
+            pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
         # What is in a gate was in view, whatever the sensor states.
         at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
         if config.method in EXISTENCE:
@@ -211,7 +246,7 @@ class MultiObjectTracker:
             return self._established(at, pairs, table.id != NONE, density)
         if config.method == "pmb":
             density += at.intensity.new_objects * probability
-        return weighed(at, pairs, table.evidence, density, config.max_cluster)
+        return weighed(at, pairs, table.evidence, density, config.max_cluster, compute)
 
     def _nearest(self, at: Situation, pairs: GatedPairs) -> Association:
         ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
@@ -225,7 +260,7 @@ class MultiObjectTracker:
         again and again.
         """
         shared = confirmed[pairs.track]
-        first = weighed(at, pairs.select(shared), None, density, self.associate.max_cluster)
+        first = weighed(at, pairs.select(shared), None, density, self.associate.max_cluster, self._compute)
         rest = pairs.select(~shared & (first.unclaimed[pairs.detection] > CLAIMED))
         second = self._nearest(at, rest)
         return Association(
@@ -235,20 +270,19 @@ class MultiObjectTracker:
             np.where(confirmed, first.log_ratio, second.log_ratio),
         )
 
-    def _judged(self, before: TrackTable, found: Association, at: Situation) -> TrackTable:
-        """The tracks after the scan, without those that end."""
+    def _judged(self, before: TrackTable, found: Association, at: Situation) -> tuple[TrackTable, Mask]:
+        """The tracks after the scan, and which of them end."""
         hit, detections, time = found.detection != NONE, at.detections, at.detections.scan.time
         visible = at.detection_probability > 0.0
         evidence = self._logic.after_scan(before.evidence, Judged(hit, visible | hit, found.log_ratio, found.existence))
-        used = np.full(len(hit), NONE)
-        used[hit] = detections.column[found.detection[hit]]
+        used, which = np.full(len(hit), NONE), np.flatnonzero(hit)
+        used[which] = detections.column.take(found.detection.take(which))
         seen = np.where(hit, time, before.seen)
         confirmed = before.id != NONE
         ends = self._logic.deletes(evidence, confirmed) | (time - seen > self.associate.delete_after_s - SAME_TIME)
         if self.associate.method in SHARING:
             ends |= duplicates(found.detection, confirmed, *self._compared(found.belief))
-        after = before._replace(belief=found.belief, evidence=evidence, used=used, seen=seen)
-        return after.select(~ends)
+        return before._replace(belief=found.belief, evidence=evidence, used=used, seen=seen), ends
 
     def _begun(self, at: Situation, unclaimed: Array, origin: Indices | None) -> TrackTable:
         """A track for each detection that probably stems from none."""
@@ -263,8 +297,7 @@ class MultiObjectTracker:
         if origin is not None:
             which &= origin >= 0
         own = np.flatnonzero(which)
-        of = scan._replace(measurement=scan.measurement[:, own], valid=scan.valid[own])
-        belief = self.filter.begin(lambda motion: from_first(motion, self.initial, of))
+        belief = self._track_filter.begin(detections_of(scan, own))
         return TrackTable(
             at.detections.run[own],
             np.full(len(own), NONE),
@@ -280,13 +313,13 @@ class MultiObjectTracker:
         return self.associate.detection_probability.get(scan.sensor, stated)
 
     def _tracks(self, table: TrackTable, runs: int) -> Tracks:
-        return reported(table, self.filter, self._existence(table), runs)
+        return reported(table, self._filter, self._existence(table), runs)
 
     def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
         """The states in which tracks are compared, and which components are angles: that of the only motion model."""
         if isinstance(belief, Belief):
             return Gaussian(belief.mean, belief.covariance), self.filter.motions[0].angular
-        return self.filter.cartesian(belief), ()
+        return self._filter.cartesian(belief), ()
 
     def _existence(self, table: TrackTable) -> Array | None:
         return None if self.associate.method in COUNTING else table.evidence[0]
@@ -308,8 +341,8 @@ def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
     """The tracks with the detections that they took of the late scan, of which another answer tells."""
     assert late.used is not None
     found = np.full(tracks.ids.shape, NONE)
-    for ids, used in zip(late.ids, late.used, strict=True):
-        found = np.where((tracks.ids == ids) & (ids != NONE), used, found)
+    for ids, column in zip(late.ids, late.used, strict=True):
+        found = np.where((tracks.ids == ids) & (ids != NONE), column, found)
     return tracks._replace(used=found)
 
 

@@ -32,7 +32,7 @@ class Undetected(NamedTuple):
     """
 
     unseen: float
-    """Expected number in a view into which no sensor has looked yet."""
+    """PredictedTracks number in a view into which no sensor has looked yet."""
     views: Mapping[str, View]
     """By sensor."""
 

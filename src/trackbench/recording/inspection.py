@@ -74,6 +74,7 @@ class RecordedContents:
             "duration_s": summary.truth.duration_s,
             "fingerprint": summary.fingerprint,
             "versions": summary.versions,
+            "engine": summary.engine,
             "rows": self.rows,
             "sensors": {name: asdict(sensor) for name, sensor in self.sensors.items()},
         }

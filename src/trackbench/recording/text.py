@@ -75,7 +75,7 @@ def about(result: Result) -> str:
         f"- measurements: fingerprint `{summary.fingerprint}`",
         *legend(summary.trackers, summary.sensors),
         *("", "### Again", "", f"`{summary.command}`", ""),
-        ", ".join(f"{name} {version}" for name, version in summary.versions.items()),
+        summary.made_with,
     ]
     return "\n".join(lines)
 

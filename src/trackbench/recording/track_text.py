@@ -46,7 +46,7 @@ def _about(result: Result) -> Iterator[str]:
         yield f"- **{tracker.name}**: {', '.join(filter(None, (tracker.association, tracker.describe)))}"
     yield from ("", "### Sensors", "", *(sensor_line(name, sensor) for name, sensor in summary.sensors.items()))
     yield from ("", "### Again", "", f"`{summary.command}`", "")
-    yield ", ".join(f"{name} {version}" for name, version in summary.versions.items())
+    yield summary.made_with
 
 
 def _table(

@@ -151,4 +151,5 @@ def _properties(summary: Summary) -> rr.AnyValues:
         recorded_run=summary.recorded_run,
         fingerprint=summary.fingerprint,
         versions=[f"{name} {version}" for name, version in summary.versions.items()],
+        engine=summary.engine,
     )

@@ -7,6 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from trackbench.engine.used import ComputedBy
 from trackbench.results.metric_value import Part
 from trackbench.results.scenario_summary import ReferenceSummary, ScenarioSummary, SensorSummary, TruthSummary
 from trackbench.results.score_summary import ScoreSummary
@@ -78,7 +79,8 @@ class Summary(Part):
     runs: int = Field(ge=1)
     """Of all scenes together."""
     versions: dict[str, str]
-    engine: str = "numpy"
+    engine: ComputedBy = "numpy"
+    """What computed the built-in trackers; results of earlier versions do not say it and were computed by NumPy."""
     command: str
     identities: Literal["known", "hidden"] = "known"
     """hidden: scans do not say of which objects they are, and the result is one of tracks."""
@@ -112,6 +114,17 @@ class Summary(Part):
             "role": ["target", OBSERVER],
         }
         return TableLayout(names, self.truth.objects, hidden)
+
+    @property
+    def made_with(self) -> str:
+        """The versions and the engine, in a line."""
+        versions = ", ".join(f"{name} {number}" for name, number in self.versions.items())
+        return f"{versions}; {self.engine_in_words}"
+
+    @property
+    def engine_in_words(self) -> str:
+        """Such as "numpy engine"."""
+        return f"{self.engine} {'engines' if ' and ' in self.engine else 'engine'}"
 
     @property
     def held_against(self) -> ReferenceSummary:

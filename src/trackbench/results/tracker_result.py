@@ -7,6 +7,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 
+from trackbench.engine.used import ComputedBy
 from trackbench.results.metric_value import MetricsByPath, MetricValue, Part, flat_metrics, nested_metrics
 
 #: How a tracker associates that knows the true origin of each detection.
@@ -88,6 +89,8 @@ class TrackerResult(Part):
     """How a built-in tracker of several objects associates; None of any other."""
     smoother: str | None = None
     """Of a built-in filter whose estimates are made of all measurements of the run; None of any other tracker."""
+    engine: ComputedBy | None = None
+    """What computed a built-in filter; None of any other tracker, and in results that do not say it."""
     failed: Failure | None
     metrics: Metrics
     """By dotted path, such as ``position_rmse``, ``rmse.px`` or ``nis.front_radar``."""

@@ -16,6 +16,7 @@ from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
 from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
+from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.expectations import judge
 from trackbench.runner.mode_tables import mode_tables
@@ -61,6 +62,7 @@ def assemble(
             acceleration_changes="each truth step" if work.acceleration_as_drawn else "each measurement",
             velocity_sigma_mps=work.velocity_sigma,
         ),
+        engine=engine_of_all(work, assembly.engines),
         common_share=found.common_share,
         metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
         trackers=trackers,
@@ -68,6 +70,8 @@ def assemble(
         differences=pairs,
         expectations=judge(scenario.expect, trackers, pairs, work.min_coverage),
     )
+    for name, used in assembly.engines.items():
+        log_left_to_numpy(work.scenario, name, used)
     _log_broken(found.evaluations)
     return Result(summary, Tables(assembly.tables()))
 
@@ -79,6 +83,7 @@ class _Assembly:
         self._work = work
         self._blocks = blocks
         self.found = evaluated(work, blocks)
+        self.engines = engines_of(work, blocks)
 
     def tracker(self, name: str) -> TrackerResult:
         """The entry of one tracker."""
@@ -88,11 +93,13 @@ class _Assembly:
             describe(config, self._work.late_sensors),
             config.smoother if isinstance(config, FilterConfig) else None,
         )
+        engine = self.engines[name].engine if name in self.engines else None
         if failure is not None:
             return TrackerResult(
                 name=name,
                 describe=described,
                 smoother=smoother,
+                engine=engine,
                 failed=failure,
                 metrics=no_metrics("the tracker failed", self._work.metrics),
                 health=Health(non_finite_estimates=int(failure.cause == NOT_FINITE)),
@@ -102,6 +109,7 @@ class _Assembly:
             name=name,
             describe=described,
             smoother=smoother,
+            engine=engine,
             failed=None,
             metrics=evaluation.values,
             health=health(self.found.scores[name]),

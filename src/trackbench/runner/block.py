@@ -9,12 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.engine.choice import compute_by
+from trackbench.engine.used import EngineUsed
 from trackbench.metrics import BlockScores, Scorer, Sums, score_together
 from trackbench.metrics.consistency import whitened_innovation
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
+from trackbench.runner.engines import engine_of
 from trackbench.runner.modes import ModeSums
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
@@ -43,6 +46,8 @@ class Block:
     """Those of the recorded run, if it is in this block; batch axis ``(objects,)``."""
     detections: dict[str, Array]
     digests: list[bytes]
+    engines: dict[str, EngineUsed]
+    """By built-in tracker, what computed it."""
 
     @property
     def scores(self) -> dict[str, BlockScores | Failure]:
@@ -97,7 +102,8 @@ def run_block(
     sums = {name: tracker.close() for name, tracker in trackers.items()}
     recorded = {name: tracker.recorded for name, tracker in trackers.items() if tracker.recorded is not None}
     modes = {name: tracker.modes for name, tracker in trackers.items() if tracker.modes is not None}
-    return Block(piece, sums, recorded, modes, scans, measurements.detections, measurements.digests)
+    engines = {name: tracker.engine for name, tracker in trackers.items() if tracker.engine is not None}
+    return Block(piece, sums, recorded, modes, scans, measurements.detections, measurements.digests, engines)
 
 
 def _score(trackers: Sequence[TrackerRun]) -> None:
@@ -126,6 +132,8 @@ class TrackerRun:
         scene = work.scenes[piece.scene]
         self.name = name
         self.failure: Failure | None = None
+        self.engine: EngineUsed | None = None
+        """Known once it is closed, of a built-in tracker."""
         self._work, self._piece, self._scene, self._runs, self._kept = work, piece, scene, piece.runs, kept
         self._target = targets.of(config)
         self.scorer = Scorer(
@@ -136,6 +144,7 @@ class TrackerRun:
             first=piece.scene == piece.runs.start == 0,
             single=work.runs == len(work.scenes) == 1,
             metrics=work.metrics,
+            compute=compute_by(work.engine_here),
         )
         objects, instants = len(scene.truth.ids), len(self._target.time)
         batch = objects * len(self._runs)
@@ -215,6 +224,7 @@ class TrackerRun:
             self.fail(fault_of(error), instant, scan.sensor)
         finally:
             if stepper is not None:
+                self.engine = engine_of(work, stepper)
                 stepper.close()
 
     def _reads(self, sensor: str) -> bool:

@@ -40,7 +40,7 @@ def stepper_of(
 
 
 def primed(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
-    """The tracker, given its first states drawn from the truth if that is how it starts.
+    """The tracker with the engine of the work, given its first states drawn from the truth if that is how it starts.
 
     Args:
         work: what all blocks share.
@@ -50,6 +50,7 @@ def primed(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1
     """
     scene, runs = work.scenes[piece.scene], piece.runs
     truth = scene.truth
+    tracker = replace(tracker, engine=work.engine_here)
     if not any(sensor.config.latency[1] for sensor in scene.sensors):
         # Nothing comes late, and no past state needs to be kept.
         tracker = replace(tracker, lag_s=0.0)

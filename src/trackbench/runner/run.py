@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import Any
 
+from trackbench.engine.choice import EngineName
 from trackbench.execution import InProcess
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
@@ -30,28 +31,36 @@ def run(
     *,
     executor: Executor | None = None,
     isolation: Isolation = ISOLATED,
+    engine: EngineName = "auto",
     command: str = "",
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
 ) -> Result:
     """The result of a scenario.
 
-    The same wherever it is made, to the last bit, but for the times.
+    That of an engine is the same wherever it is made, to the last bit, but for the times.
 
     Args:
         loaded: the scenario.
         truths: those of its scenes.
         executor: what makes the blocks of runs; this process unless given.
         isolation: how trackers that are not built in are kept apart.
+        engine: what computes.
         command: what reproduces the result.
         progress: called with the number of runs done and of all.
         on_recorded_run: called with the recorded run while it is made; it should return at once.
 
     Raises:
+        InputError: the engine cannot be had.
         TrackbenchError: the processes that make the runs died.
     """
     pending = PendingRun(
-        loaded, truths, executor or InProcess(), isolation=isolation, observed=on_recorded_run is not None
+        loaded,
+        truths,
+        executor or InProcess(),
+        isolation=isolation,
+        engine=engine,
+        observed=on_recorded_run is not None,
     )
     return pending.collect(command, progress, on_recorded_run)
 
@@ -64,6 +73,7 @@ class PendingRun:
         truths: those of its scenes.
         executor: what makes the blocks of runs.
         isolation: how trackers that are not built in are kept apart.
+        engine: what computes.
         observed: whether the recorded run is looked at.
         alone: whether no other scenario is run at the same time.
     """
@@ -75,11 +85,12 @@ class PendingRun:
         executor: Executor,
         *,
         isolation: Isolation = ISOLATED,
+        engine: EngineName = "auto",
         observed: bool = False,
         alone: bool = True,
     ) -> None:
         self._loaded, self._truths = loaded, truths
-        self._work = work_of(loaded, truths, isolation)
+        self._work = work_of(loaded, truths, isolation, engine)
         self._begin = time.perf_counter()
         self._blocks = PendingBlocks(loaded, self._work, self._work.pieces(), executor, observed=observed, alone=alone)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trackbench.engine.used import ComputedBy
 from trackbench.models.sensors import Sensor
 from trackbench.results import Summary, TrackerResult
 from trackbench.results.scenario_summary import (
@@ -46,6 +47,7 @@ def summarised(
     errors: Mapping[str, Array],
     detected: Mapping[str, float],
     reference: ReferenceSummary | None,
+    engine: ComputedBy,
     common_share: float | None,
     metrics: list[OwnMetricSummary],
     trackers: list[TrackerResult],
@@ -59,6 +61,7 @@ def summarised(
         errors: by ranked tracker ``(scenes,)`` its error in each.
         detected: by sensor, its number of detections.
         reference: None where identities are hidden.
+        engine: that computed the trackers.
     """
     scenario = loaded.config
     instants = [scene.truth.time[scene.instants()] for scene in work.scenes]
@@ -74,6 +77,7 @@ def summarised(
         seed=work.seed,
         runs=work.runs * len(work.scenes),
         versions={"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        engine=engine,
         command=command,
         fingerprints=[digest.hex()[:16] for block in blocks for digest in block.digests],
         truth=_truth(truths, work, scenario.truth.scenes(), errors),

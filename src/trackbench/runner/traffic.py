@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from trackbench.engine.used import EngineUsed
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
+from trackbench.runner.engines import engine_of
 from trackbench.runner.traffic_sums import TrafficSums
 from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
@@ -72,6 +74,8 @@ class TrafficBlock:
     """Those of the recorded run, if it is in this block."""
     origins: list[Indices] = field(default_factory=list)
     """Of their detections."""
+    engines: dict[str, EngineUsed] = field(default_factory=dict)
+    """By built-in tracker, what computed it."""
 
 
 def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_progress, _: object = None) -> TrafficBlock:
@@ -87,11 +91,16 @@ def run_traffic_block(work: Work, piece: BlockRuns, progress: Progress = no_prog
     hidden = sense_hidden(scene.sensors, work.seed, work.noise_of(piece.scene), runs)
     due = scene.due
     kept = work.recorded_run - runs.start if work.has_recorded_run(piece) else None
-    scores = {}
+    scores, engines = {}, {}
     for number, name in enumerate(work.trackers):
-        scores[name] = _Passage(work, piece, name, hidden, due, kept).scores()
+        passage = _Passage(work, piece, name, hidden, due, kept)
+        scores[name] = passage.scores()
+        if passage.engine is not None:
+            engines[name] = passage.engine
         progress((number + 1) / len(work.trackers) * len(runs), len(runs))
-    found = TrafficBlock(piece, scores, hidden.digests, _counts(hidden), np.zeros((0, 0), dtype=np.int8))
+    found = TrafficBlock(
+        piece, scores, hidden.digests, _counts(hidden), np.zeros((0, 0), dtype=np.int8), engines=engines
+    )
     if kept is not None:
         found.scans = [scan_of_run(scan, kept) for scan in hidden.scans]
         pairs = zip(hidden.scans, hidden.origins, strict=True)
@@ -115,13 +124,16 @@ class _Passage:
         self._predicted: dict[int, dict[int, Tracks]] = {run: {} for run in self._asked}
         self._seconds, self._timed, self._timed_from = 0.0, 0, int(UNTIMED * len(hidden.scans))
         self._options = TrafficScoreOptions(cutoff=work.cutoff or 5.0)
+        self.engine: EngineUsed | None = None
+        """Known once it was taken through, of a built-in tracker."""
 
     def scores(self) -> TrafficScores | Failure:
         """Those of each run; or why the tracker cannot go on."""
         instant, scan = 0, self._hidden.scans[0]
         try:
+            work = self._work
             stepper = start_tracks(
-                self._work.trackers[self._name], self._work.folder, len(self._piece.runs), self._work.isolation
+                work.trackers[self._name], work.folder, len(self._piece.runs), work.isolation, work.engine_here
             )
         except Exception as error:
             return self._failure(fault_of(error), 0, None)
@@ -149,6 +161,7 @@ class _Passage:
         except BaseException as error:
             return self._failure(self._explained(fault_of(error)), instant, scan.sensor)
         finally:
+            self.engine = engine_of(work, stepper)
             stepper.close()
         return self._scored()
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.engine.used import ComputedBy
 from trackbench.metrics.differences import differences
 from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
 from trackbench.metrics.stored import from_sums
@@ -14,6 +15,7 @@ from trackbench.results import Failure, Health, MetricValue, Result, Tables, Tra
 from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
 from trackbench.runner import traffic_tables
 from trackbench.runner.describe import describe
+from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
 from trackbench.runner.expectations import judge
 from trackbench.runner.summary import summarised
 from trackbench.runner.traffic import TrafficBlock, TrafficScores
@@ -90,7 +92,13 @@ def assemble_traffic(
     pairs = (
         differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
     )
-    trackers = [_tracker(work, name, failures, found) for name in work.trackers]
+    engines = engines_of(work, blocks)
+    for name, used in engines.items():
+        log_left_to_numpy(work.scenario, name, used)
+    trackers = [
+        _tracker(work, name, failures, found, engines[name].engine if name in engines else None)
+        for name in work.trackers
+    ]
     summary = summarised(
         loaded,
         truths,
@@ -103,6 +111,7 @@ def assemble_traffic(
             for sensor in work.scenes[0].sensors
         },
         reference=None,
+        engine=engine_of_all(work, engines),
         common_share=None,
         metrics=summaries,
         trackers=trackers,
@@ -139,7 +148,13 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
     return found
 
 
-def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[str, TrafficEvaluation]) -> TrackerResult:
+def _tracker(
+    work: Work,
+    name: str,
+    failures: dict[str, Failure],
+    found: dict[str, TrafficEvaluation],
+    engine: ComputedBy | None,
+) -> TrackerResult:
     config = work.trackers[name]
     described, associate = describe(config, work.late_sensors), getattr(config, "associate", None)
     method = None if associate is None else associate.method
@@ -147,7 +162,13 @@ def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[st
         reason = "the tracker failed"
         metrics = {path: MetricValue(unit=metric.unit or "1", reason=reason) for path, metric in METRICS.items()}
         return TrackerResult(
-            name=name, describe=described, association=method, failed=failures[name], metrics=metrics, health=Health()
+            name=name,
+            describe=described,
+            association=method,
+            engine=engine,
+            failed=failures[name],
+            metrics=metrics,
+            health=Health(),
         )
     evaluation = found[name]
     health = Health(reused_ids=evaluation.reused_ids)
@@ -157,6 +178,7 @@ def _tracker(work: Work, name: str, failures: dict[str, Failure], found: dict[st
         name=name,
         describe=described,
         association=method,
+        engine=engine,
         failed=None,
         metrics=evaluation.values,
         health=health,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
+from trackbench.engine.choice import EngineName
 from trackbench.errors import InputError
 from trackbench.execution import InProcess
 from trackbench.metrics.intervals import paired
@@ -38,6 +39,7 @@ def run_until(
     *,
     executor: Executor | None = None,
     isolation: Isolation = ISOLATED,
+    engine: EngineName = "auto",
     command: Callable[[Scenario], str],
     progress: Progress = no_progress,
     on_recorded_run: OnRecordedRun | None = None,
@@ -55,13 +57,19 @@ def run_until(
         max_runs: where to stop whatever the precision.
         executor: what makes the blocks of runs; this process unless given.
         isolation: how trackers that are not built in are kept apart.
+        engine: what computes.
         command: what reproduces the result of a scenario.
         progress: called with the number of runs done and of those until the next look.
         on_recorded_run: called with the recorded run while it is made, which is among those of the first look.
     """
     blocks: list[Block] = []
+    before: Work | None = None
     while True:
-        work = work_of(loaded, truths, isolation)
+        work = work_of(loaded, truths, isolation, engine)
+        if before is not None and work.engine != before.engine:
+            # So many runs are computed by another engine.
+            blocks = []
+        before = work
         # A block that was cut short by the end of the runs is made anew, as it would be with more runs.
         known = {block.piece: block for block in blocks}
         missing = [piece for piece in work.pieces() if piece not in known]

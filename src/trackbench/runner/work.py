@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.engine.choice import Engine, EngineName, chosen
+from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.reference import Information, entry_velocity, information, typical_acceleration
 from trackbench.results import Failure
@@ -90,6 +92,21 @@ class Work:
     isolation: Isolation = ISOLATED
     cutoff: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object, m."""
+    engine: Engine = "numpy"
+    """What computes, wherever it can be had."""
+
+    @property
+    def steps(self) -> int:
+        """How many steps of single objects all trackers take together."""
+        objects_and_scans = (
+            len(scene.truth.ids) * sum(len(sensor.steps) for sensor in scene.sensors) for scene in self.scenes
+        )
+        return self.runs * sum(objects_and_scans) * len(self.trackers)
+
+    @property
+    def engine_here(self) -> Engine:
+        """What computes on this machine, which may be another than that on which the engine was chosen."""
+        return "numpy" if self.engine == "numpy" or unavailable() else "fused"
 
     def pieces(self) -> list[BlockRuns]:
         """The runs in blocks, each of which has twice as many as the one before, up to what a process may hold.
@@ -142,13 +159,22 @@ class Work:
         return np.repeat(np.arange(len(self.scenes)), self.runs)
 
 
-def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolation = ISOLATED) -> Work:
+def work_of(
+    loaded: Scenario,
+    truths: Sequence[LoadedTruth],
+    isolation: Isolation = ISOLATED,
+    engine: EngineName = "numpy",
+) -> Work:
     """What every block of a run of the scenario needs.
 
     Args:
         loaded: the scenario.
         truths: one for each scene.
         isolation: how its plug-ins are kept apart.
+        engine: what computes.
+
+    Raises:
+        InputError: the engine cannot be had.
     """
     scenario = loaded.config
     stated, driven = scenario.score.reference, scenario.truth.white_acceleration
@@ -156,7 +182,7 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolatio
     acceleration, velocity = stated.acceleration_sigma_mps2, stated.velocity_sigma_mps
     if acceleration is None:
         acceleration = typical_acceleration(every) if driven is None else driven
-    return Work(
+    work = Work(
         scenario=scenario.name,
         seed=scenario.monte_carlo.seed,
         runs=scenario.monte_carlo.runs,
@@ -176,3 +202,4 @@ def work_of(loaded: Scenario, truths: Sequence[LoadedTruth], isolation: Isolatio
         isolation=isolation,
         cutoff=scenario.score.cutoff_m if scenario.sensing.identities == "hidden" else None,
     )
+    return replace(work, engine=chosen(engine, work.steps))

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.engine.choice import Engine
+from trackbench.engine.used import EngineUsed
 from trackbench.stepping.faults import TrackFault
 from trackbench.stepping.isolation import Isolation
 from trackbench.stepping.processes import NO_ANSWER, TrackerProcess
@@ -88,16 +90,16 @@ def start(
 
 
 def start_tracks(
-    config: FilterConfig | PluginConfig, folder: Path | None, runs: int, isolation: Isolation
+    config: FilterConfig | PluginConfig, folder: Path | None, runs: int, isolation: Isolation, engine: Engine
 ) -> TracksStepper:
-    """A fresh tracker of several objects for some runs, its answers checked.
+    """A fresh tracker of several objects for some runs, its answers checked; a built-in one is computed by the engine.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
         TrackFault: its process ended.
     """
     if not isolation.of(config):
-        return local_tracks(config, folder, runs)
+        return local_tracks(config, folder, runs, engine)
     return RemoteTracks(config, folder, runs, isolation.timeout)
 
 
@@ -143,6 +145,11 @@ class _Remote:
         except BaseException:
             self.close()
             raise
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """Only a built-in tracker says what computed it."""
+        return None
 
     def close(self) -> None:
         """End the process."""

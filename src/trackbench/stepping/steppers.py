@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from trackbench.engine.used import EngineUsed
 from trackbench.errors import InputError
 from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
@@ -24,6 +25,11 @@ class Stepper(Protocol):
     """A tracker made ready for a batch."""
 
     def step(self, scan: Scan) -> Estimate | None: ...
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """What computed the steps so far; None of a tracker that is not built in."""
+        ...
 
     def close(self) -> None:
         """It is no longer needed."""
@@ -67,6 +73,11 @@ def masked(scan: Scan) -> Scan:
 class _Here:
     """What ends with the bench."""
 
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """Only a built-in tracker says what computed it."""
+        return None
+
     def close(self) -> None:
         """Nothing is left to end."""
 
@@ -83,6 +94,11 @@ class Direct(_Here):
         self._state, estimate = self._tracker.step(self._state, scan)
         return estimate
 
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        return self._tracker.engine_used
+
 
 class Offline(_Here):
     """A smoother, which is told all scans before the first step."""
@@ -96,6 +112,11 @@ class Offline(_Here):
         if self._estimates is None:
             self._estimates = iter(self._tracker.estimates(self._scans))
         return next(self._estimates)
+
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps."""
+        return self._tracker.tracker.engine_used
 
 
 class Batched(_Here):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.multi import build_multi
+from trackbench.engine.choice import Engine
+from trackbench.engine.used import EngineUsed
+from trackbench.multi import MultiObjectTracker, build_multi
 from trackbench.stepping.faults import fault_of
 from trackbench.trackers.answers import ASYMMETRY, NOT_DEFINITE, NOT_FINITE, TrackerFault, array_of, described, unpack
 from trackbench.trackers.config import FilterConfig, PluginConfig
@@ -34,18 +37,25 @@ class TracksStepper(Protocol):
         """
         ...
 
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """What computed the steps so far; None of a tracker that is not built in."""
+        ...
+
     def close(self) -> None:
         """It is no longer needed."""
 
 
-def local_tracks(config: FilterConfig | PluginConfig, folder: Path | None, runs: int) -> TracksStepper:
-    """A fresh tracker in this process, as a scenario names it.
+def local_tracks(
+    config: FilterConfig | PluginConfig, folder: Path | None, runs: int, engine: Engine = "numpy"
+) -> TracksStepper:
+    """A fresh tracker in this process, as a scenario names it; a built-in one is computed by the engine.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options.
     """
     if isinstance(config, FilterConfig):
-        return BatchedTracks(build_multi(config))
+        return BatchedTracks(replace(build_multi(config), engine=engine))
     make = create(config.use, config.options, folder)
     tracker = make()
     return BatchedTracks(tracker) if getattr(tracker, "batched", False) else LoopedTracks(make, runs)
@@ -69,6 +79,11 @@ class BatchedTracks:
         """The tracks of one run at a later time, of a built-in tracker, which stays as it is."""
         found: Tracks = self._tracker.predicted(self._state, time, run)
         return found
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """What computed the steps so far, of a built-in tracker."""
+        return self._tracker.engine_used if isinstance(self._tracker, MultiObjectTracker) else None
 
     def close(self) -> None:
         """Nothing is left to end."""
@@ -98,6 +113,11 @@ class LoopedTracks:
             except BaseException as error:
                 raise fault_of(error, run) from error
         return stacked(found)
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """It is not built in."""
+        return None
 
     def close(self) -> None:
         """Nothing is left to end."""

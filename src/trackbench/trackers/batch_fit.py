@@ -7,20 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench import linalg
+from trackbench.engine.equations import Compute, by_numpy
 from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, VELOCITY, YAW, first_sigma
-from trackbench.trackers.first_measurements import FirstMeasurements
+from trackbench.trackers.first_measurements import FirstMeasurements, places
+from trackbench.trackers.fit_equations import BACK, FORTH, measured, moved
+from trackbench.trackers.fit_search import Fit, damped, index, searched
 from trackbench.types import Array, Gaussian, Mask
 from trackbench.units import difference
-
-#: Steps after which a fit that still moves counts as not converged.
-MOST_STEPS = 12
-#: Length of a step below which a fit has converged, in standard deviations.
-CONVERGED = 0.05
-#: Share of the sum of squares below which what a step would gain is rounding.
-NOTHING = 1e-12
-#: Factor by which the damping grows after a step that raised the cost, and falls after one that did not.
-DAMPING = 10.0
 
 
 class BatchPrior(NamedTuple):
@@ -36,27 +30,12 @@ class BatchPrior(NamedTuple):
         return ConstantVelocity(acceleration_sigma_mps2=self.others.acceleration)
 
 
-class Fit(NamedTuple):
-    """A fit of each object."""
-
-    first: Array
-    """``(n, L)`` the state at the first measurement."""
-    latest: Gaussian
-    """``(n, L)`` the state at the latest."""
-    cost: Array
-    """``(L,)`` sum of the squares of the normalised residuals."""
-    converged: Mask
-    """``(L,)``"""
-
-
 def fit_from(
     first: Array,
     motion: MotionModel,
     measurements: FirstMeasurements,
     prior: BatchPrior,
-    *,
-    driven: bool = True,
-    steps: int = MOST_STEPS,
+    compute: Compute = by_numpy,
 ) -> Fit:
     """The most probable states at the first and the latest measurement, of the motion model and its own process noise.
 
@@ -70,32 +49,18 @@ def fit_from(
         motion: the model.
         measurements: of L objects.
         prior: what is assumed beside them.
-        driven: whether there is process noise.
-        steps: after which a fit that still moves counts as not converged.
+        compute: how equations are computed.
 
     Source: Bell (1994), "The iterated Kalman smoother as a Gauss-Newton method"; the smoother of the driving noises is
     that of Koopman (1993), "Disturbance smoother for state space models".
     """
-    lanes = first.shape[-1]
-    noise = (len(measurements.interval), len(motion.noise_sigma)) if driven else (0, 0)
-    found = _Point(first.copy(), np.zeros((*noise, lanes)))
-    at = _Linearised.of(motion, measurements, prior, found)
-    damping, converged = np.full(lanes, 1e-6), np.zeros(lanes, dtype=bool)
-    for _ in range(steps):
-        moving = _index(~converged)
-        now = at.part(moving)
-        step, gain = now.step(damping[moving])
-        tried = found.part(moving).moved(step)
-        there = _Linearised.of(motion.part(moving), measurements.part(moving), prior, tried)
-        better = there.cost <= now.cost * (1.0 + 1e-12)
-        for whole, new in zip((*found, *at), (*tried, *there), strict=True):
-            whole[..., moving] = np.where(better, new, whole[..., moving])
-        factor = np.where(better, 1.0 / DAMPING, DAMPING * DAMPING)
-        damping[moving] = np.clip(damping[moving] * factor, 1e-12, 1e12)
-        converged[moving] = (gain < CONVERGED**2) & (better | (gain < NOTHING * now.cost))
-        if converged.all():
-            break
-    covariance = at.covariance
+    noise = np.zeros((len(measurements.interval), len(motion.noise_sigma), first.shape[-1]))
+
+    def about(point: _Point, where: Mask | slice) -> _Linearised:
+        return _Linearised.of(motion.part(where), measurements.part(where), prior, point, compute)
+
+    found, at, converged = searched(_Point(first.copy(), noise), about)
+    covariance = at.filtered(np.zeros_like(at.cost)).covariance
     latest = Gaussian(difference(at.latest, np.zeros(()), motion.angular), covariance)
     return Fit(found.first, latest, at.cost, converged & np.isfinite(covariance).all(axis=(0, 1)))
 
@@ -106,8 +71,7 @@ class _Point(NamedTuple):
     first: Array
     """``(n, L)`` the first state."""
     noise: Array
-    """``(K - 1, q, L)`` each driving noise from one measurement to the next, in standard deviations; empty where there
-    is none."""
+    """``(K - 1, q, L)`` each driving noise from one measurement to the next, in standard deviations."""
 
     def part(self, where: Mask | slice) -> _Point:
         """That of some objects."""
@@ -140,11 +104,8 @@ class _Linearised(NamedTuple):
     """``(L,)``"""
     latest: Array
     """``(n, L)`` the state to which the point leads."""
-    reach: Array
-    """``(n, n, L)`` its derivative by the last state that the filter comes to."""
     information: Array
-    """``(n, n, L)`` of the first state, from what is assumed of it and the first measurement; from all of them where
-    there is no process noise, which leaves nothing to the filter."""
+    """``(n, n, L)`` of the first state, from what is assumed of it and the first measurement."""
     gradient: Array
     """``(n, L)`` by the first state, downhill, of what these two cost."""
     noise: Array
@@ -154,93 +115,91 @@ class _Linearised(NamedTuple):
     gain: Array
     """``(K - 1, n, q, L)`` and by the noise."""
     residual: Array
-    """``(K, m, L)`` of the measurements, in standard deviations."""
+    """``(m, K, L)`` of the measurements, in standard deviations."""
     slope: Array
-    """``(K, m, n, L)`` derivative of what is expected of them by the state."""
+    """``(m, n, K, L)`` derivative of what is expected of them by the state."""
+    compute: Compute
 
     def part(self, where: Mask | slice) -> _Linearised:
         """That of some objects."""
-        return _Linearised(*(item[..., where] for item in self))
+        own = {name: item[..., where] for name, item in self._asdict().items() if name != "compute"}
+        return self._replace(**own)
 
     @classmethod
-    def of(cls, motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, point: _Point) -> _Linearised:
-        (size, lanes), gaps, noises = point.first.shape, len(measurements.interval), point.noise.shape[1]
-        sigma = np.asarray(linalg.expand(linalg.vector(motion.noise_sigma), point.first)) * np.ones(lanes)
-        states = np.empty((size, gaps + 1, lanes))
-        states[:, 0] = point.first
+    def of(
+        cls,
+        motion: MotionModel,
+        measurements: FirstMeasurements,
+        prior: BatchPrior,
+        point: _Point,
+        compute: Compute,
+    ) -> _Linearised:
+        (size, lanes), (gaps, noises, _) = point.first.shape, point.noise.shape
+        states = np.empty((gaps + 1, size, lanes))
+        states[0] = point.first
         transition, gain = np.empty((gaps, size, size, lanes)), np.empty((gaps, size, noises, lanes))
         for k, interval in enumerate(measurements.interval):
-            here = states[:, k]
             for dt in np.unique(interval):
-                where = _index(interval == dt)
-                x = here[:, where]
-                transition[k][..., where] = linalg.expand(motion.jacobian(x, dt), x[None])
-                states[:, k + 1, where] = motion.transition(x, dt)
-                if noises:
-                    gain[k][..., where] = linalg.expand(motion.noise_gain(x, dt), x[None]) * sigma[:, where]
-            if noises:
-                states[:, k + 1] += linalg.apply(gain[k], point.noise[k])
-        residual, slope = _of_measurements(motion, measurements, states)
-        reach = np.eye(size)[..., None] * np.ones(lanes)
-        if not noises:
-            # Every state is the first one's: all measurements tell of it at once.
-            for k, one in enumerate(transition):
-                reach = linalg.matmul(one, reach)
-                slope[k + 1] = linalg.matmul(slope[k + 1], reach)
-            residual, slope = residual.reshape(1, -1, lanes), slope.reshape(1, -1, size, lanes)
-            transition, gain = transition[:0], gain[:0]
+                where = index(interval == dt)
+                equations, options = moved(motion.part(where))
+                given = {"x": states[k][:, where], "noise": point.noise[k][:, where], "dt": float(dt)}
+                said = compute(equations, given | options)
+                states[k + 1][:, where], transition[k][..., where] = said["next"], said["transition"]
+                gain[k][..., where] = said["gain"]
+        residual, slope = _of_measurements(motion, measurements, np.swapaxes(states, 0, 1), compute)
         assumed, by_first = _of_prior(motion, prior, point.first)
-        information = linalg.gram(by_first) + linalg.gram(slope[0])
+        information = linalg.gram(by_first) + linalg.gram(slope[:, :, 0])
         for i, name in enumerate(motion.components):
             if name in YAW:
                 # Nothing pulls at the course, but no more is unknown of it than of any angle.
                 information[i, i] += prior.others.yaw**-2
-        gradient = linalg.apply_transposed(by_first, assumed) + linalg.apply_transposed(slope[0], residual[0])
+        gradient = linalg.apply_transposed(by_first, assumed) + linalg.apply_transposed(slope[:, :, 0], residual[:, 0])
         cost = (assumed**2).sum(axis=0) + (residual**2).sum(axis=(0, 1)) + (point.noise**2).sum(axis=(0, 1))
-        return cls(cost, states[:, -1], reach, information, gradient, point.noise, transition, gain, residual, slope)
-
-    @property
-    def covariance(self) -> Array:
-        """``(n, n, L)`` of the latest state."""
-        return linalg.symmetrise(linalg.quadratic(self.reach, self.filtered(np.zeros_like(self.cost)).covariance))
+        return cls(cost, states[-1], information, gradient, point.noise, transition, gain, residual, slope, compute)
 
     def filtered(self, damping: Array) -> _Filtered:
         """The filter; the damping ``(L,)`` is added to the weights of what is sought, as a share of them."""
-        own = np.eye(len(self.latest))[..., None]
-        known = linalg.cholesky(self.information * (1.0 + damping * own))
-        covariance = np.where(known.positive, linalg.gram(known.whiten(own)), np.nan)
-        mean = linalg.apply(covariance, self.gradient)
-        earliest = Gaussian(mean, covariance)
-        cost = self.cost - (self.residual[1:] ** 2).sum(axis=(0, 1)) - np.einsum("i...,i...->...", self.gradient, mean)
-        rest = 1.0 / (1.0 + damping)
-        cost -= rest * (self.noise**2).sum(axis=(0, 1))
+        earliest = damped(self.information, self.gradient, damping, self.compute)
+        mean, covariance = earliest
+        cost = self.cost - (self.residual[:, 1:] ** 2).sum(axis=(0, 1))
+        cost -= np.einsum("i...,i...->...", self.gradient, mean)
+        cost -= (self.noise**2).sum(axis=(0, 1)) / (1.0 + damping)
         innovations, kept = [], []
-        for a, b, drawn, z, h in zip(
-            self.transition, self.gain, self.noise, self.residual[1:], self.slope[1:], strict=True
-        ):
-            mean = linalg.apply(a, mean) - rest * linalg.apply(b, drawn)
-            covariance = linalg.quadratic(a, covariance) + rest * linalg.matmul_transposed(b, b)
-            across = linalg.matmul(h, covariance)
-            factor = linalg.cholesky(linalg.matmul_transposed(across, h) + np.eye(len(z))[..., None])
-            innovation = factor.whiten(z - linalg.apply(h, mean))
-            white, by_state = factor.whiten(across), factor.whiten(h)
-            cost += (innovation**2).sum(axis=0)
-            mean = mean + linalg.apply_transposed(white, innovation)
-            kept.append(own - linalg.matmul(np.swapaxes(white, 0, 1), by_state))
-            innovations.append(linalg.apply_transposed(by_state, innovation))
-            covariance = linalg.symmetrise(covariance - linalg.gram(white))
+        for k, (transition, gain, noise) in enumerate(zip(self.transition, self.gain, self.noise, strict=True)):
+            given = {
+                "mean": mean,
+                "covariance": covariance,
+                "damping": damping,
+                "transition": transition,
+                "gain": gain,
+                "noise": noise,
+                "residual": self.residual[:, k + 1],
+                "slope": self.slope[:, :, k + 1],
+            }
+            said = self.compute(FORTH, given)
+            mean, covariance = said["mean"], said["covariance"]
+            cost += said["cost"]
+            innovations.append(said["innovation"])
+            kept.append(said["kept"])
         return _Filtered(earliest, innovations, kept, cost, covariance)
 
     def step(self, damping: Array) -> tuple[_Point, Array]:
         """A damped step of Gauss-Newton, and by how much it would lower the sum of squares if all were linear."""
         filtered = self.filtered(damping)
-        rest = 1.0 / (1.0 + damping)
         noise = np.empty_like(self.noise)
         back = np.zeros_like(self.latest)
         for k in reversed(range(len(self.transition))):
-            back = filtered.innovation[k] + linalg.apply_transposed(filtered.kept[k], back)
-            noise[k] = rest * (linalg.apply_transposed(self.gain[k], back) - self.noise[k])
-            back = linalg.apply_transposed(self.transition[k], back)
+            given = {
+                "back": back,
+                "damping": damping,
+                "innovation": filtered.innovation[k],
+                "kept": filtered.kept[k],
+                "transition": self.transition[k],
+                "gain": self.gain[k],
+                "noise": self.noise[k],
+            }
+            said = self.compute(BACK, given)
+            noise[k], back = said["noise"], said["back"]
         mean, covariance = filtered.earliest
         return _Point(mean + linalg.apply(covariance, back), noise), self.cost - filtered.cost
 
@@ -257,29 +216,22 @@ def _of_prior(motion: MotionModel, prior: BatchPrior, x: Array) -> tuple[Array, 
     return residual, np.concatenate([np.broadcast_to(velocity, (2, *x.shape)) / sigma, rows])
 
 
-def _of_measurements(motion: MotionModel, measurements: FirstMeasurements, states: Array) -> tuple[Array, Array]:
-    """The residuals ``(K, m, L)`` in states ``(n, K, L)``, and the derivatives ``(K, m, n, L)`` of what is expected."""
+def _of_measurements(
+    motion: MotionModel, measurements: FirstMeasurements, states: Array, compute: Compute
+) -> tuple[Array, Array]:
+    """The residuals ``(m, K, L)`` in states ``(n, K, L)``, and the derivatives ``(m, n, K, L)`` of what is expected."""
     value, whitener = measurements.value, measurements.whitener
-    residual, slope = np.zeros_like(value), np.zeros((*value.shape[:2], len(states), value.shape[-1]))
+    residual, slope = np.zeros_like(value), np.zeros((len(value), *states.shape))
     for number, sensor in enumerate(measurements.kinds):
-        k, lane = np.nonzero(measurements.kind == number)
-        size = len(sensor.components)
-        x = states[:, k, lane]
-        target = motion.to_cartesian(x)
-        at = target, measurements.pose[k, :, lane].T, measurements.velocity[k, :, lane].T
-        off = difference(value[k, :size, lane].T, sensor.measure(*at), sensor.angular)
-        by_target = linalg.matmul(np.moveaxis(whitener[k, :size, :size, lane], 0, -1), _spread(sensor.jacobian(*at), x))
-        by_state = linalg.matmul(by_target, _spread(motion.cartesian_jacobian(x), x))
-        residual[k, :size, lane] = linalg.apply(np.moveaxis(whitener[k, :size, :size, lane], 0, -1), off).T
-        slope[k, :size, :, lane] = np.moveaxis(by_state, -1, 0)
+        size, at = len(sensor.components), places(measurements.kind == number)
+        given = {
+            "x": states[:, *at],
+            "value": value[:size, *at],
+            "whitener": whitener[:size, :size, *at],
+            "pose": measurements.pose[:, *at],
+            "velocity": measurements.velocity[:, *at],
+        }
+        equations, options = measured(motion, sensor)
+        said = compute(equations, given | options)
+        residual[:size, *at], slope[:size, :, *at] = said["residual"], said["slope"]
     return residual, slope
-
-
-def _spread(a: Array, x: Array) -> Array:
-    """A matrix for each of the states ``(n, L)``."""
-    return np.broadcast_to(linalg.expand(a, x[None]), (*a.shape[:2], x.shape[-1]))
-
-
-def _index(where: Mask) -> Mask | slice:
-    """Of all, a slice: no copy is made."""
-    return slice(None) if where.all() else where

@@ -6,14 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.engine.equations import Compute, by_numpy
 from trackbench.filters.mixing import moment_matched
-from trackbench.models.motion import ConstantVelocity, MotionModel
-from trackbench.trackers.batch_fit import BatchPrior, Fit, fit_from
+from trackbench.models.motion import MotionModel
+from trackbench.trackers.batch_fit import BatchPrior, fit_from
 from trackbench.trackers.first_measurements import FirstMeasurements
+from trackbench.trackers.fit_search import Fit
+from trackbench.trackers.line_fit import fit_line
 from trackbench.types import Array, Gaussian, Mask
 
-#: Steps of the fit of a straight line, which only has to be near.
-STRAIGHT_STEPS = 12
 #: Of two motions whose costs differ by more, the other one has odds of less than 1 to 99.
 SURE = 2.0 * float(np.log(99.0))
 #: Squared distance of two velocities, in variances, from which they are two.
@@ -37,22 +38,22 @@ class StraightLine(NamedTuple):
         return StraightLine(self.first[:, where], self.latest.part(where), self.other[:, where], self.ambiguous[where])
 
 
-def straight_line(measurements: FirstMeasurements, prior: BatchPrior) -> StraightLine:
+def straight_line(measurements: FirstMeasurements, prior: BatchPrior, compute: Compute = by_numpy) -> StraightLine:
     """The best straight line, and whether the measurements leave two.
 
     Range rates tell the square of the velocity across the line of sight, by its centrifugal term; which way it points
     only the azimuths tell, and at first not well. So the search begins on both sides.
     """
     if not any("range_rate" in sensor.components for sensor in measurements.kinds):
-        one = _undriven(np.zeros_like(measurements.position), measurements, prior)
+        one = _undriven(np.zeros_like(measurements.position), measurements, prior, compute)
         return StraightLine(one.first, one.latest, one.first, np.zeros(one.cost.shape, dtype=bool))
     across = _across(measurements)
-    one, two = (_undriven(sign * prior.velocity * across, measurements, prior) for sign in (1.0, -1.0))
+    one, two = (_undriven(sign * prior.velocity * across, measurements, prior, compute) for sign in (1.0, -1.0))
     ambiguous, apart = _nearly_alike(one, two), _apart(one, two)
     if np.any(apart):
         here = measurements.part(apart)
         for fit in (one, two):
-            _put(fit, apart, fit_from(fit.first[:, apart], prior.driven_line, here, prior))
+            _put(fit, apart, fit_from(fit.first[:, apart], prior.driven_line, here, prior, compute))
         ambiguous |= _nearly_alike(one, two)
     better = one.cost <= two.cost
     return StraightLine(
@@ -75,7 +76,11 @@ def _apart(one: Fit, two: Fit) -> Mask:
 
 
 def start_state(
-    motion: MotionModel, measurements: FirstMeasurements, prior: BatchPrior, line: StraightLine
+    motion: MotionModel,
+    measurements: FirstMeasurements,
+    prior: BatchPrior,
+    line: StraightLine,
+    compute: Compute = by_numpy,
 ) -> Gaussian:
     """``(n, L)`` the most probable state at the latest measurement, with its covariance.
 
@@ -83,15 +88,15 @@ def start_state(
     acceleration stands in its place. Of two motions that explain the measurements nearly alike it is the mixture's mean
     and covariance.
     """
-    own = fit_from(_begin(motion, line.first, prior), motion, measurements, prior)
+    own = fit_from(_begin(motion, line.first, prior), motion, measurements, prior, compute)
     found = own.latest
     if not own.converged.all():
-        other = fit_from(line.first, prior.driven_line, measurements, prior).latest
+        other = fit_from(line.first, prior.driven_line, measurements, prior, compute).latest
         found = found.where(own.converged, motion.from_cartesian(other, prior.others))
     where = line.ambiguous
     if np.any(where):
         begin = _begin(motion, line.other[:, where], prior)
-        second = fit_from(begin, motion.part(where), measurements.part(where), prior)
+        second = fit_from(begin, motion.part(where), measurements.part(where), prior, compute)
         weight = 1.0 / (1.0 + np.exp(np.clip(0.5 * (second.cost - own.cost[where]), -700.0, 700.0)))
         both = [found.part(where), second.latest]
         _put(found, where, moment_matched([1.0 - weight, weight], both, motion.angular))
@@ -104,15 +109,13 @@ def _begin(motion: MotionModel, line: Array, prior: BatchPrior) -> Array:
     return motion.from_cartesian(Gaussian(line, known), prior.others).mean
 
 
-def _undriven(velocity: Array, measurements: FirstMeasurements, prior: BatchPrior) -> Fit:
-    first = np.concatenate([measurements.position, velocity])
-    line = ConstantVelocity(acceleration_sigma_mps2=1.0)
-    return fit_from(first, line, measurements, prior, driven=False, steps=STRAIGHT_STEPS)
+def _undriven(velocity: Array, measurements: FirstMeasurements, prior: BatchPrior, compute: Compute) -> Fit:
+    return fit_line(np.concatenate([measurements.position, velocity]), measurements, prior.velocity, compute)
 
 
 def _across(measurements: FirstMeasurements) -> Array:
     """``(2, L)`` the direction across the first line of sight."""
-    x, y = measurements.position - measurements.pose[0, :2]
+    x, y = measurements.position - measurements.pose[:2, 0]
     return np.asarray(np.stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,14 +52,20 @@ def has_yaw(motions: Sequence[MotionModel]) -> bool:
     return any(set(YAW) & set(motion.components) for motion in motions)
 
 
-def course_lost(motions: Sequence[MotionModel], belief: AnyBelief) -> Mask:
-    """``(...)`` whether a state with a yaw can no longer be believed to be Gaussian; of modes, most of them."""
-    lost: Array = np.zeros(belief[0].shape[1:])
-    for motion, mode, weight in zip(motions, *_modes(belief), strict=True):
-        for name in set(YAW) & set(motion.components):
-            i = motion.components.index(name)
-            lost = lost + weight * (mode.covariance[i, i] >= COURSE_LOST**2)
-    return np.asarray(lost > 0.5)
+@dataclass(frozen=True)
+class CourseLost:
+    """Says where a state with a yaw can no longer be believed to be Gaussian; of modes, where most of them are so."""
+
+    components: tuple[tuple[str, ...], ...]
+    """Of the state of each motion model."""
+
+    def __call__(self, belief: AnyBelief) -> Mask:
+        lost: Array = np.zeros(belief[0].shape[1:])
+        for names, mode, weight in zip(self.components, *_modes(belief), strict=True):
+            for name in set(YAW) & set(names):
+                i = names.index(name)
+                lost = lost + weight * (mode.covariance[i, i] >= COURSE_LOST**2)
+        return lost > 0.5
 
 
 def course_known(belief: Gaussian) -> Mask:

@@ -10,16 +10,28 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from trackbench import linalg
-from trackbench.filters import AnyBelief, Belief, Filter, MultiModelBelief, SingleModelFilter, Update, choose
+from trackbench.engine.choice import Engine, compute_by, filter_by, used
+from trackbench.engine.used import EngineUsed
+from trackbench.filters import (
+    AnyBelief,
+    Belief,
+    Doubt,
+    Filter,
+    MultiModelBelief,
+    SingleModelFilter,
+    Step,
+    Update,
+    choose,
+)
 from trackbench.models.motion import Kinematics, MotionModel
 from trackbench.trackers import course, initial
 from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.base import Prior
 from trackbench.trackers.config import AdvanceAt
-from trackbench.trackers.course import WithoutCourse
+from trackbench.trackers.course import CourseLost, WithoutCourse
 from trackbench.trackers.initial import TentativeTrack
 from trackbench.trackers.initial_config import InitialConfig
-from trackbench.trackers.innovations import log_likelihood, where_known, with_innovation
+from trackbench.trackers.innovations import total_log_likelihood, where_known, with_innovation
 from trackbench.trackers.late import LateMethod, Taken, inserted, kept, position, replayed, up_to_date
 from trackbench.trackers.retrodiction import Retrodiction, retrodicted
 from trackbench.types import Array, Estimate, Gaussian, Indices, Mask, Scan
@@ -36,10 +48,8 @@ class TrackState(NamedTuple):
     waiting: TentativeTrack | None = None
     lost: WithoutCourse | None = None
     """The tracks whose course is not known; their belief is then made of position and velocity."""
-    history: tuple[Taken[TrackState], ...] = ()
+    history: tuple[Taken[TrackState, Estimate], ...] = ()
     """The latest scans that were taken in, where late ones may come."""
-    log_likelihood: Array | float = 0.0
-    """``(...)`` of all measurements that were taken in while late ones might come, in the order of their times."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,7 @@ class FilterTracker:
     """How far back a late scan may reach, s."""
     without_course: bool = True
     """Whether a track whose yaw is no longer known goes on with position and velocity, if a batch starts it."""
+    engine: Engine = "numpy"
 
     batched: ClassVar = True
 
@@ -84,10 +95,11 @@ class FilterTracker:
         if scan.time < state.time or (number is not None and self.late == "replay"):
             return self._out_of_sequence(state, scan, number)
         before = state._replace(history=())
+        after, estimate = self._in_sequence(before, scan)
         if self.late not in ("replay", "retrodiction") or self.lag_s == 0.0:
-            return self._in_sequence(before, scan)
-        after, estimate = self._counted(before, scan)
-        return after._replace(history=kept(self._counted, state.history, Taken(before, scan), self.lag_s)), estimate
+            return after, estimate
+        taken = Taken(before, scan, said=estimate)
+        return after._replace(history=kept(self._in_sequence, state.history, taken, self.lag_s)), estimate
 
     def _asked(self, state: TrackState, time: float) -> Estimate:
         return self.estimate(self.predicted(state, time))
@@ -100,8 +112,9 @@ class FilterTracker:
             return state, self._asked(state, state.time)
         if self.late == "retrodiction":
             return self._retrodicted(state, scan, number)
-        again = replayed(self._counted, state.history, number, scan)
-        said, gained = again.late, again.state.log_likelihood - state.log_likelihood
+        again = replayed(self._in_sequence, state.history, number, scan)
+        said = again.late
+        gained = total_log_likelihood(again.history[number:]) - total_log_likelihood(state.history[number:])
         return again.state._replace(history=again.history), again.latest._replace(
             innovation=said.innovation,
             innovation_covariance=said.innovation_covariance,
@@ -128,17 +141,14 @@ class FilterTracker:
         history = inserted(history, number, taken)
         return after._replace(belief=said.belief._replace(repaired=None), history=history), estimate
 
-    def _counted(self, state: TrackState, scan: Scan, origins: Indices | None = None) -> tuple[TrackState, Estimate]:
-        """Take a scan in at its time, and count its log-likelihood."""
-        after, estimate = self._in_sequence(state, scan, origins)
-        said = log_likelihood(estimate)
-        added = 0.0 if said is None else np.where(scan.valid & ~np.isnan(said), said, 0.0)
-        return after._replace(log_likelihood=state.log_likelihood + added), estimate
-
     def _in_sequence(
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
         elapsed = scan.time - state.time
+        if self._goes_on(state, scan):
+            stepped = self._filter.step(state.belief, elapsed, scan, self._doubt)
+            if stepped.doubtful is None or not np.any(stepped.doubtful):
+                return self._gone_on(state, scan, stepped)
         belief, started, waiting = self._predict(state, elapsed), state.started, state.waiting
         lost = self._without_course(state, belief, elapsed)
         if self.prior is not None:
@@ -148,12 +158,12 @@ class FilterTracker:
             said, lost = self._updated(belief, lost, scan)
             belief = said.belief
         if self.prior is None and _named(scan, self.initial.sensors or self.sensors) and not np.all(started):
-            begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~started)
+            begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~started, compute_by(self.engine))
             fresh = begin.ready & ~started
             if np.any(fresh):
                 belief = choose(fresh, self.filter.begin(begin.state_of), belief)
             if begin.without_course is not None and np.any(begin.without_course):
-                lost = course.joined(lost, begin.without_course, begin.state_of(self._by_velocity.motion))
+                lost = course.joined(lost, begin.without_course, begin.state_of(self._by_velocity.motions[0]))
             started, waiting = started | begin.ready, begin.waiting
         if lost is not None:
             belief = choose(lost.where, self._from_velocity(lost.belief), belief)
@@ -165,6 +175,25 @@ class FilterTracker:
             estimate = with_innovation(estimate, said, known)
         return after._replace(belief=belief._replace(repaired=None)), estimate
 
+    def _goes_on(self, state: TrackState, scan: Scan) -> bool:
+        """Whether nothing but a prediction and an update is to be done: there is a track of everything."""
+        reads = _named(scan, self.sensors) and bool(np.any(scan.valid))
+        return reads and state.lost is None and bool(np.all(state.started))
+
+    def _gone_on(self, state: TrackState, scan: Scan, stepped: Step[Any]) -> tuple[TrackState, Estimate]:
+        said = stepped.update
+        estimate = with_innovation(_estimate(said.belief, stepped.cartesian), said, state.started)
+        return state._replace(time=scan.time, belief=said.belief._replace(repaired=None)), estimate
+
+    @cached_property
+    def _doubt(self) -> Doubt | None:
+        """Of a track that may lose its course a step is not made where it does."""
+        return self._course_lost if self._may_lose_course else None
+
+    @cached_property
+    def _course_lost(self) -> CourseLost:
+        return CourseLost(tuple(motion.components for motion in self.filter.motions))
+
     def _without_course(self, state: TrackState, belief: AnyBelief, elapsed: float) -> WithoutCourse | None:
         """The tracks whose course is not known, predicted; ``belief`` is what was predicted of all."""
         lost = state.lost
@@ -172,7 +201,7 @@ class FilterTracker:
             lost = lost._replace(belief=self._by_velocity.predict(lost.belief, elapsed))
         if not self._may_lose_course or not np.any(state.started):
             return lost
-        fresh = state.started & course.course_lost(self.filter.motions, belief)
+        fresh = state.started & self._course_lost(belief)
         if lost is not None:
             fresh = fresh & ~lost.where
         if not np.any(fresh):
@@ -183,8 +212,8 @@ class FilterTracker:
         self, belief: AnyBelief, lost: WithoutCourse | None, scan: Scan
     ) -> tuple[Update[Any], WithoutCourse | None]:
         if lost is None:
-            return self.filter.update(belief, scan), None
-        said = self.filter.update(belief, scan._replace(valid=scan.valid & ~lost.where))
+            return self._filter.update(belief, scan), None
+        said = self._filter.update(belief, scan._replace(valid=scan.valid & ~lost.where))
         aside = self._by_velocity.update(lost.belief, scan._replace(valid=scan.valid & lost.where))
         both = said._replace(
             innovation=np.where(lost.where, aside.innovation, said.innovation),
@@ -195,9 +224,9 @@ class FilterTracker:
         return both, lost._replace(belief=aside.belief)
 
     @cached_property
-    def _by_velocity(self) -> SingleModelFilter:
+    def _by_velocity(self) -> Filter[Belief]:
         """What tracks go on with whose course is not known."""
-        return course.by_velocity(self.filter, self.initial.acceleration_sigma_mps2)
+        return filter_by(self.engine, course.by_velocity(self.filter, self.initial.acceleration_sigma_mps2))
 
     @cached_property
     def _may_lose_course(self) -> bool:
@@ -224,6 +253,16 @@ class FilterTracker:
     def starts_from_truth(self) -> bool:
         """Whether the bench is to draw the first states and hand them in by ``with_prior``."""
         return self.initial.source == "truth"
+
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        return used(self._filter)
+
+    @cached_property
+    def _filter(self) -> Filter[Any]:
+        """The filter as the engine computes it."""
+        return filter_by(self.engine, self.filter)
 
     def with_prior(self, time: Array, motion: Kinematics, normal: Array) -> FilterTracker:
         """This tracker, its tracks starting at the given times from the given motion with a drawn error.
@@ -256,7 +295,7 @@ class FilterTracker:
     def _predict(self, state: TrackState, elapsed: float) -> AnyBelief:
         if not np.any(state.started):
             return state.belief
-        belief: AnyBelief = self.filter.predict(state.belief, elapsed)
+        belief: AnyBelief = self._filter.predict(state.belief, elapsed)
         if np.all(state.started):
             return belief
         # A placeholder stays what it is, so that its covariance does not grow without bound.
@@ -268,12 +307,12 @@ class FilterTracker:
         if not np.any(fresh):
             return belief, started
         # A prediction over no time gives the sigma points that an update may reuse.
-        return choose(fresh, self.filter.predict(prior.belief, 0.0), belief), started | fresh
+        return choose(fresh, self._filter.predict(prior.belief, 0.0), belief), started | fresh
 
     def estimate(self, state: TrackState) -> Estimate:
         """What is said of the objects, also of those whose tracks have not started."""
         belief, started, waiting, lost = state.belief, state.started, state.waiting, state.lost
-        mean, covariance = self.filter.cartesian(belief)
+        mean, covariance = self._filter.cartesian(belief)
         if lost is not None:
             mean = np.where(lost.where, lost.belief.mean, mean)
             covariance = np.where(lost.where, lost.belief.covariance, covariance)
@@ -283,11 +322,16 @@ class FilterTracker:
                 before = initial.at_rest(waiting, self.initial)
             mean = np.where(started, mean, before[0])
             covariance = np.where(started, covariance, before[1])
-        repaired = None if belief.repaired is None else belief.repaired & started
-        if isinstance(belief, MultiModelBelief):
-            probability = where_known(started, belief.probability)
-            return Estimate(mean, covariance, repaired=repaired, mode_probabilities=probability)
-        return Estimate(mean, covariance, belief.mean, belief.covariance, repaired=repaired)
+        found = _estimate(belief, Gaussian(mean, covariance))
+        if found.mode_probabilities is not None:
+            found = found._replace(mode_probabilities=where_known(started, found.mode_probabilities))
+        return found if found.repaired is None else found._replace(repaired=found.repaired & started)
+
+
+def _estimate(belief: AnyBelief, cartesian: Gaussian) -> Estimate:
+    if isinstance(belief, MultiModelBelief):
+        return Estimate(*cartesian, repaired=belief.repaired, mode_probabilities=belief.probability)
+    return Estimate(*cartesian, belief.mean, belief.covariance, repaired=belief.repaired)
 
 
 def _named(scan: Scan, sensors: Collection[str] | None) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,13 +25,13 @@ class FirstMeasurements(NamedTuple):
     kind: Indices
     """``(K, L)`` number of its sensor's kind; -1 where there is no measurement."""
     value: Array
-    """``(K, m, L)``, padded with zeros to the longest measurement, as the next one."""
+    """``(m, K, L)``, padded with zeros to the longest measurement, as the next one."""
     whitener: Array
-    """``(K, m, m, L)`` inverse of the lower Cholesky factor of its noise covariance."""
+    """``(m, m, K, L)`` inverse of the lower Cholesky factor of its noise covariance."""
     pose: Array
-    """``(K, 3, L)`` of the sensor."""
+    """``(3, K, L)`` of the sensor."""
     velocity: Array
-    """``(K, 2, L)`` of the sensor."""
+    """``(2, K, L)`` of the sensor."""
     position: Array
     """``(2, L)`` that the first one states."""
 
@@ -76,9 +76,17 @@ def collect(scans: Sequence[Scan], taken: Mask) -> FirstMeasurements:
         np.where(there[1:], np.round(np.diff(time, axis=0), CLOCK), 0.0),
         kinds,
         np.where(there, kind, -1),
-        np.take_along_axis(value, number[:, None], axis=0),
-        np.moveaxis(whitener[number, lanes], 1, -1) * there[:, None, None],
-        np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 1, -1),
-        np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 1, -1),
+        np.ascontiguousarray(np.moveaxis(np.take_along_axis(value, number[:, None], axis=0), 1, 0)),
+        np.ascontiguousarray(np.moveaxis(whitener[number, lanes], (2, 3), (0, 1)) * there),
+        np.ascontiguousarray(np.moveaxis(np.stack([scan.sensor_pose for scan in scans])[number], 2, 0)),
+        np.ascontiguousarray(np.moveaxis(np.stack([scan.sensor_velocity for scan in scans])[number], 2, 0)),
         position[number[0], :, lanes].T,
+    )
+
+
+def places(where: Mask) -> Any:
+    """Indices ``(K, L)`` of where a mask holds: whole rows, where it is the same for all objects."""
+    rows = np.asarray(where.any(axis=1))
+    return (
+        (rows, slice(None)) if np.array_equal(where, np.broadcast_to(rows[:, None], where.shape)) else where.nonzero()
     )

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench import linalg
+from trackbench.engine.equations import Compute, by_numpy
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
@@ -67,6 +68,7 @@ def start(
     waiting: TentativeTrack | None,
     motions: Sequence[MotionModel],
     wanted: Mask | None = None,
+    compute: Compute = by_numpy,
 ) -> Start:
     """Start the tracks that a scan allows to start, from its measurement alone or with earlier ones.
 
@@ -76,6 +78,7 @@ def start(
         waiting: what the start of the scan before left; None at first.
         motions: the motion models in whose states they start.
         wanted: of which objects; of all unless given.
+        compute: how equations are computed.
     """
     position = _position(scan)
     waiting = waiting or _none_yet(scan)
@@ -86,7 +89,8 @@ def start(
     elapsed = scan.time - waiting.time
     ready = counts & (elapsed > 0.0) & (elapsed > config.least_time(has_yaw(motions)) - SAME_TIME)
     if config.source == "batch":
-        return _from_batch(config, scan, after, counts if wanted is None else counts & wanted, ready, motions)
+        wanted = counts if wanted is None else counts & wanted
+        return _from_batch(config, scan, after, wanted, ready, motions, compute)
     with np.errstate(divide="ignore", invalid="ignore"):
         belief = _from_two(waiting.position, position, np.where(ready, elapsed, 1.0))
     return Start(ready, partial(_of_cartesian, config=config, belief=belief), after)
@@ -110,6 +114,7 @@ def _from_batch(
     counts: Mask,
     ready: Mask,
     motions: Sequence[MotionModel],
+    compute: Compute,
 ) -> Start:
     scans, counted = (*after.scans, scan), (*after.counted, counts)
     prior = BatchPrior(config.velocity_sigma_mps, sigmas(config))
@@ -117,7 +122,7 @@ def _from_batch(
     without_course: Mask | None = None
     if np.any(ready):
         measurements = _collected(scans, counted, ready)
-        line = straight_line(measurements, prior)
+        line = straight_line(measurements, prior, compute)
         elapsed = scan.time - after.time[ready]
         waits = line.ambiguous & (elapsed < LONGEST - SAME_TIME)
         if config.least_time_s is None:
@@ -134,7 +139,7 @@ def _from_batch(
         size = len(motion.components)
         mean = np.ones((size, *ready.shape))
         covariance = np.zeros((size, *mean.shape)) + linalg.expand(np.eye(size), mean[None])
-        mean[:, ready], covariance[..., ready] = start_state(motion.part(ready), measurements, prior, line)
+        mean[:, ready], covariance[..., ready] = start_state(motion.part(ready), measurements, prior, line, compute)
         return _stated(Gaussian(mean, covariance), config)
 
     left_over = [(one, mask & ~ready) for one, mask in zip(scans, counted, strict=True)]
@@ -192,7 +197,7 @@ def _position(scan: Scan) -> Gaussian:
 
 def _from_one(position: Gaussian, velocity: Array, velocity_sigma: float) -> Gaussian:
     batch = position.mean.shape[1:]
-    covariance = np.zeros((4, 4, *batch))
+    covariance = np.zeros_like(position.covariance, shape=(4, 4, *batch))
     covariance[:2, :2] = position.covariance
     covariance[2, 2] = covariance[3, 3] = velocity_sigma**2
     return Gaussian(np.concatenate([position.mean, velocity]), covariance)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from trackbench import linalg
 from trackbench.filters import Update
+from trackbench.trackers.late import Taken
 from trackbench.types import Array, Estimate, Mask
 
 
@@ -39,3 +41,13 @@ def log_likelihood(estimate: Estimate) -> Array | None:
         return None
     factor = linalg.cholesky(s)
     return np.where(factor.positive, factor.log_density(factor.whiten(y)), np.nan)
+
+
+def total_log_likelihood(taken: Sequence[Taken[Any, Estimate]]) -> Array | float:
+    """``(batch,)`` logarithm of the density of all measurements of scans that were taken in."""
+    total: Array | float = 0.0
+    for one in taken:
+        said = None if one.said is None else log_likelihood(one.said)
+        if said is not None:
+            total = total + np.where(one.scan.valid & ~np.isnan(said), said, 0.0)
+    return total

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
-from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
 
 from trackbench.types import Indices, Scan
 
@@ -25,16 +26,21 @@ A = TypeVar("A")
 Step = Callable[[S, Scan, Indices | None], tuple[S, A]]
 
 
-class Taken(NamedTuple, Generic[S]):
-    """A scan that was taken in."""
+class Taken(NamedTuple, Generic[S, A]):
+    """A scan that was taken in. It is never changed, so that a copied state shares its history."""
 
     before: S
     """The state before it."""
     scan: Scan
     origins: Indices | None = None
     """Of its detections, for the tracker that knows them."""
+    said: A | None = None
+    """What the tracker said after it, where that may be asked for."""
     outdated: bool = False
     """Whether a late scan has been taken in since, of a time before it, that ``before`` does not hold."""
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Taken[S, A]:
+        return self
 
 
 class Replayed(NamedTuple, Generic[S, A]):
@@ -45,32 +51,38 @@ class Replayed(NamedTuple, Generic[S, A]):
     """What the tracker said after the late scan."""
     latest: A
     """What it said after the latest scan."""
-    history: tuple[Taken[S], ...]
+    history: tuple[Taken[S, A], ...]
 
 
-def kept(step: Step[S, A], history: tuple[Taken[S], ...], taken: Taken[S], lag: float) -> tuple[Taken[S], ...]:
+def kept(step: Step[S, A], history: tuple[Taken[S, A], ...], taken: Taken[S, A], lag: float) -> tuple[Taken[S, A], ...]:
     """The history with one more scan, and without those that are older than it by more than ``lag`` seconds."""
-    first = sum(one.scan.time < taken.scan.time - lag for one in history)
+    first = bisect_left(history, taken.scan.time - lag, key=lambda one: one.scan.time)
     if first == len(history):
         return (taken,)
     return (*up_to_date(step, history, first)[first:], taken)
 
 
-def position(history: tuple[Taken[S], ...], scan: Scan) -> int | None:
+def position(history: tuple[Taken[S, A], ...], scan: Scan) -> int | None:
     """Where in the history a scan belongs that was taken earlier than its last one.
 
     None where it was not, or where the history does not reach back so far. Scans of one time are in the order in which
     they are delivered when nothing is late.
     """
-    number = sum((one.scan.time, one.scan.place) <= (scan.time, scan.place) for one in history)
-    if number == len(history) or (number == 0 and history[0].before.time > scan.time):
+    if not history or _order(history[-1].scan) <= _order(scan):
+        return None
+    number = sum(_order(one.scan) <= _order(scan) for one in history)
+    if number == 0 and history[0].before.time > scan.time:
         return None
     return number
 
 
-def up_to_date(step: Step[S, A], history: tuple[Taken[S], ...], number: int) -> tuple[Taken[S], ...]:
+def _order(scan: Scan) -> tuple[float, int]:
+    return scan.time, scan.place
+
+
+def up_to_date(step: Step[S, A], history: tuple[Taken[S, A], ...], number: int) -> tuple[Taken[S, A], ...]:
     """The history in which no state up to that before the scan of this number is outdated."""
-    redone: list[Taken[S]] = []
+    redone: list[Taken[S, A]] = []
     for one in history[: number + 1]:
         if one.outdated:
             last = redone[-1]
@@ -79,21 +91,21 @@ def up_to_date(step: Step[S, A], history: tuple[Taken[S], ...], number: int) -> 
     return (*redone, *history[number + 1 :])
 
 
-def inserted(history: tuple[Taken[S], ...], number: int, scan: Scan) -> tuple[Taken[S], ...]:
+def inserted(history: tuple[Taken[S, A], ...], number: int, scan: Scan) -> tuple[Taken[S, A], ...]:
     """The history with a late scan at its position, where no state up to that is outdated; those after it then are."""
-    taken = Taken(history[number].before, scan)
+    taken: Taken[S, A] = Taken(history[number].before, scan)
     return (*history[:number], taken, *(one._replace(outdated=True) for one in history[number:]))
 
 
 def replayed(
-    step: Step[S, A], history: tuple[Taken[S], ...], number: int, scan: Scan, origins: Indices | None = None
+    step: Step[S, A], history: tuple[Taken[S, A], ...], number: int, scan: Scan, origins: Indices | None = None
 ) -> Replayed[S, A]:
     """Take a late scan in at its position in the history, and the later ones again."""
-    state = history[number].before
-    redone = [Taken(state, scan, origins)]
-    state, late = step(state, scan, origins)
-    latest = late
+    before = history[number].before
+    state, late = step(before, scan, origins)
+    redone, latest = [Taken(before, scan, origins, late)], late
     for one in history[number:]:
-        redone.append(Taken(state, one.scan, one.origins))
-        state, latest = step(state, one.scan, one.origins)
+        before = state
+        state, latest = step(before, one.scan, one.origins)
+        redone.append(Taken(before, one.scan, one.origins, latest))
     return Replayed(state, late, latest, (*history[:number], *redone))

@@ -9,8 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
-import tempfile
 import zipfile
 from dataclasses import fields
 from importlib.metadata import version
@@ -21,6 +19,7 @@ import numpy as np
 
 from trackbench.truth.config import HighwayOptions
 from trackbench.types import Observer, Truth
+from trackbench.user_cache import cache_folder, write_whole
 
 #: To be raised whenever the same configuration leads to another truth, or is stored in another way.
 FORMAT = 4
@@ -28,17 +27,9 @@ HEADER = f"trackbench truth {FORMAT}"
 PACKAGES = ("trackbench", "highway-env", "gymnasium", "numpy")
 
 
-def folder() -> Path:
-    """TRACKBENCH_CACHE, else trackbench in XDG_CACHE_HOME, else ~/.cache/trackbench."""
-    own = os.environ.get("TRACKBENCH_CACHE")
-    if own:
-        return Path(own)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "trackbench"
-
-
 def path(config: HighwayOptions) -> Path:
     """The file of the truth that ``config`` and the installed versions determine."""
-    return folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
+    return cache_folder() / f"{config.env.replace('/', '_')}-{_key(config)[:32]}.truth"
 
 
 def read(file: Path, config: HighwayOptions) -> Truth | None:
@@ -75,15 +66,7 @@ def write(file: Path, config: HighwayOptions, truth: Truth) -> None:
         OSError: the folder cannot be written.
     """
     payload = _packed(truth, _key(config))
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=file.parent, prefix=".truth-")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(_header(payload) + b"\n" + payload)
-        os.replace(temporary, file)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    write_whole(file, _header(payload) + b"\n" + payload)
 
 
 def _key(config: HighwayOptions) -> str:

@@ -39,6 +39,7 @@ def _tracker(item: Tuning) -> dict[str, Any]:
         "name": item.tracker,
         "verdict": headline(item)[0],
         "remarks": list(remarks(item)),
+        "engine": item.engine,
         "ranges": [parameter.as_json() for parameter in item.parameters],
         "start": item.start,
         "tuned": dict(item.best.values),

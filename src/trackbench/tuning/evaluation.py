@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import ValidationError
 
+from trackbench.engine.choice import EngineName, chosen
+from trackbench.engine.used import EngineUsed, joined
 from trackbench.execution import Task
 from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
 from trackbench.scenario import Scenario
@@ -78,6 +80,16 @@ class _Start(NamedTuple):
     outcome: Outcome
     counted: tuple[PackedGiven | None, ...]
     """Of each scene; None where it failed, and where nobody labelled the detections."""
+    engine: EngineUsed | None
+    """What computed it; None of a tracker that is not built in."""
+
+
+class _StartPiece(NamedTuple):
+    """The same of some runs of one scene."""
+
+    sums: Sums | str
+    counted: PackedGiven | None = None
+    engine: EngineUsed | None = None
 
 
 class _Scene(NamedTuple):
@@ -96,6 +108,8 @@ class Evaluator:
         parameters: what differs between trials.
         executor: what makes them.
         isolation: how a tracker that is not built in is kept apart.
+        engine: what computes.
+        trials: about how many will be made.
     """
 
     def __init__(
@@ -105,10 +119,14 @@ class Evaluator:
         parameters: Sequence[Parameter],
         executor: Executor,
         isolation: Isolation = ISOLATED,
+        engine: EngineName = "numpy",
+        trials: int = 1,
     ) -> None:
         self.benches, self.tracker, self.parameters = benches, tracker, parameters
         self._executor = executor
-        self._work = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
+        work = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
+        self.engine = chosen(engine, trials * sum(item.steps for item in work))
+        self._work = [replace(item, engine=self.engine) for item in work]
 
     def scenes(self, bench: int) -> Indices:
         """``(runs,)`` number of the scene of each run of a scenario."""
@@ -118,6 +136,11 @@ class Evaluator:
     def start(self) -> list[Outcome]:
         """What the tracker gives as it is, in each scenario."""
         return [found.outcome for found in self._start]
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """What computes the tracker; None of one that is not built in."""
+        return joined(found.engine for found in self._start if found.engine is not None)
 
     @cached_property
     def _start(self) -> list[_Start]:
@@ -191,28 +214,31 @@ def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
         yield BlockRuns(scene, range(first, min(first + size, work.runs)))
 
 
-def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, PackedGiven | None]:
-    """The tracker as it is, and the estimates and innovations that it gives."""
+def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
+    """The tracker as it is."""
     try:
-        sums, given = score_start(scene.work, piece, entry)
+        sums, given, engine = score_start(scene.work, piece, entry)
     except (KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:
-        return fault_of(error).cause, None
-    return sums, PackedGiven.of(given)
+        return _StartPiece(fault_of(error).cause)
+    return _StartPiece(sums, PackedGiven.of(given), engine)
 
 
-def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, None]:
-    return score_hidden(scene.work, piece, entry), None
+def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
+    sums, engine = score_hidden(scene.work, piece, entry)
+    return _StartPiece(sums, engine=engine)
 
 
-def _whole(scenes: Sequence[Sequence[tuple[Sums | str, PackedGiven | None]]]) -> _Start:
+def _whole(scenes: Sequence[Sequence[_StartPiece]]) -> _Start:
     """The tracker as it is, all of its runs together."""
     counted = []
     for pieces in scenes:
-        given = [one for _, one in pieces if one is not None]
+        given = [piece.counted for piece in pieces if piece.counted is not None]
         counted.append(PackedGiven.joined(given) if len(given) == len(pieces) else None)
-    return _Start(_joined([sums for pieces in scenes for sums, _ in pieces]), tuple(counted))
+    every = [piece for pieces in scenes for piece in pieces]
+    engine = joined(piece.engine for piece in every if piece.engine is not None)
+    return _Start(_joined([piece.sums for piece in every]), tuple(counted), engine)
 
 
 def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
@@ -239,7 +265,7 @@ def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str
 
 def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
     """The trials of a batch, one after the other."""
-    return [score_hidden(scene.work, piece, entry) for entry in batch.entries]
+    return [score_hidden(scene.work, piece, entry)[0] for entry in batch.entries]
 
 
 def _joined(parts: Sequence[Sums | str]) -> Outcome:

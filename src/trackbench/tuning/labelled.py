@@ -6,11 +6,13 @@ from typing import Literal
 
 import numpy as np
 
+from trackbench.engine.used import EngineUsed
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.consistency import normalised_square
 from trackbench.metrics.verdicts import HALVES
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
+from trackbench.runner.engines import engine_of
 from trackbench.runner.prepare import stepper_of
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
@@ -24,8 +26,9 @@ from trackbench.tuning.measures import Sums
 from trackbench.types import Array, Estimate, Mask, Scan
 
 
-def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given]:
-    """The sums of a tracker as it is over some runs of one scene, and the estimates and innovations that it gives.
+def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given, EngineUsed | None]:
+    """The sums of a tracker as it is over some runs of one scene, the estimates and innovations that it gives, and what
+    computed it.
 
     Args:
         work: what all blocks share.
@@ -36,7 +39,7 @@ def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given
         Exception: what the tracker raises.
     """
     sums = _run(work, piece, entry, 1, None)
-    return sums.of_trials()[0], sums.given
+    return sums.of_trials()[0], sums.given, sums.engine
 
 
 def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given) -> list[Sums]:
@@ -84,6 +87,7 @@ def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given
                 if latest is not None:
                     sums.add_error(instant, latest)
     finally:
+        sums.engine = engine_of(work, stepper)
         stepper.close()
     return sums
 
@@ -111,6 +115,8 @@ class _Sums:
         self.given = Given.none(len(self._due), scans, *shape[1:])
         """Of the first trial; filled in where nothing says what counts."""
         names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
+        self.engine: EngineUsed | None = None
+        """What computed the tracker, once all scans were taken."""
         self._total = {name: np.zeros(self._shape) for name in names}
         self._count = {name: np.zeros(self._shape) for name in names}
         self._member = members(classes)

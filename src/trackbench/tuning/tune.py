@@ -10,7 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.engine.choice import EngineName
+from trackbench.engine.used import ComputedBy
 from trackbench.errors import InputError
+from trackbench.runner.engines import log_left_to_numpy
 from trackbench.scenario import Scenario
 from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.tuning.evaluation import Bench, Evaluator
@@ -48,6 +51,8 @@ class Tuning:
     """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
     train_scenes: tuple[int, ...]
     train_runs: tuple[int, ...]
+    engine: ComputedBy | None
+    """What computed a built-in tracker; None of any other."""
     notes: tuple[str, ...] = ()
     """What should be known of the ranges."""
 
@@ -84,6 +89,7 @@ def tune(
     apart: Sequence[str],
     executor: Executor,
     isolation: Isolation = ISOLATED,
+    engine: EngineName = "auto",
     progress: Progress = no_progress,
 ) -> Tuning:
     """Search the best values on some scenes and noise, and hold them against the start's on others.
@@ -95,14 +101,18 @@ def tune(
         apart: of each what tells the two apart.
         executor: what makes the trials.
         isolation: how a tracker that is not built in is kept apart.
+        engine: what computes.
         progress: called with the number of trials made and of all.
 
     Raises:
         InputError: the tracker fails as it is, does not give what the objective needs, or the storage does not fit.
     """
     objective = task.objective
-    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation)
+    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.trials)
     start = _start(evaluator, objective)
+    used = evaluator.engine_used
+    if used is not None:
+        log_left_to_numpy("tuning", task.tracker, used)
     signature = signature_of(task.tracker, objective.name, task.parameters, task.seed, train, start)
     study = Study(task.tracker, task.storage, task.parameters, objective.axes, signature)
 
@@ -130,7 +140,8 @@ def tune(
         progress(task.trials + part / parts * last, total)
 
     best, responses = polished(evaluator, objective, start, made, best, advance_last)
-    held_out = compare_held_out(Evaluator(test, task.tracker, task.parameters, executor, isolation), best.values)
+    others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine)
+    held_out = compare_held_out(others, best.values)
     return Tuning(
         tracker=task.tracker,
         scenarios=tuple(bench.name for bench in train),
@@ -145,6 +156,7 @@ def tune(
         apart=tuple(apart),
         train_scenes=tuple(len(bench.truths) for bench in train),
         train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
+        engine=None if used is None else used.engine,
         notes=task.notes,
     )
 

@@ -60,9 +60,14 @@ def _of_standing(finding: Finding) -> Finding:
 
 def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResult) -> None:
     kind = trials[0].scan.kind
-    if not any(_moves(trial, kind) for trial in trials):
-        text = f"no measurement of {sensor} moves the estimate, in any of {len(trials)} trials"
-        exhibit = update_shown(trials[0], trials[0].predicted_measurement + ASIDE * trials[0].sigma)
+    answered = [trial for trial in trials if _answers(trial)]
+    if not answered:
+        text = f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials"
+        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, text))
+        return
+    if not any(_moves(trial, kind) for trial in answered):
+        text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
+        exhibit = update_shown(answered[0], answered[0].predicted_measurement + ASIDE * answered[0].sigma)
         result.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit))
         result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
         return
@@ -124,6 +129,11 @@ def _measured(trial: Trial, model: WrongModel) -> Array:
 def _deviation(trial: Trial, model: WrongModel) -> Array:
     """``(m,)`` of a wrong model's prediction from the right one, in sigma."""
     return np.asarray(np.abs(_measured(trial, model) - trial.predicted_measurement) / trial.sigma)
+
+
+def _answers(trial: Trial) -> bool:
+    """Whether there is an estimate after a measurement: a step that fails says nothing of what it would do."""
+    return any(trial.posterior(one) is not None for one in (trial.predicted_measurement, trial.scan.measurement))
 
 
 def _moves(trial: Trial, kind: str) -> bool:

@@ -48,8 +48,7 @@ def output(tracker: TrackerUnderTest) -> PartResult:
     question = "Is the estimate px, py, vx, vy in the fixed frame?"
     pairs = []
     for probe in tracker.probes.general:
-        session = tracker.session_at(probe, tracker.sensor_sets()[-1])
-        name = tracker.sensor_sets()[-1][0]
+        session, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
         scan = probe.scan(name, tracker.sensors[name], 0.0)
         estimate = tracker.predict(session, scan, probe.name)
         if estimate is not None and finite(estimate):

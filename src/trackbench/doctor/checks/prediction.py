@@ -36,6 +36,8 @@ LATER, MISSED = 0.4, 0.25
 GROWTH = (0.45, 2.2)
 #: Time over which the growth is examined, s.
 SPREAD_OVER = 0.1
+#: First of the scans of a track after which it is examined.
+SETTLED = 4
 #: Standard deviation of the velocity over the speed below which the growth is examined.
 KNOWN = 0.35
 
@@ -149,8 +151,7 @@ def _error_at_measurements(tracker: TrackerUnderTest) -> float | None:
 
 
 def _predicted_steps(tracker: TrackerUnderTest, probe: Probe) -> list[PredictedStep]:
-    sensor_set = tracker.sensor_sets()[-1]
-    at_probe, name = tracker.session_at(probe, sensor_set), sensor_set[0]
+    at_probe, name = tracker.session_of_most(probe), next(iter(tracker.sensors))
     found: list[PredictedStep] = []
     if at_probe is None:
         return found
@@ -223,9 +224,11 @@ def _growth(tracker: TrackerUnderTest, probe: Probe, name: str) -> list[tuple[fl
     with tracker.recording_failures(probe.name):
         for k in range(12):
             session.step(probe.scan(name, sensor, k / rate - 2.0))
+            if k < SETTLED:
+                continue
             now = session.peek(masked(probe.scan(name, sensor, k / rate - 2.0)))
             then = session.peek(masked(probe.scan(name, sensor, k / rate - 2.0 + SPREAD_OVER)))
-            if k >= 4 and now is not None and then is not None and finite(now) and finite(then) and _known(now):
+            if now is not None and then is not None and finite(now) and finite(then) and _known(now):
                 found.append((*_ratios(now, then, SPREAD_OVER), _block(now, then)))
     return found
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from trackbench.doctor.exhibits import Points, Predictions, Ring, StatedBelief
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
-from trackbench.doctor.probes import Probe, probe_rate, with_noise
+from trackbench.doctor.first_estimates import FirstEstimate, first_estimates
+from trackbench.doctor.probes import Probe
 from trackbench.doctor.right_answers import named
-from trackbench.doctor.session import TrackerSession, finite
+from trackbench.doctor.session import finite
 from trackbench.doctor.tracker_under_test import TrackerUnderTest
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Estimate, Scan
+from trackbench.types import Array
 
 #: NEES of the first estimate over its expectation; 4 if the first standard deviations are half of the right ones.
 OVERCONFIDENT = 6.0
@@ -21,43 +20,15 @@ OVERCONFIDENT = 6.0
 MEDIAN = 1.39
 #: Number of tracks for the NEES.
 STARTS = 60
-#: Number of scans in which a track has to start.
-SCANS = 16
-
-
-class FirstEstimate(NamedTuple):
-    """The first estimate of a track."""
-
-    probe: Probe
-    scan: Scan
-    estimate: Estimate
-    truth: Array
-    """``(4,)`` at that time."""
-    given: list[Scan]
-    """The scans up to that time."""
-
-
-def _first_estimate(
-    tracker: TrackerUnderTest, probe: Probe, name: str, random: np.random.Generator | None = None
-) -> FirstEstimate | None:
-    """Start a track with one sensor, with noise if a generator is given; None if it fails or does not start."""
-    sensor, session = tracker.sensors[name], TrackerSession(tracker.make)
-    rate = probe_rate(sensor)
-    with tracker.recording_failures(probe.name):
-        for k in range(SCANS):
-            scan = probe.scan(name, sensor, k / rate)
-            scan = scan if random is None else with_noise(scan, random)
-            estimate = session.step(scan)
-            if estimate is not None:
-                return FirstEstimate(probe, scan, estimate, probe.truth(k / rate), session.given)
-    return None
 
 
 def first_position(tracker: TrackerUnderTest) -> PartResult:
     """Start tracks without noise at many probes with each sensor alone."""
     result = PartResult()
     for name, sensor in tracker.sensors.items():
-        found = (_first_estimate(tracker, probe, name) for probe in (*tracker.probes.general, *tracker.probes.moving))
+        found = first_estimates(tracker, tracker.probes.general, name)
+        for probe in tracker.probes.moving:
+            found += first_estimates(tracker, (probe,), name)
         started = [one for one in found if one is not None and finite(one.estimate)]
         question = f"Do tracks that start with {name} start at the target?"
         if not started:
@@ -153,21 +124,12 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
     random = np.random.default_rng([tracker.seed, 0])
     nees: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
     errors: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
-    for _ in range(STARTS):
-        bearing, course = random.uniform(-np.pi, np.pi, 2)
-        distance, speed = random.uniform(15.0, 60.0), random.uniform(3.0, 20.0)
-        target = (
-            distance * np.cos(bearing),
-            distance * np.sin(bearing),
-            speed * np.cos(course),
-            speed * np.sin(course),
-        )
-        probe = Probe("start", "a random target at its first measurement", target).placed(tracker.probes.site)
-        for name in tracker.sensors:
-            first = _first_estimate(tracker, probe, name, random)
+    probes = [_any_target(random).placed(tracker.probes.site) for _ in range(STARTS)]
+    for name in tracker.sensors:
+        for first in first_estimates(tracker, probes, name, random):
             if first is None:
                 continue
-            tracker.output_checks.add(first.estimate, first.scan, probe.name, first.given)
+            tracker.output_checks.add(first.estimate, first.scan, first.probe.name, first.given)
             if finite(first.estimate):
                 nees[name].append(_nees(first))
                 errors[name].append(_normalised(first))
@@ -188,6 +150,19 @@ def confidence(tracker: TrackerUnderTest) -> PartResult:
         finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by, exhibit=exhibit)
         result.findings.append(finding)
     return result
+
+
+def _any_target(random: np.random.Generator) -> Probe:
+    """A target anywhere about the observer, with any velocity."""
+    bearing, course = random.uniform(-np.pi, np.pi, 2)
+    distance, speed = random.uniform(15.0, 60.0), random.uniform(3.0, 20.0)
+    target = (
+        distance * np.cos(bearing),
+        distance * np.sin(bearing),
+        speed * np.cos(course),
+        speed * np.sin(course),
+    )
+    return Probe("start", "a random target at its first measurement", target)
 
 
 def _errors_shown(name: str, errors: Array, part: int) -> Points:

@@ -36,6 +36,9 @@ NEAR = 1.0
 SPREAD = 1e-3
 #: Measurements tried beside the predicted one, standard deviations.
 SIDES = (-2.0, 2.0)
+#: Standard deviations of the predicted azimuth within which all sigma points lie; those of the measurement by which it
+#: is beyond pi, where a prediction is so far from it.
+SPREAD_OVER, BEYOND = 5.0, 2.0
 #: Angles by which the target is turned, rad: no angle is near pi then.
 TURN, OTHER_TURN = -1.2, 1.9
 #: Share of a jump which the two turned targets may differ by.
@@ -55,7 +58,8 @@ class Jump(NamedTuple):
     without_innovation: bool
     """Whether the update by the predicted measurement differs too."""
     confirmed: bool
-    """Whether the update is right where the same target is seen by a sensor mounted at another yaw."""
+    """Whether the update is right where the same target is seen by a sensor mounted at another yaw, or by a measurement
+    before pi."""
     exhibit: Predictions | None = None
     innovation: float = np.nan
     """That of the predicted azimuth, in standard deviations of the measurement."""
@@ -90,6 +94,22 @@ def jumps_of(
         for jump in again
         if jump is not None
     ]
+
+
+def beyond_pi(tracker: TrackerUnderTest, probe: Probe, name: str, sensor_set: tuple[str, ...]) -> Jump | None:
+    """The update by a measurement beyond pi, of the target turned so far that all of its own azimuths are before it."""
+    trial, sensor = tracker.trial(probe, name, sensor_set), tracker.sensors[name]
+    if trial is None or not trial.usable:
+        return None
+    row, side = trial.jacobian[1], np.sign(trial.predicted_measurement[1])
+    margin = SPREAD_OVER * float(np.sqrt(row @ trial.prediction.covariance @ row))
+    before = probe.turned(-side * margin, sensor)
+    away = before.turned(TURN, sensor)
+    here, turned = tracker.trial(before, name, sensor_set), tracker.trial(away, name, sensor_set)
+    if here is None or turned is None or not (_right(here, before) and _right(turned, away)):
+        return None
+    jump = _jump(here, turned, _rotation(-TURN), side * (margin / trial.sigma[1] + BEYOND), probe)
+    return None if jump is None else jump._replace(confirmed=True)
 
 
 def _rotation(angle: float) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench.doctor.checks.turned_update import FAR, OTHER_TURN, TURN, Jump, jumps_of
+from trackbench.doctor.checks.turned_update import FAR, OTHER_TURN, TURN, Jump, beyond_pi, jumps_of
 from trackbench.doctor.course_jump import course_jump, followed
 from trackbench.doctor.exhibits import Predictions, StatedBelief
 from trackbench.doctor.findings import CheckResult, Finding, PartResult
@@ -57,8 +57,8 @@ def wrapping(tracker: TrackerUnderTest) -> PartResult:
         worst = max(jumps, key=lambda jump: jump.size)
         result.checks.append(CheckResult(f"{angle}_wrapping", question, worst.size < FAR, worst.text))
         if worst.size >= FAR:
-            found = _course(worst) if angle == "course" else _azimuth([one for one in jumps if one.size >= FAR], worst)
-            result.findings.append(found)
+            far = [one for one in jumps if one.size >= FAR]
+            result.findings.append(_course(worst) if angle == "course" else _azimuth(tracker, far, worst))
     return result
 
 
@@ -74,16 +74,25 @@ def _course(worst: Jump) -> Finding:
     return Finding("course_not_wrapped", confidence, worst.text, shown_by="long_run", exhibit=worst.exhibit)
 
 
-def _azimuth(jumps: Sequence[Jump], worst: Jump) -> Finding:
+def _azimuth(tracker: TrackerUnderTest, jumps: Sequence[Jump], worst: Jump) -> Finding:
+    of_mean = any(jump.without_innovation for jump in jumps) and not any(jump.measured for jump in jumps)
+    if of_mean and (wider := _beyond_pi(tracker, worst)) is not None:
+        of_mean, worst = False, wider
     confidence = 0.97 if worst.confirmed and worst.size > 5 * FAR else 0.85
     fault, text = "azimuth_not_wrapped", worst.text
-    if any(jump.without_innovation for jump in jumps) and not any(jump.measured for jump in jumps):
+    if of_mean:
         fault, confidence = "angle_mean_not_circular", 0.95
         text += "; where the prediction's own azimuths are all on one side of pi, it does not; the update by the "
         text += "predicted measurement differs too"
         if abs(worst.innovation) > FAR:
             text += f", and its azimuth has an innovation of {worst.innovation:+.3g} sigma"
     return Finding(fault, confidence, text, sensor=worst.sensor, shown_by=worst.probe.name, exhibit=worst.exhibit)
+
+
+def _beyond_pi(tracker: TrackerUnderTest, worst: Jump) -> Jump | None:
+    """An update that jumps for the measurement alone: uncertain predictions beside pi have azimuths on both sides."""
+    found = (beyond_pi(tracker, worst.probe, worst.sensor, sensor_set) for sensor_set in tracker.sensor_sets())
+    return next((jump for jump in found if jump is not None and jump.measured and jump.size >= FAR), None)
 
 
 def _astray(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Jump | None:

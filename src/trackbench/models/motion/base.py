@@ -108,16 +108,9 @@ class MotionModel(Config, ABC):
 
     def from_cartesian(self, belief: Gaussian, sigmas: InitialSigmas) -> Gaussian:
         """The state whose position and velocity have the given distribution; its other components are zero."""
-        size = len(self.components)
-        if size == 4:
+        if len(self.components) == 4:
             return belief
-        mean, covariance = belief
-        batch = mean.shape[1:]
-        extended = np.zeros((size, size, *batch))
-        extended[:4, :4] = covariance
-        for i, name in enumerate(self.components[4:], start=4):
-            extended[i, i] = first_sigma(self, name, sigmas) ** 2
-        return Gaussian(np.concatenate([mean, np.zeros((size - 4, *batch))]), extended)
+        return extended(self, belief, sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         """``(n, ...)`` the state of a body in the given motion."""
@@ -159,6 +152,18 @@ def first_sigma(model: MotionModel, component: str, sigmas: InitialSigmas) -> fl
     if component in ACCELERATION:
         return sigmas.acceleration
     return sigmas.yaw_rate if component in YAW_RATE else model.first_sigmas[component]
+
+
+def extended(model: MotionModel, first: Gaussian, sigmas: InitialSigmas) -> Gaussian:
+    """A belief of the first four components of a model's state, its other components at zero."""
+    size, batch = len(model.components), first.mean.shape[1:]
+    mean = np.zeros_like(first.mean, dtype=float, shape=(size, *batch))
+    mean[:4] = first.mean
+    covariance = np.zeros_like(first.covariance, dtype=float, shape=(size, size, *batch))
+    covariance[:4, :4] = first.covariance
+    for i, name in enumerate(model.components[4:], start=4):
+        covariance[i, i] = first_sigma(model, name, sigmas) ** 2
+    return Gaussian(mean, covariance)
 
 
 def process_noise(model: MotionModel, x: Array, dt: float) -> Array:

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
+from trackbench import linalg
 from trackbench.config import Positive
 from trackbench.models.motion.base import MotionModel
 from trackbench.types import Array
@@ -29,7 +30,18 @@ class ConstantAcceleration(MotionModel):
         return np.concatenate([p + dt * v + dt**2 / 2 * a, v + dt * a, a])
 
     def jacobian(self, x: Array, dt: float) -> Array:
-        return np.asarray(np.kron([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]], np.eye(2)), dtype=float)
+        half = dt**2 / 2
+        return linalg.matrix(
+            [
+                [1, 0, dt, 0, half, 0],
+                [0, 1, 0, dt, 0, half],
+                [0, 0, 1, 0, dt, 0],
+                [0, 0, 0, 1, 0, dt],
+                [0, 0, 0, 0, 1, 0],
+                [0, 0, 0, 0, 0, 1],
+            ]
+        )
 
     def noise_gain(self, x: Array, dt: float) -> Array:
-        return np.asarray(np.kron([[dt**3 / 6], [dt**2 / 2], [dt]], np.eye(2)), dtype=float)
+        third, half = dt**3 / 6, dt**2 / 2
+        return linalg.matrix([[third, 0], [0, third], [half, 0], [0, half], [dt, 0], [0, dt]])

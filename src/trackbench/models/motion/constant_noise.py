@@ -26,7 +26,7 @@ class ConstantProcessNoise(MotionModel):
 
     @property
     def noise_sigma(self) -> tuple[float, ...]:
-        return tuple(np.sqrt(self.variances).tolist())
+        return tuple(np.sqrt(variance) for variance in self.variances)
 
     def transition(self, x: Array, dt: float) -> Array:
         return self.motion.transition(x, dt)
@@ -35,7 +35,7 @@ class ConstantProcessNoise(MotionModel):
         return self.motion.jacobian(x, dt)
 
     def noise_gain(self, x: Array, dt: float) -> Array:
-        return np.eye(len(self.variances)) if dt > 0.0 else np.zeros((len(self.variances),) * 2)
+        return np.where(dt > 0.0, np.eye(len(self.variances)), 0.0)
 
     def to_cartesian(self, x: Array) -> Array:
         return self.motion.to_cartesian(x)

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
+from trackbench import linalg
 from trackbench.config import Positive
 from trackbench.models.motion.base import MotionModel
 from trackbench.types import Array
@@ -30,7 +31,7 @@ class ConstantVelocity(MotionModel):
         return np.concatenate([x[:2] + dt * x[2:], x[2:]])
 
     def jacobian(self, x: Array, dt: float) -> Array:
-        return np.array([[1, 0, dt, 0], [0, 1, 0, dt], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+        return linalg.matrix([[1, 0, dt, 0], [0, 1, 0, dt], [0, 0, 1, 0], [0, 0, 0, 1]])
 
     def noise_gain(self, x: Array, dt: float) -> Array:
-        return np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
+        return linalg.matrix([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])

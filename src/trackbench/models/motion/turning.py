@@ -2,41 +2,60 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 
 from trackbench import linalg
-from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, first_sigma
+from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, extended
 from trackbench.types import Array, Gaussian
 from trackbench.units import cos_sin
 
-#: Below this half turn (rad) the series of the spherical Bessel functions is exact to double precision.
-SMALL = 1e-2
+#: Below this half turn (rad) the series of the spherical Bessel functions are exact to double precision.
+SMALL = 0.5
+TERMS = range(8)
+#: Coefficients of the powers of h^2 in j0(h), in j1(h) / h and in the derivative of j1(h).
+J0 = [(-1) ** k / factorial(2 * k + 1) for k in TERMS]
+J1 = [(-1) ** k * (2 * k + 2) / factorial(2 * k + 3) for k in TERMS]
+J1_SLOPE = [(2 * k + 1) * coefficient for k, coefficient in zip(TERMS, J1, strict=True)]
 
 
 def bessel0(h: Array) -> Array:
     """``sin(h) / h``, the spherical Bessel function j0."""
-    near = np.abs(h) < SMALL
-    far = np.where(near, 1.0, h)
-    square = h * h
-    return np.where(near, 1.0 - square / 6.0 * (1.0 - square / 20.0), cos_sin(far)[1] / far)
+    return _near_and_far(h, _series(J0, h), lambda far: cos_sin(far)[1] / far)
 
 
 def bessel1(h: Array) -> Array:
     """``(sin(h) - h cos(h)) / h^2``, the spherical Bessel function j1; j0' = -j1."""
-    near = np.abs(h) < SMALL
-    far = np.where(near, 1.0, h)
-    square = h * h
-    c, s = cos_sin(far)
-    return np.where(near, h / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0)), (s - far * c) / far**2)
+
+    def closed(far: Array) -> Array:
+        c, s = cos_sin(far)
+        return (s - far * c) / (far * far)
+
+    return _near_and_far(h, h * _series(J1, h), closed)
 
 
 def bessel1_slope(h: Array) -> Array:
     """Derivative of j1: ``j0(h) - 2 j1(h) / h``."""
+    return _near_and_far(h, _series(J1_SLOPE, h), lambda far: bessel0(far) - 2.0 * bessel1(far) / far)
+
+
+def _series(coefficients: Sequence[float], h: Array) -> Array:
+    square = h * h
+    found = coefficients[-1] * square + coefficients[-2]
+    for coefficient in coefficients[-3::-1]:
+        found = found * square + coefficient
+    return found
+
+
+def _near_and_far(h: Array, series: Array, closed: Callable[[Array], Array]) -> Array:
+    """The series where it is exact, which is nearly everywhere; the closed form elsewhere."""
     near = np.abs(h) < SMALL
-    far = np.where(near, 1.0, h)
-    return np.where(near, 1.0 / 3.0 - h * h / 10.0 + h**4 / 168.0, bessel0(far) - 2.0 * bessel1(far) / far)
+    if np.all(near):
+        return series
+    return np.where(near, series, closed(np.where(near, 1.0, h)))
 
 
 class Arc(NamedTuple):
@@ -103,8 +122,7 @@ def cartesian_belief(belief: Gaussian) -> Gaussian:
     mixed = bend * common
     rotation = linalg.matrix([[c, -s], [s, c]])
     second = linalg.quadratic(rotation, linalg.matrix([[along, mixed], [mixed, across]]))
-    result = np.empty((4, 4, *v.shape))
-    result[:2, :2] = p[:2, :2]
+    result = p[:4, :4].copy()
     result[:2, 2:] = linalg.matmul_transposed(p[:2, 2:4], to_velocity)
     result[2:, :2] = np.swapaxes(result[:2, 2:], 0, 1)
     result[2:, 2:] = linalg.symmetrise(linalg.quadratic(to_velocity, p[2:4, 2:4]) + second)
@@ -166,13 +184,8 @@ class SpeedAndYaw(MotionModel):
         p = linalg.quadratic(slope, belief.covariance)
         scale = np.minimum(1.0, sigmas.yaw / np.sqrt(p[3, 3]))
         p = p * linalg.matrix([[1, 1, 1, scale]] * 3 + [[scale, scale, scale, scale**2]])
-        batch, size = px.shape, len(self.components)
-        covariance = np.zeros((size, size, *batch))
-        covariance[:4, :4] = linalg.symmetrise(p)
-        for i, name in enumerate(self.components[4:], start=4):
-            covariance[i, i] = first_sigma(self, name, sigmas) ** 2
-        zeros = np.zeros((size - 4, *batch))
-        return Gaussian(np.concatenate([linalg.vector([px, py, speed, np.arctan2(vy, vx)]), zeros]), covariance)
+        mean = linalg.vector([px, py, speed, np.arctan2(vy, vx)])
+        return extended(self, Gaussian(mean, linalg.symmetrise(p)), sigmas)
 
     def from_kinematics(self, motion: Kinematics) -> Array:
         known = {

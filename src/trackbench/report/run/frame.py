@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Section, Status, TrackerStyle
 from trackbench.document.styles import tracker_styles
 from trackbench.palette import tracker_colours
+from trackbench.report.numbers import joined
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import after_jumps
@@ -74,8 +75,18 @@ def _reproduction(result: Result) -> Iterator[Block]:
     summary, scenario = result.summary, result.summary.scenario
     if summary.command:
         yield Code(summary.command, "sh")
-    versions = ", ".join(f"{name} {number}" for name, number in summary.versions.items())
-    yield Paragraph(f"{versions}; {summary.engine} engine.")
+    yield Paragraph(f"{summary.made_with}.")
+    yield from _engines(result)
     yield Paragraph(f"Fingerprint of all measurements: {summary.fingerprint}")
     overrides = [Paragraph(f"Changed by the command: {', '.join(scenario.overrides)}.")] if scenario.overrides else []
     yield Section(f"Scenario {scenario.file}", (Code(scenario.text, "yaml"), *overrides), folded=True)
+
+
+def _engines(result: Result) -> Iterator[Block]:
+    """Which trackers were computed by which engine, where it was not the same for all."""
+    by_engine: dict[str, list[str]] = {}
+    for tracker in result.summary.trackers:
+        if tracker.engine is not None:
+            by_engine.setdefault(tracker.engine, []).append(tracker.name)
+    if len(by_engine) > 1:
+        yield Paragraph(" ".join(f"Computed by {engine}: {joined(names)}." for engine, names in by_engine.items()))

@@ -28,7 +28,7 @@ def facts(result: Result) -> tuple[str, ...]:
         counted(len(summary.sensors), "sensor"),
         counted(len(summary.trackers), "tracker"),
         f"seed {summary.seed}",
-        f"{summary.engine} engine",
+        summary.engine_in_words,
     )
 
 

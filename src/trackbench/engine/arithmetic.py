@@ -1,0 +1,285 @@
+"""Transcendental functions by arithmetic alone, so that every machine computes the same bits.
+
+Coefficients: W. J. Cody and W. Waite (1980), "Software Manual for the Elementary Functions", as the Cephes library
+(tan) and FreeBSD's msun (sin, cos, atan, exp, log) have them. ``ERROR`` holds the largest errors that the tests find.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from trackbench.engine.graph import Graph, Node, ordered
+
+#: Largest errors against correctly rounded values, in units in the last place.
+ERROR = {"tan": 3.5, "sin": 2.5, "cos": 2.5, "arctan2": 2.5, "exp": 1.0, "log": 1.0, "hypot": 2.0}
+#: Added to a number of less than 2^51, it leaves a whole number in the last bits.
+WHOLE = 1.5 * 2.0**52
+#: Beyond this angle (rad) the multiple of pi/2 below is no longer exact.
+LARGEST_ANGLE = 2.0**20
+#: pi/2 in three parts of 33 bits, and what is left. Source: FreeBSD msun, e_rem_pio2.c.
+QUARTER_TURN = (
+    1.57079632673412561417e00,
+    6.07710050630396597660e-11,
+    2.02226624871116645580e-21,
+    8.47842766036889956997e-32,
+)
+TAN_P = (-1.30936939181383734205e4, 1.15351664838587416140e6, -1.79565251976484877988e7)
+TAN_Q = (1.0, 1.36812963470692954678e4, -1.32089234440210967447e6, 2.50083801823357915839e7, -5.38695755929454629881e7)
+#: Of the odd powers from the eleventh on down, those at an even place and those at an odd one.
+ATAN = (
+    (
+        1.62858201153657823623e-02,
+        4.97687799461593236017e-02,
+        6.66107313738753120669e-02,
+        9.09088713343650656196e-02,
+        1.42857142725034663711e-01,
+        3.33333333333329318027e-01,
+    ),
+    (
+        -3.65315727442169155270e-02,
+        -5.83357013379057348645e-02,
+        -7.69187620504482999495e-02,
+        -1.11111104054623557880e-01,
+        -1.99999999998764832476e-01,
+    ),
+)
+#: The angles whose tangents are 1/2 and 1, each with what is left of it.
+ATAN_HALF = (4.63647609000806093515e-01, 2.26987774529616870924e-17)
+ATAN_ONE = (7.85398163397448278999e-01, 3.06161699786838301793e-17)
+SIN = (
+    1.58969099521155010221e-10,
+    -2.50507602534068634195e-08,
+    2.75573137070700676789e-06,
+    -1.98412698298579493134e-04,
+    8.33333333332248946124e-03,
+    -1.66666666666666324348e-01,
+)
+COS = (
+    -1.13596475577881948265e-11,
+    2.08757232129817482790e-09,
+    -2.75573143513906633035e-07,
+    2.48015872894767294178e-05,
+    -1.38888888888741095749e-03,
+    4.16666666666666019037e-02,
+)
+EXP = (
+    4.13813679705723846039e-08,
+    -1.65339022054652515390e-06,
+    6.61375632143793436117e-05,
+    -2.77777777770155933842e-03,
+    1.66666666666666019037e-01,
+)
+LOG = (
+    1.479819860511658591e-01,
+    1.531383769920937332e-01,
+    1.818357216161805012e-01,
+    2.222219843214978396e-01,
+    2.857142874366239149e-01,
+    3.999999999940941908e-01,
+    6.666666666666735130e-01,
+)
+LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
+
+
+@dataclass(frozen=True)
+class Term:
+    """A node with operators, so that formulas read as such."""
+
+    graph: Graph
+    node: Node
+
+    def _with(self, op: str, *others: Term | float) -> Term:
+        return apply(self.graph, op, self, *others)
+
+    def __add__(self, other: Term | float) -> Term:
+        return self._with("add", other)
+
+    def __sub__(self, other: Term | float) -> Term:
+        return self._with("sub", other)
+
+    def __rsub__(self, other: float) -> Term:
+        return apply(self.graph, "sub", other, self)
+
+    def __mul__(self, other: Term | float) -> Term:
+        return self._with("mul", other)
+
+    def __truediv__(self, other: Term | float) -> Term:
+        return self._with("div", other)
+
+    def __rtruediv__(self, other: float) -> Term:
+        return apply(self.graph, "div", other, self)
+
+    def __gt__(self, other: Term | float) -> Term:
+        return self._with("gt", other)
+
+    def __lt__(self, other: Term | float) -> Term:
+        return self._with("lt", other)
+
+
+def apply(graph: Graph, op: str, *values: Term | float) -> Term:
+    """An operation on terms and numbers."""
+    nodes = [value.node if isinstance(value, Term) else graph.constant(value) for value in values]
+    return Term(graph, graph.apply(op, *nodes))
+
+
+def where(condition: Term, yes: Term | float, no: Term | float) -> Term:
+    """One of two terms."""
+    return apply(condition.graph, "where", condition, yes, no)
+
+
+def polynomial(x: Term, coefficients: Sequence[float]) -> Term:
+    """By Horner's rule; the coefficient of the highest power comes first."""
+    found: Term = x * coefficients[0] + coefficients[1] if coefficients[0] != 1.0 else x + coefficients[1]
+    for coefficient in coefficients[2:]:
+        found = found * x + coefficient
+    return found
+
+
+def _refuse(condition: Term) -> None:
+    """Members of which a condition holds are computed by NumPy; of a NaN no comparison does."""
+    condition.graph.guards.append(apply(condition.graph, "not", condition).node)
+
+
+def _turned(x: Term) -> tuple[Term, Term]:
+    """How many quarter turns are in an angle, plus ``WHOLE``; and the rest, -pi/4 to pi/4."""
+    graph = x.graph
+    _refuse(apply(graph, "abs", x) > LARGEST_ANGLE)
+    whole = x * 0.6366197723675814 + WHOLE
+    turns, rest = whole - WHOLE, x
+    for part in QUARTER_TURN:
+        rest = rest - turns * part
+    return whole, rest
+
+
+def tan(x: Term) -> Term:
+    """Tangent of an angle in rad."""
+    whole, rest = _turned(x)
+    square = rest * rest
+    odd, below = apply(x.graph, "bit0", whole), polynomial(square, TAN_Q)
+    above = rest * (below + square * polynomial(square, TAN_P))
+    # One division serves both: above / below, or -below / above.
+    return where(odd, apply(x.graph, "neg", below), above) / where(odd, above, below)
+
+
+def _sine(rest: Term) -> Term:
+    square = rest * rest
+    return rest + rest * square * polynomial(square, SIN)
+
+
+def _cosine(rest: Term) -> Term:
+    square = rest * rest
+    return 1.0 - (square * 0.5 - square * square * polynomial(square, COS))
+
+
+def _circular(x: Term, shift: float) -> Term:
+    whole, rest = _turned(x)
+    whole = whole + shift
+    found = where(apply(x.graph, "bit0", whole), _cosine(rest), _sine(rest))
+    # Two quarter turns change the sign.
+    return where(apply(x.graph, "bit1", whole), apply(x.graph, "neg", found), found)
+
+
+def sin(x: Term) -> Term:
+    """Sine of an angle in rad."""
+    return _circular(x, 0.0)
+
+
+def cos(x: Term) -> Term:
+    """Cosine of an angle in rad."""
+    return _circular(x, 1.0)
+
+
+def arctan2(y: Term, x: Term) -> Term:
+    """The angle of the point (x, y), -pi to pi."""
+    graph = y.graph
+    width, height = apply(graph, "abs", x), apply(graph, "abs", y)
+    small, large = apply(graph, "min", width, height), apply(graph, "max", width, height)
+    _refuse(apply(graph, "eq", large, float("inf")))
+    large = where(apply(graph, "eq", large, 0.0), 1.0, large)
+    # The tangent of the angle, or of what it is more than one whose tangent is 1/2 or 1.
+    half, one = small > large * 0.4375, small > large * 0.6875
+    above = where(one, small - large, where(half, small * 2.0 - large, small))
+    below = where(one, small + large, where(half, large * 2.0 + small, large))
+    near, rest = (where(one, ATAN_ONE[i], where(half, ATAN_HALF[i], 0.0)) for i in (0, 1))
+    ratio = above / below
+    square = ratio * ratio
+    even, odd = (polynomial(square * square, coefficients) for coefficients in ATAN)
+    angle = near - ((ratio * (square * (even + square * odd)) - rest) - ratio)
+    angle = where(height > width, 1.5707963267948966 - (angle - 6.123233995736766e-17), angle)
+    angle = where(apply(graph, "negative", x), 3.141592653589793 - (angle - 1.2246467991473532e-16), angle)
+    return apply(graph, "copysign", angle, y)
+
+
+def exp(x: Term) -> Term:
+    """e to the power of x."""
+    graph = x.graph
+    bounded = apply(graph, "max", apply(graph, "min", x, 710.0), -746.0)
+    power = apply(graph, "rint", bounded * 1.4426950408889634)
+    # A NaN has no bits of a whole number.
+    power = where(apply(graph, "eq", power, power), power, 0.0)
+    high, low = bounded - power * LN2_HIGH, power * LN2_LOW
+    rest = high - low
+    square = rest * rest
+    change = rest - square * polynomial(square, EXP)
+    near = 1.0 - ((low - rest * change / (2.0 - change)) - high)
+    # In two steps, since the power of two alone may be too large or too small.
+    first = apply(graph, "floor", power * 0.5)
+    return near * apply(graph, "power2", first) * apply(graph, "power2", power - first)
+
+
+def log(x: Term) -> Term:
+    """Natural logarithm; NaN of negative numbers, -inf of zero."""
+    graph = x.graph
+    tiny = x < 2.2250738585072014e-308
+    scaled = where(tiny, x * 2.0**54, x)
+    exponent, fraction = apply(graph, "exponent", scaled), apply(graph, "fraction", scaled)
+    upper = fraction > 1.4142135623730951
+    fraction = where(upper, fraction * 0.5, fraction)
+    exponent = exponent + where(upper, 1.0, 0.0) - where(tiny, 54.0, 0.0)
+    near = fraction - 1.0
+    share = near / (near + 2.0)
+    square = share * share
+    series = square * polynomial(square, LOG)
+    half = near * near * 0.5
+    found = exponent * LN2_HIGH - ((half - (share * (half + series) + exponent * LN2_LOW)) - near)
+    found = where(x < float("inf"), found, x)
+    found = where(x > 0.0, found, where(apply(graph, "eq", x, 0.0), float("-inf"), float("nan")))
+    return where(apply(graph, "ne", x, x), x, found)
+
+
+def hypot(x: Term, y: Term) -> Term:
+    """Length of a vector, without overflow."""
+    graph = x.graph
+    width, height = apply(graph, "abs", x), apply(graph, "abs", y)
+    small, large = apply(graph, "min", width, height), apply(graph, "max", width, height)
+    # The length of what has an infinite component is infinite even where the other is no number.
+    for side in (width, height):
+        _refuse(apply(graph, "eq", side, float("inf")))
+    ratio = small / where(apply(graph, "eq", large, 0.0), 1.0, large)
+    return large * apply(graph, "sqrt", ratio * ratio + 1.0)
+
+
+FUNCTIONS: dict[str, Callable[..., Term]] = {
+    "tan": tan,
+    "sin": sin,
+    "cos": cos,
+    "arctan2": arctan2,
+    "exp": exp,
+    "log": log,
+    "hypot": hypot,
+}
+
+
+def lowered(graph: Graph, roots: Sequence[Node]) -> list[Node]:
+    """The same values without transcendental functions; the guards of the graph as well, and what they then need."""
+    known: dict[int, Node] = {}
+    guards, graph.guards = graph.guards, []
+    for node in ordered([*roots, *guards]):
+        arguments = tuple([known[argument.number] for argument in node.arguments])
+        if node.op in FUNCTIONS:
+            known[node.number] = FUNCTIONS[node.op](*(Term(graph, argument) for argument in arguments)).node
+        else:
+            known[node.number] = node if arguments == node.arguments else graph.apply(node.op, *arguments)
+    graph.guards = list(dict.fromkeys([*(known[guard.number] for guard in guards), *graph.guards]))
+    return [known[root.number] for root in roots]

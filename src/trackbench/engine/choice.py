@@ -1,0 +1,79 @@
+"""Which engine computes: NumPy, the reference, or the fused one, which compiles the same functions."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, Literal, get_args
+
+from trackbench.engine.equations import Compute, by_numpy
+from trackbench.engine.machine import unavailable
+from trackbench.engine.used import EngineUsed
+from trackbench.errors import InputError, nearest
+from trackbench.filters import Filter
+
+Engine = Literal["numpy", "fused"]
+EngineName = Literal["auto", "numpy", "fused"]
+ENGINE_NAMES: tuple[EngineName, ...] = get_args(EngineName)
+
+#: Steps of single objects from which the fused engine saves more time than it takes to compile.
+WORTH_COMPILING = 20_000
+
+log = logging.getLogger(__name__)
+
+
+def require_engine(name: str) -> None:
+    """Make sure that an engine can be had.
+
+    Raises:
+        InputError: there is none of this name, or it is the fused one, which cannot be had here; says why.
+    """
+    if name not in ENGINE_NAMES:
+        raise InputError(f"no engine {name!r}; {nearest(str(name), ENGINE_NAMES)}", key="engine")
+    reason = unavailable() if name == "fused" else None
+    if reason is not None:
+        raise InputError(f"the fused engine cannot be used: {reason}", key="engine")
+
+
+def chosen(name: EngineName, steps: int) -> Engine:
+    """The engine that computes.
+
+    Args:
+        name: ``auto``: the fused one where it can be had and there is work enough, else NumPy.
+        steps: how many steps of single objects all trackers together take.
+
+    Raises:
+        InputError: there is none of this name, or it is the fused one, which cannot be had here; says why.
+    """
+    require_engine(name)
+    if name != "auto":
+        return name
+    reason = f"{steps} steps are not worth compiling" if steps < WORTH_COMPILING else unavailable()
+    if reason is not None:
+        log.info("computed by NumPy: %s", reason)
+        return "numpy"
+    return "fused"
+
+
+def compute_by(engine: Engine) -> Compute:
+    """How an engine computes equations."""
+    if engine == "numpy":
+        return by_numpy
+    # Its import takes a moment.
+    from trackbench.engine.filters import kernels
+
+    return kernels()
+
+
+def filter_by(engine: Engine, filter: Filter[Any]) -> Filter[Any]:
+    """A filter as an engine computes it."""
+    if engine == "numpy":
+        return filter
+    from trackbench.engine.filters import fused
+
+    return fused(filter)
+
+
+def used(filter: Filter[Any]) -> EngineUsed:
+    """What computed the steps of such a filter so far."""
+    found: EngineUsed = getattr(filter, "used", EngineUsed("numpy"))
+    return found

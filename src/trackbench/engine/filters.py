@@ -1,0 +1,274 @@
+"""A filter whose equations are computed by kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from functools import cache, cached_property, partial
+from typing import Any, NamedTuple
+
+from trackbench.engine import options
+from trackbench.engine.beliefs import (
+    any_scan,
+    of_prediction,
+    of_scan,
+    of_sensor,
+    prediction_of,
+    put_together,
+    rank,
+    scan_of,
+    taken_apart,
+)
+from trackbench.engine.equations import Equations, Values
+from trackbench.engine.kernels import Kernels
+from trackbench.engine.used import EngineUsed
+from trackbench.filters import (
+    AnyBelief,
+    Belief,
+    Doubt,
+    Filter,
+    InteractingMultipleModel,
+    Measured,
+    PredictedMeasurement,
+    Step,
+    Update,
+)
+from trackbench.models.motion import MotionModel
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.types import Array, Gaussian, Scan
+
+#: What of an update and of what a tracker says of it means nothing where there is no measurement.
+OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")
+
+
+class FusedFilter:
+    """A filter, each of its steps one kernel; what cannot be traced is computed by the filter itself."""
+
+    def __init__(self, filter: Filter[Any], kernels: Kernels) -> None:
+        self.filter = filter
+        self._kernels = kernels
+        self.modes = len(filter.motions) if isinstance(filter, InteractingMultipleModel) else 0
+        self._options = options.options(filter)
+        self._form = options.form(filter)
+        # Nothing is to be computed where the state begins with px, py, vx, vy.
+        self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
+        self._equations: dict[Any, list[Equations]] = {}
+        self._by_kernels = self._members_by_numpy = False
+        self._untraced: dict[str, str] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Machine code stays where it is.
+        return fused, (self.filter,)
+
+    @property
+    def used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        reasons = "; ".join(f"{name}: {why}" for name, why in self._untraced.items())
+        if self._untraced and not self._by_kernels:
+            return EngineUsed("numpy", reasons)
+        return EngineUsed("fused and numpy" if self._untraced or self._members_by_numpy else "fused", reasons)
+
+    @property
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The motion models that it runs."""
+        return self.filter.motions
+
+    @property
+    def begin(self) -> Callable[[Callable[[MotionModel], Gaussian]], AnyBelief]:
+        """The belief of a track that starts."""
+        return self.filter.begin
+
+    @cached_property
+    def measured(self) -> Callable[[Scan], Measured]:
+        """The measurements of a scan in the space in which the filter compares them with its predictions."""
+        return self.filter.measured
+
+    @property
+    def smooth(self) -> Callable[[Any, Any, float], AnyBelief]:
+        """The belief once it is known what is believed later."""
+        return self.filter.smooth
+
+    def predict(self, belief: AnyBelief, dt: float) -> AnyBelief:
+        """The belief after ``dt`` seconds."""
+        values = taken_apart(belief) | self.time(dt)
+        return put_together(self.computed("prediction", _predicted, values), self.modes)
+
+    def predict_measurement(self, belief: AnyBelief, scan: Scan) -> PredictedMeasurement:
+        """What the belief expects of a scan."""
+        values = taken_apart(belief) | of_sensor(scan)
+        return prediction_of(self.computed("expectation", _expected, values, scan.kind), self.modes)
+
+    def update(self, belief: AnyBelief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Any]:
+        """The belief after a scan."""
+        values = taken_apart(belief) | of_scan(scan) | ({} if predicted is None else of_prediction(predicted))
+        return self._update_of(self.computed("update", _updated, values, scan.kind))
+
+    def step(self, belief: AnyBelief, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[Any]:
+        """The belief after a scan that was taken ``dt`` seconds later; see :class:`trackbench.filters.Step`."""
+        values = taken_apart(belief) | self.time(dt) | of_scan(scan)
+        values.pop("factor", None)
+        found = self.computed("step", partial(_step, doubt=doubt), values, scan.kind, doubt)
+        cartesian = Gaussian(found["cartesian"], found["cartesian covariance"])
+        doubtful: Any = found.get("doubtful")
+        return Step(self._update_of(found), cartesian, doubtful)
+
+    def cartesian(self, belief: AnyBelief) -> Gaussian:
+        """px, py, vx, vy under the belief."""
+        if self._cartesian_state and isinstance(belief, Belief):
+            return self.filter.cartesian(belief)
+        found = self.computed("cartesian", _cartesian, taken_apart(belief))
+        return Gaussian(found["cartesian"], found["cartesian covariance"])
+
+    def time(self, dt: float) -> dict[str, Any]:
+        """What a prediction knows of the time."""
+        if isinstance(self.filter, InteractingMultipleModel):
+            return {"dt": dt, "chain": self.filter.chain(dt)}
+        return {"dt": dt}
+
+    def _update_of(self, found: Mapping[str, Array]) -> Update[Any]:
+        return Update(
+            put_together(found, self.modes),
+            found["innovation"],
+            found["innovation covariance"],
+            found["whitened"],
+            mixture=found.get("log_likelihood"),
+        )
+
+    def computed(
+        self,
+        name: str,
+        function: Callable[[Asked, Values], Values],
+        values: dict[str, Any],
+        kind: str = "",
+        made_for: Hashable = None,
+    ) -> dict[str, Array]:
+        """What a function of the filter and of values gives.
+
+        Args:
+            name: what it computes, as a user is told.
+            function: of what it is asked for, and of the values.
+            values: named as ``beliefs`` has them.
+            kind: the type of the sensor, where it depends on it.
+            made_for: what tells the function from others of its name.
+        """
+        key = name, kind, made_for, tuple(values)
+        if key not in self._equations:
+            self._equations[key] = self._made(name, function, tuple(values), kind, made_for)
+        candidates, before = self._equations[key], self._kernels.members_by_numpy
+        found = self._kernels(candidates[-1], values | self._options if len(candidates) > 1 else values)
+        if len(candidates) > 1 and candidates[-1].key in self._kernels.untraced:
+            # Options that a branch or another library needs as numbers are constants of the kernel.
+            candidates.pop()
+        self._members_by_numpy |= self._kernels.members_by_numpy > before
+        if candidates[-1].key in self._kernels.untraced:
+            self._untraced.setdefault(*self._kernels.untraced[candidates[-1].key])
+        else:
+            self._by_kernels = True
+        return found
+
+    def _made(
+        self,
+        name: str,
+        function: Callable[[Asked, Values], Values],
+        inputs: tuple[str, ...],
+        kind: str,
+        made_for: Hashable,
+    ) -> list[Equations]:
+        """The equations, with the options of the motion models as inputs; and with the options as they are."""
+        own, modes = self.filter, self.modes
+        ranks = {item: rank(item) for item in inputs}
+        with_options = ranks | {item: options.rank(value) for item, value in self._options.items()}
+        sensor = SENSOR_MODELS[kind] if kind else None
+        counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
+        symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
+        title = f"{name} by {describe(own)}{f' from a {kind}' if kind else ''}"
+
+        def of_any(values: Values) -> Values:
+            return function(Asked(options.with_options(own, values), modes, kind), values)
+
+        def of_own(values: Values) -> Values:
+            return function(Asked(own, modes, kind), values)
+
+        key = name, self._form, sensor, made_for
+        baked = *key, tuple((item, repr(value)) for item, value in self._options.items())
+        return [
+            Equations(title, of_own, ranks, symmetric, counted, baked),
+            Equations(title, of_any, with_options, symmetric, counted, key),
+        ]
+
+
+@cache
+def kernels() -> Kernels:
+    """Those of this process."""
+    return Kernels()
+
+
+def fused(filter: Filter[Any]) -> FusedFilter:
+    """A filter by the kernels of this process."""
+    return FusedFilter(filter, kernels())
+
+
+class Asked(NamedTuple):
+    """What a function of a filter is asked for."""
+
+    filter: Any
+    modes: int
+    """How many the beliefs have, 0 where they are of one motion model."""
+    kind: str
+    """The type of the sensor."""
+
+
+def describe(filter: Filter[Any]) -> str:
+    """A filter with its motion models, by the names of their classes."""
+    return f"{type(filter).__name__} with {', '.join(type(motion).__name__ for motion in filter.motions)}"
+
+
+def prediction(asked: Asked, values: Values) -> AnyBelief:
+    """The belief after the time among the values."""
+    belief = put_together(values, asked.modes)
+    if asked.modes:
+        found: AnyBelief = asked.filter.predict_by(belief, values["dt"], values["chain"])
+    else:
+        found = asked.filter.predict(belief, values["dt"])
+    return found
+
+
+def _predicted(asked: Asked, values: Values) -> Values:
+    return taken_apart(prediction(asked, values))
+
+
+def _expected(asked: Asked, values: Values) -> Values:
+    belief = put_together(values, asked.modes)
+    return of_prediction(asked.filter.predict_measurement(belief, any_scan(values, asked.kind)))
+
+
+def _updated(asked: Asked, values: Values) -> Values:
+    belief = put_together(values, asked.modes)
+    expected = prediction_of(values, asked.modes) if "expected" in values else None
+    return _said(asked.filter.update(belief, scan_of(values, asked.kind), expected))
+
+
+def _step(asked: Asked, values: Values, doubt: Doubt | None) -> Values:
+    predicted = prediction(asked, values)
+    said = asked.filter.update(predicted, scan_of(values, asked.kind))
+    found = {**_said(said), **_seen(asked.filter.cartesian(said.belief))}
+    # The next step makes what can be reused again, which is quicker than to write and read it.
+    found = {name: value for name, value in found.items() if not name.startswith(("factor", "points"))}
+    return found if doubt is None else {**found, "doubtful": doubt(predicted)}
+
+
+def _cartesian(asked: Asked, values: Values) -> Values:
+    return _seen(asked.filter.cartesian(put_together(values, asked.modes)))
+
+
+def _seen(cartesian: Gaussian) -> Values:
+    return {"cartesian": cartesian.mean, "cartesian covariance": cartesian.covariance}
+
+
+def _said(said: Update[Any]) -> Values:
+    return {
+        **taken_apart(said.belief),
+        "innovation": said.innovation,
+        "innovation covariance": said.innovation_covariance,
+        "whitened": said.whitened_innovation,
+        "log_likelihood": said.mixture,
+    }

@@ -1,0 +1,272 @@
+"""An expression as a graph of operations on numbers, in which nothing is computed twice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+#: Operations whose arguments may be exchanged.
+COMMUTATIVE = frozenset({"add", "mul", "and", "or", "eq", "ne"})
+COMPARISONS = frozenset({"lt", "le", "gt", "ge", "eq", "ne"})
+LOGICAL = frozenset({"and", "or", "not"})
+#: What tells of the bits of a number; "negative": whether the sign is set.
+OF_BITS = frozenset({"negative", "bit0", "bit1"})
+TRUTH_VALUES = COMPARISONS | LOGICAL | OF_BITS
+#: How many operations a function may have: what is larger takes seconds to compile.
+LARGEST = 50_000
+#: What is computed at once where all arguments are known.
+KNOWN: dict[str, Callable[..., float | bool]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "neg": lambda a: -a,
+    "abs": abs,
+    "sqrt": math.sqrt,
+    "floor": lambda a: float(math.floor(a)),
+    "ceil": lambda a: float(math.ceil(a)),
+    "rint": lambda a: float(round(a)),
+    "min": lambda a, b: a if a < b or a != a else b,
+    "max": lambda a, b: a if a > b or a != a else b,
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "gt": lambda a, b: a > b,
+    "ge": lambda a, b: a >= b,
+    "eq": lambda a, b: a == b,
+    "ne": lambda a, b: a != b,
+    "and": lambda a, b: a and b,
+    "or": lambda a, b: a or b,
+    "not": lambda a: not a,
+}
+
+
+class Untraceable(TypeError):
+    """A function does what cannot be traced; says what."""
+
+
+@dataclass(eq=False, slots=True)
+class Node:
+    """One operation, or an input or a constant."""
+
+    number: int
+    op: str
+    arguments: tuple[Node, ...] = ()
+    value: float | bool | tuple[str, int] | None = None
+    """Of a constant, or the name of an input and which of its components."""
+    uniform: bool = True
+    """Whether it is the same for all members of a batch."""
+    boolean: bool = False
+
+    @property
+    def constant(self) -> bool:
+        return self.op == "constant"
+
+
+class Graph:
+    """The operations of one function, each once.
+
+    Zeros are dropped from sums and products, which loses the sign of a zero, and hides a factor that is not finite.
+    """
+
+    def __init__(self) -> None:
+        self.guards: list[Node] = []
+        """What must hold of a member for the graph to be right for it."""
+        self.dropped: dict[int, Node] = {}
+        """Left out, as of a product with zero: what must be finite for the graph to be right."""
+        self.refused: str | None = None
+        """Why the function cannot be traced, also where it caught the error."""
+        self.traced = False
+        """Whether the function has returned: what it has kept is not to be used any more."""
+        self._applied: dict[tuple[object, ...], Node] = {}
+        self._given: dict[object, Node] = {}
+        self._count = 0
+
+    def refuse(self, reason: str) -> NoReturn:
+        """Say that what a function does cannot be traced.
+
+        Raises:
+            Untraceable: always.
+        """
+        self.refused = self.refused or reason
+        raise Untraceable(reason)
+
+    def input(self, name: str, component: int, *, uniform: bool, boolean: bool = False) -> Node:
+        """A component of an input."""
+        at = name, component
+        if at not in self._given:
+            self._given[at] = self._node("input", (), at, uniform, boolean)
+        return self._given[at]
+
+    def given(self, name: str) -> Node | None:
+        """The first component of an input; None: there is no such."""
+        return self._given.get((name, 0))
+
+    def constant(self, value: float | bool) -> Node:
+        """A number, or a truth value."""
+        boolean = isinstance(value, bool)
+        value = value if boolean else float(value)
+        # The text tells 0.0 from -0.0 and from False, and finds a NaN again.
+        text = repr(value)
+        if text not in self._given:
+            self._given[text] = self._node("constant", (), value, True, boolean)
+        return self._given[text]
+
+    def apply(self, op: str, *arguments: Node) -> Node:
+        """An operation on nodes, in its simplest form."""
+        key = (op, *[argument.number for argument in arguments])
+        found = self._applied.get(key)
+        if found is None:
+            found = self._applied[key] = self._made(op, arguments)
+        return found
+
+    def joined(self, conditions: Iterable[Node]) -> Node:
+        """Whether all hold."""
+        found = self.constant(True)
+        for condition in conditions:
+            found = self.apply("and", found, condition)
+        return found
+
+    def as_number(self, node: Node) -> Node:
+        """A truth value as 1.0 or 0.0; a number as it is."""
+        return self.apply("where", node, self.constant(1.0), self.constant(0.0)) if node.boolean else node
+
+    def _made(self, op: str, arguments: tuple[Node, ...]) -> Node:
+        if op in COMMUTATIVE and arguments[0].number > arguments[1].number:
+            return self.apply(op, arguments[1], arguments[0])
+        found = self._simplified(op, arguments)
+        if found is not None:
+            return found
+        uniform = all(argument.uniform for argument in arguments)
+        boolean = op in TRUTH_VALUES or (op == "where" and arguments[1].boolean)
+        return self._node(op, arguments, None, uniform, boolean)
+
+    def _node(
+        self,
+        op: str,
+        arguments: tuple[Node, ...],
+        value: float | bool | tuple[str, int] | None,
+        uniform: bool,
+        boolean: bool,
+    ) -> Node:
+        if self._count >= LARGEST:
+            self.refuse(f"more than {LARGEST} operations")
+        self._count += 1
+        return Node(self._count, op, arguments, value, uniform, boolean)
+
+    def _simplified(self, op: str, arguments: tuple[Node, ...]) -> Node | None:
+        """The same without the operation, or with a cheaper one."""
+        if arguments[0].constant and op in KNOWN and all(argument.constant for argument in arguments):
+            try:
+                return self.constant(KNOWN[op](*(argument.value for argument in arguments)))
+            except (ArithmeticError, ValueError):
+                return None
+        match op:
+            case "add":
+                return self._sum(*arguments)
+            case "sub":
+                return self._difference(*arguments)
+            case "mul":
+                return self._product(*arguments)
+            case "div":
+                return self._quotient(*arguments)
+            case "where":
+                condition, yes, no = arguments
+                if condition.constant:
+                    return yes if condition.value else no
+                return yes if yes is no else None
+            case "and" | "or":
+                return self._logical(op, *arguments)
+            case "neg" | "not" if arguments[0].op == op:
+                return arguments[0].arguments[0]
+        return None
+
+    def _drop(self, node: Node) -> None:
+        self.dropped[node.number] = node
+
+    def _sum(self, a: Node, b: Node) -> Node | None:
+        if _number(a) == 0.0:
+            return b
+        if _number(b) == 0.0:
+            return a
+        if b.op == "neg":
+            return self.apply("sub", a, b.arguments[0])
+        if a.op == "neg":
+            return self.apply("sub", b, a.arguments[0])
+        return self.apply("mul", self.constant(2.0), a) if a is b else None
+
+    def _difference(self, a: Node, b: Node) -> Node | None:
+        if _number(b) == 0.0:
+            return a
+        if _number(a) == 0.0:
+            return self.apply("neg", b)
+        if a is b:
+            self._drop(a)
+            return self.constant(0.0)
+        return self.apply("add", a, b.arguments[0]) if b.op == "neg" else None
+
+    def _product(self, a: Node, b: Node) -> Node | None:
+        x = _number(a)
+        if x is None:
+            x, a, b = _number(b), b, a
+        if x == 0.0:
+            self._drop(b)
+            return self.constant(0.0)
+        if x == 1.0:
+            return b
+        if x == -1.0:
+            return self.apply("neg", b)
+        if x == 0.5 and b.op == "mul" and 2.0 in map(_number, b.arguments):
+            return b.arguments[1 if _number(b.arguments[0]) == 2.0 else 0]
+        if a.op == "neg" and b.op == "neg":
+            return self.apply("mul", a.arguments[0], b.arguments[0])
+        if a.op == "neg":
+            return self.apply("neg", self.apply("mul", a.arguments[0], b))
+        if b.op == "neg":
+            return self.apply("neg", self.apply("mul", a, b.arguments[0]))
+        return None
+
+    def _quotient(self, a: Node, b: Node) -> Node | None:
+        y = _number(b)
+        if y == 1.0:
+            return a
+        if _number(a) == 0.0:
+            self._drop(b)
+            self.guards.append(self.apply("ne", b, self.constant(0.0)))
+            return self.constant(0.0)
+        # The reciprocal of a power of two is exact.
+        if y is not None and abs(math.frexp(y)[0]) == 0.5 and math.isfinite(1.0 / y):
+            return self.apply("mul", a, self.constant(1.0 / y))
+        return None
+
+    def _logical(self, op: str, a: Node, b: Node) -> Node | None:
+        for one, other in ((a, b), (b, a)):
+            if one.constant:
+                return other if one.value == (op == "and") else one
+        return a if a is b else None
+
+
+def _number(node: Node) -> float | None:
+    return node.value if node.constant and isinstance(node.value, float) else None
+
+
+def ordered(roots: Sequence[Node], known: Iterable[int] = ()) -> Iterator[Node]:
+    """Each node that the roots need, after its arguments; those that are needed together close to each other.
+
+    ``known``: numbers of those that need not be named.
+    """
+    seen = set(known)
+    for root in roots:
+        waiting = [(root, iter(root.arguments))] if root.number not in seen else []
+        seen.add(root.number)
+        while waiting:
+            node, arguments = waiting[-1]
+            for item in arguments:
+                if item.number not in seen:
+                    seen.add(item.number)
+                    waiting.append((item, iter(item.arguments)))
+                    break
+            else:
+                waiting.pop()
+                yield node

@@ -1,0 +1,226 @@
+"""The fused engine: equations as machine code, run over a whole batch."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.engine import vector_code
+from trackbench.engine.equations import Equations, Values, by_numpy
+from trackbench.engine.graph import Untraceable
+from trackbench.engine.layout import Input, KernelLayout
+from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
+from trackbench.engine.source import packed, source_key, unpacked
+from trackbench.engine.trace import trace
+from trackbench.types import Array, Mask
+
+#: Shapes of inputs that are remembered.
+PLANS = 4096
+
+
+class Kernel(NamedTuple):
+    """Equations for inputs of certain shapes."""
+
+    layout: KernelLayout
+    code: MachineCode
+    parts: list[tuple[str, tuple[int, ...], slice, bool]]
+    """Of each output its name and components, which rows it has, and whether they are masks."""
+    rows: tuple[int, int]
+    """How many rows there are of numbers and of masks."""
+
+
+class Passage(NamedTuple):
+    """What is to be done with inputs of certain shapes."""
+
+    equations: Equations
+    kernel: Kernel | None
+    """None: NumPy computes."""
+    batch: tuple[int, ...]
+    members: int
+    inputs: list[tuple[str, Input, bool]]
+    """Of each that the kernel reads; whether it is read as it is, if it lies in one piece."""
+
+
+class Kernels:
+    """Computes equations by machine code where they can be traced, and by NumPy where they cannot.
+
+    A member for which the trace does not hold (a branch on data goes the other way, a value is not finite) is computed
+    again by NumPy.
+    """
+
+    def __init__(self, processor: Processor | None = None, kept: Kept | None = None) -> None:
+        self._processor = processor or Processor()
+        self._kept = kept or Kept()
+        self._found: dict[Hashable, Kernel | None] = {}
+        self._plans: dict[Hashable, Passage] = {}
+        self.untraced: dict[Hashable, tuple[str, str]] = {}
+        """By the key of equations that NumPy computes, their name and why."""
+        self.members_by_numpy = 0
+        """How many members of batches were computed again."""
+
+    def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
+        """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
+        looks = []
+        for name in equations.ranks:
+            value = values[name]
+            array = isinstance(value, np.ndarray)
+            looks.append((value.dtype, value.shape) if array else (type(value), np.shape(value)))
+        key = equations.key or id(equations), equations.name, *looks
+        plan = self._plans.get(key) or self._planned(key, equations, values)
+        if plan.kernel is None or plan.members == 0:
+            return by_numpy(equations, values)
+        outputs, held = _run(plan, plan.kernel, values)
+        if held is not None:
+            self._again(plan, values, outputs, ~held)
+        return outputs
+
+    def _planned(self, key: Hashable, equations: Equations, values: Values) -> Passage:
+        batch = batch_of(equations.ranks, values)
+        inputs = tuple(_input(name, values[name], rank) for name, rank in equations.ranks.items())
+        made_for = equations.name, equations.key, inputs
+        if made_for not in self._found:
+            self._found[made_for] = self._made(equations, inputs)
+        kernel = self._found[made_for]
+        ways = (
+            [(item.name, item, _as_it_is(item, values[item.name], batch)) for item in kernel.layout.inputs]
+            if kernel
+            else []
+        )
+        if len(self._plans) >= PLANS:
+            self._plans.clear()
+        # The equations are kept, so that no others have their id.
+        plan = self._plans[key] = Passage(equations, kernel, batch, int(np.prod(batch, dtype=int)), ways)
+        return plan
+
+    def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
+        own = source_key(equations, inputs)
+        kept = own and self._kept.find(self._key(own))
+        if kept:
+            layout, code = unpacked(kept)
+        else:
+            try:
+                layout, code = self._traced(equations, inputs, own)
+            except Untraceable as reason:
+                self.untraced[equations.key] = equations.name, str(reason)
+                return None
+        parts, filled = [], [0, 1]
+        for output in layout.outputs:
+            first = filled[output.boolean]
+            filled[output.boolean] += output.size
+            parts.append((output.name, output.shape, slice(first, first + output.size), output.boolean))
+        function = self._processor.function(code, len(layout.inputs) + 2)
+        return Kernel(layout, function, parts, (filled[0], filled[1]))
+
+    def _traced(self, equations: Equations, inputs: Sequence[Input], own: str | None) -> tuple[KernelLayout, bytes]:
+        """The code of equations, kept by their source ``own``; without it by what the trace says.
+
+        Raises:
+            Untraceable: there is none; says why.
+        """
+        traced = trace(equations, inputs)
+        text = vector_code.function(FUNCTION, traced.layout, traced.outputs, traced.guard)
+        key = self._key(own or text)
+        code = None if own else self._kept.find(key)
+        if code is None:
+            code = self._processor.object_code(text)
+            self._kept.put(key, packed(traced.layout, code) if own else code)
+        return traced.layout, code
+
+    def _key(self, what: str) -> str:
+        return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
+
+    def _again(self, plan: Passage, values: Values, outputs: dict[str, Array], which: Mask) -> None:
+        """Compute some members by NumPy."""
+        equations, batch, count = plan.equations, plan.batch, int(which.sum())
+        self.members_by_numpy += count
+        chosen = {name: _members(values[name], rank, batch, which) for name, rank in equations.ranks.items()}
+        for name, said in by_numpy(equations, chosen).items():
+            if said is None:
+                continue
+            said = np.asarray(said)
+            if name not in outputs:
+                # Of the others there is nothing to be said.
+                outputs[name] = np.zeros(said.shape[: said.ndim - len(batch)] + batch, dtype=said.dtype)
+            found = outputs[name]
+            components = found.shape[: found.ndim - len(batch)]
+            missing = found.ndim - said.ndim
+            full = said.reshape(components + (1,) * missing + said.shape[len(components) :])
+            full = np.broadcast_to(full, components + _one_axis(len(batch), count))
+            found.reshape(*components, plan.members)[..., which] = full.reshape(*components, count)
+
+
+def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
+    """The batch axes of inputs together."""
+    shapes = {np.shape(values[name])[rank:] for name, rank in ranks.items()}
+    if len(shapes) == 1:
+        return shapes.pop()
+    shapes.discard(())
+    return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
+
+
+def _input(name: str, value: Any, rank: int) -> Input:
+    array = np.asarray(value, dtype=float if type(value) is int else None)
+    return Input(name, array.shape[:rank], array.ndim - rank, array.dtype.char)
+
+
+def _as_it_is(item: Input, value: Any, batch: tuple[int, ...]) -> bool:
+    if not isinstance(value, np.ndarray) or value.dtype != (bool if item.boolean else float):
+        return False
+    return bool(value.shape == (item.shape + batch if item.batched else item.shape))
+
+
+def _run(plan: Passage, kernel: Kernel, values: Values) -> tuple[dict[str, Array], Mask | None]:
+    """The outputs, and of which members they are right; None: of all."""
+    members, batch = plan.members, plan.batch
+    padded = max(members, vector_code.WIDTH)
+    given = []
+    for name, item, as_it_is in plan.inputs:
+        value = values[name]
+        if not as_it_is or padded != members or not value.flags.c_contiguous:
+            value = _rows(item, value, batch, padded)
+        given.append(value)
+    numbers, masks = np.empty((kernel.rows[0], padded)), np.empty((kernel.rows[1], padded), dtype=bool)
+    fine = kernel.code.call(padded, *map(id, given), id(numbers), id(masks))
+    if padded != members:
+        numbers, masks = numbers[:, :members].copy(), masks[:, :members].copy()
+    outputs: dict[str, Array] = {}
+    for name, shape, rows, boolean in kernel.parts:
+        outputs[name] = (masks if boolean else numbers)[rows].reshape(shape + batch)
+    for name, other in kernel.layout.same.items():
+        # Of members of which the trace is not right they may differ.
+        outputs[name] = outputs[other] if fine else outputs[other].copy()
+    return outputs, None if fine else masks[0].reshape(-1)
+
+
+def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.NDArray[Any]:
+    """An input as the kernel reads it: rows of components, each of all members, one after the other."""
+    kind = bool if item.boolean else float
+    if not item.batched:
+        return np.ascontiguousarray(value, dtype=kind)
+    full = item.shape + batch
+    array = value if value.shape == full else np.broadcast_to(value, full)
+    array = np.ascontiguousarray(array, dtype=kind)
+    members = array.size // max(1, int(np.prod(item.shape, dtype=int)))
+    if members < padded:
+        array = array.reshape(-1, members)
+        array = np.concatenate([array, np.repeat(array[:, -1:], padded - members, axis=1)], axis=1)
+    return array
+
+
+def _members(value: Any, rank: int, batch: tuple[int, ...], which: Mask) -> Any:
+    """Some members of an input, along one batch axis."""
+    array = np.asarray(value)
+    if array.ndim == rank:
+        return value
+    components = array.shape[:rank]
+    chosen = np.broadcast_to(array, components + batch).reshape(*components, which.size)[..., which]
+    return chosen.reshape(components + _one_axis(array.ndim - rank, chosen.shape[-1]))
+
+
+def _one_axis(axes: int, count: int) -> tuple[int, ...]:
+    """The lengths of batch axes of which the last has all members."""
+    return (1,) * (axes - 1) + (count,) * (axes > 0)

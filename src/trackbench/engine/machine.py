@@ -1,0 +1,138 @@
+"""Machine code from LLVM's intermediate language, kept on disk for this processor."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import mmap
+from contextlib import suppress
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+from trackbench.engine.vector_code import HEAD, WIDTH
+from trackbench.user_cache import cache_folder, write_whole
+
+#: In every name of a kept file, so that a change of the code's own form finds none of before.
+FORM = "2"
+FUNCTION = "kernel"
+#: Of the checksum (SHA-256) of a kept file.
+CHECKSUM_BYTES = 32
+#: How hard LLVM tries: 1 gives the code of 2 in less time, 0 none that is worth running.
+EFFORT = 1
+
+
+def unavailable() -> str | None:
+    """Why no machine code can be made here; None where it can."""
+    try:
+        import llvmlite.binding as llvm
+
+        llvm.parse_assembly("declare void @takes(ptr)")
+    except (ImportError, OSError) as error:
+        return f"llvmlite cannot be imported ({error}): pip install 'trackbench[fast]'"
+    except RuntimeError:
+        return "this llvmlite is too old: pip install 'trackbench[fast]'"
+    return _no_executable_memory()
+
+
+@cache
+def _no_executable_memory() -> str | None:
+    """LLVM ends the process where memory cannot be made executable, so it is tried before."""
+    try:
+        page = mmap.mmap(-1, mmap.PAGESIZE)
+        address = ctypes.addressof(ctypes.c_char.from_buffer(page))
+        library = ctypes.CDLL(None, use_errno=True)
+        library.mprotect.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int]
+        refused = library.mprotect(address, mmap.PAGESIZE, mmap.PROT_READ | mmap.PROT_EXEC)
+        library.mprotect(address, mmap.PAGESIZE, mmap.PROT_READ | mmap.PROT_WRITE)
+    except (OSError, AttributeError, TypeError, ValueError) as error:
+        return f"it cannot be found out whether memory can be made executable ({error})"
+    return "this machine lets no memory be made executable" if refused else None
+
+
+class Processor:
+    """What code is made for: this machine's processor, unless another is named.
+
+    Args:
+        name: as LLVM has it, such as "x86-64-v3"; None: this one.
+    """
+
+    def __init__(self, name: str | None = None) -> None:
+        import llvmlite.binding as llvm
+
+        llvm.initialize_native_target()
+        llvm.initialize_native_asmprinter()
+        self._llvm: Any = llvm
+        self._loaded: dict[str, MachineCode] = {}
+        self.name = name or llvm.get_host_cpu_name()
+        features = "" if name else llvm.get_host_cpu_features().flatten()
+        self._target = llvm.Target.from_default_triple().create_target_machine(
+            cpu=self.name, features=features, opt=EFFORT, jit=True, codemodel="jitdefault"
+        )
+        version = repr(llvm.llvm_version_info)
+        said = (FORM, version, self._target.triple, self.name, features, str(EFFORT), str(WIDTH), str(HEAD))
+        self.key = hashlib.sha256("\n".join(said).encode()).hexdigest()
+
+    def object_code(self, text: str) -> bytes:
+        """The object file of a module's text, after the name of its function, which no other has."""
+        name = f"{FUNCTION}_{hashlib.sha256(text.encode()).hexdigest()}"
+        module = self._llvm.parse_assembly(text.replace(f"@{FUNCTION}(", f"@{name}("))
+        module.verify()
+        return name.encode() + b"\n" + bytes(self._target.emit_object(module))
+
+    def function(self, code: bytes, arrays: int) -> MachineCode:
+        """The function of ``object_code``, of a number and of so many arrays, ready to be called."""
+        head, _, file = code.partition(b"\n")
+        name = head.decode()
+        if name not in self._loaded:
+            self._engine.add_object_file(self._llvm.ObjectFileRef.from_data(file))
+            self._engine.finalize_object()
+            self._loaded[name] = MachineCode(self._engine, self._engine.get_function_address(name), arrays)
+        return self._loaded[name]
+
+    @cached_property
+    def _engine(self) -> Any:
+        # An engine owns its target.
+        target = self._llvm.Target.from_default_triple().create_target_machine(jit=True, codemodel="jitdefault")
+        return self._llvm.create_mcjit_compiler(self._llvm.parse_assembly(""), target)
+
+
+class MachineCode:
+    """Machine code in memory; ``call`` takes a number, and arrays by their ``id``."""
+
+    def __init__(self, engine: Any, address: int, arrays: int) -> None:
+        # The code lives as long as its engine.
+        self._engine = engine
+        self.call = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, *[ctypes.c_void_p] * arrays)(address)
+
+
+class Kept:
+    """Object files on disk, by what they were made from.
+
+    Each file begins with a checksum of its key and of itself: what is damaged, or is another's, counts as not there.
+    Where nothing can be written, nothing is kept.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._folder = folder or cache_folder() / "kernels"
+
+    def find(self, key: str) -> bytes | None:
+        """What was kept under a key."""
+        try:
+            data = self._place(key).read_bytes()
+        except OSError:
+            return None
+        code = data[CHECKSUM_BYTES:]
+        return code if data[:CHECKSUM_BYTES] == _checksum(key, code) else None
+
+    def put(self, key: str, code: bytes) -> None:
+        """Keep an object file under a key."""
+        with suppress(OSError):
+            write_whole(self._place(key), _checksum(key, code) + code)
+
+    def _place(self, key: str) -> Path:
+        return self._folder / f"{key}.o"
+
+
+def _checksum(key: str, code: bytes) -> bytes:
+    return hashlib.sha256(key.encode() + code).digest()

@@ -1,0 +1,214 @@
+"""Functions of NumPy, done with arrays of nodes; each takes the graph before all else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trackbench.engine.graph import Graph, Node
+from trackbench.engine.nodes import Nodes, alike, cast, einsum, elementwise, folded, is_boolean, nodes_of, power
+
+#: What a fold gives of nothing.
+EMPTY = {"add": 0.0, "mul": 1.0, "and": True, "or": False, "max": None, "min": None}
+
+
+def _fold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Nodes:
+    """A sum, product, largest or smallest entry along axes."""
+    nodes = nodes_of(graph, values)
+    if axis is None and not all(node.uniform for node in nodes.flat):
+        graph.refuse("one value of all axes, those of the batch among them; state the axis")
+    nodes = cast(graph, nodes, False) if op in ("add", "mul") else nodes
+    return folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
+
+
+def _hold(graph: Graph, values: Any, axis: Any = None, *, op: str) -> Any:
+    """Whether all or any entries hold along axes; without these which way a branch goes.
+
+    A branch goes as if all, or none, held: that it does becomes a guard. Of a mask that is given, it goes the general
+    way.
+    """
+    nodes = cast(graph, nodes_of(graph, values), True)
+    found = folded(graph, op, nodes, _axes(nodes, axis), EMPTY[op])
+    if axis is not None:
+        return found
+    node: Node = found.item()
+    expected = op == "and"
+    if node.constant:
+        return bool(node.value)
+    if of_masks(node):
+        return not expected
+    graph.guards.append(node if expected else graph.apply("not", node))
+    return expected
+
+
+def of_masks(node: Node) -> bool:
+    """Whether a truth value is made of given masks alone."""
+    return node.boolean and (all(map(of_masks, node.arguments)) if node.arguments else node.op == "input")
+
+
+def _axes(nodes: Nodes, axis: Any) -> Sequence[int]:
+    if axis is None:
+        return range(nodes.ndim)
+    return axis if isinstance(axis, tuple) else (axis,)
+
+
+def _elementwise(graph: Graph, *values: Any, op: str) -> Nodes:
+    return elementwise(graph, op, *values)
+
+
+def _logical(graph: Graph, *values: Any, op: str) -> Nodes:
+    return elementwise(graph, op, *(cast(graph, nodes_of(graph, value), True) for value in values))
+
+
+def _matmul(graph: Graph, a: Any, b: Any) -> Nodes:
+    a, b = nodes_of(graph, a), nodes_of(graph, b)
+    if not (a.ndim and b.ndim):
+        raise ValueError("numpy.matmul of a number")
+    left, right = "...ij" if a.ndim > 1 else "j", "...jk" if b.ndim > 1 else "j"
+    return einsum(graph, f"{left},{right}->...{'i' * (a.ndim > 1)}{'k' * (b.ndim > 1)}", a, b)
+
+
+def _dot(graph: Graph, a: Any, b: Any) -> Nodes:
+    if not {np.ndim(a), np.ndim(b)} <= {1, 2}:
+        graph.refuse("numpy.dot of other than vectors and matrices")
+    return _matmul(graph, a, b)
+
+
+def _outer(graph: Graph, a: Any, b: Any) -> Nodes:
+    return einsum(graph, "i,j->ij", *(nodes_of(graph, value).reshape(-1) for value in (a, b)))
+
+
+def _diag(graph: Graph, values: Any) -> Nodes:
+    nodes = nodes_of(graph, values)
+    if nodes.ndim != 1:
+        return np.diag(nodes).copy()
+    found = nodes_of(graph, np.zeros((len(nodes), len(nodes))))
+    np.fill_diagonal(found, cast(graph, nodes, False))
+    return found
+
+
+def _where(graph: Graph, condition: Any, *choices: Any) -> Nodes:
+    if len(choices) != 2:
+        graph.refuse("numpy.where of a condition alone")
+    return elementwise(graph, "where", condition, *choices)
+
+
+def _clip(graph: Graph, values: Any, low: Any, high: Any) -> Nodes:
+    above = values if low is None else elementwise(graph, "max", values, low)
+    return above if high is None else elementwise(graph, "min", above, high)
+
+
+def _full_like(graph: Graph, like: Nodes, value: Any, dtype: Any = None, shape: Any = None) -> Nodes:
+    boolean = is_boolean(like) if dtype is None else np.dtype(dtype) == bool
+    if not boolean and dtype is not None and np.dtype(dtype) != float:
+        graph.refuse(f"an array of {np.dtype(dtype)}")
+    entries = cast(graph, nodes_of(graph, value), boolean)
+    return np.broadcast_to(entries, like.shape if shape is None else shape).copy()
+
+
+def _filled_with(value: float) -> Callable[..., Nodes]:
+    return lambda graph, like, **options: _full_like(graph, like, value, **options)
+
+
+def _arranged(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that only moves entries."""
+    return lambda graph, values, *places, **options: function(nodes_of(graph, values), *places, **options)
+
+
+def _joined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that puts arrays together."""
+    return lambda graph, values, *places, **options: function(alike(graph, values), *places, **options)
+
+
+def _broadcast_arrays(graph: Graph, *values: Any) -> tuple[Nodes, ...]:
+    return np.broadcast_arrays(*(nodes_of(graph, value) for value in values))
+
+
+def _of_nodes(function: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda graph, values, *axis: function(nodes_of(graph, values), *axis)
+
+
+#: By the function, the operation that it is on each entry.
+OPERATIONS = {
+    np.add: "add",
+    np.subtract: "sub",
+    np.multiply: "mul",
+    np.true_divide: "div",
+    np.negative: "neg",
+    np.absolute: "abs",
+    np.fabs: "abs",
+    np.sqrt: "sqrt",
+    np.floor: "floor",
+    np.ceil: "ceil",
+    np.rint: "rint",
+    np.maximum: "max",
+    np.minimum: "min",
+    np.tan: "tan",
+    np.sin: "sin",
+    np.cos: "cos",
+    np.arctan2: "arctan2",
+    np.hypot: "hypot",
+    np.exp: "exp",
+    np.log: "log",
+    np.less: "lt",
+    np.less_equal: "le",
+    np.greater: "gt",
+    np.greater_equal: "ge",
+    np.equal: "eq",
+    np.not_equal: "ne",
+    np.bitwise_and: "and",
+    np.bitwise_or: "or",
+    np.invert: "not",
+}
+
+FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    **{function: partial(_elementwise, op=op) for function, op in OPERATIONS.items()},
+    np.logical_and: partial(_logical, op="and"),
+    np.logical_or: partial(_logical, op="or"),
+    np.logical_not: partial(_logical, op="not"),
+    np.power: power,
+    np.float_power: power,
+    np.square: lambda graph, x: power(graph, x, 2),
+    np.positive: lambda graph, x: elementwise(graph, "mul", x, 1.0),
+    np.reciprocal: lambda graph, x: elementwise(graph, "div", 1.0, x),
+    np.isfinite: lambda graph, x: elementwise(graph, "lt", elementwise(graph, "abs", x), np.inf),
+    np.isnan: lambda graph, x: elementwise(graph, "ne", x, x),
+    np.isinf: lambda graph, x: elementwise(graph, "eq", elementwise(graph, "abs", x), np.inf),
+    np.deg2rad: lambda graph, x: elementwise(graph, "mul", x, np.pi / 180.0),
+    np.rad2deg: lambda graph, x: elementwise(graph, "mul", x, 180.0 / np.pi),
+    np.matmul: _matmul,
+    np.dot: _dot,
+    np.outer: _outer,
+    np.einsum: einsum,
+    np.where: _where,
+    np.clip: _clip,
+    np.concatenate: _joined(np.concatenate),
+    np.stack: _joined(np.stack),
+    np.vstack: _joined(np.vstack),
+    np.hstack: _joined(np.hstack),
+    np.broadcast_arrays: _broadcast_arrays,
+    np.broadcast_to: _arranged(np.broadcast_to),
+    np.swapaxes: _arranged(np.swapaxes),
+    np.moveaxis: _arranged(np.moveaxis),
+    np.transpose: _arranged(np.transpose),
+    np.reshape: _arranged(np.reshape),
+    np.expand_dims: _arranged(np.expand_dims),
+    np.diagonal: _arranged(np.diagonal),
+    np.diag: _diag,
+    np.copy: _arranged(np.copy),
+    np.zeros_like: _filled_with(0.0),
+    np.ones_like: _filled_with(1.0),
+    np.full_like: _full_like,
+    np.sum: partial(_fold, op="add"),
+    np.prod: partial(_fold, op="mul"),
+    np.max: partial(_fold, op="max"),
+    np.min: partial(_fold, op="min"),
+    np.all: partial(_hold, op="and"),
+    np.any: partial(_hold, op="or"),
+    np.shape: _of_nodes(np.shape),
+    np.ndim: _of_nodes(np.ndim),
+    np.size: _of_nodes(np.size),
+}

@@ -1,0 +1,134 @@
+"""Arrays of nodes that NumPy's functions accept: what an equation is traced with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
+
+import numpy as np
+
+from trackbench.engine.graph import Graph
+from trackbench.engine.nodes import Nodes, cast, is_boolean, nodes_of
+from trackbench.engine.numpy_functions import FUNCTIONS
+
+
+def _method(function: Any) -> Callable[..., Any]:
+    return lambda self, *arguments, **options: function(self, *arguments, **options)
+
+
+class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
+    """An array of nodes, in all else like the array of NumPy that it stands for."""
+
+    __array_priority__ = 1000
+
+    def __init__(self, graph: Graph, nodes: Nodes) -> None:
+        self.graph = graph
+        self.nodes = nodes
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.nodes.shape
+
+    @property
+    def ndim(self) -> int:
+        return self.nodes.ndim
+
+    @property
+    def size(self) -> int:
+        return self.nodes.size
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype(bool if is_boolean(self.nodes) else float)
+
+    @property
+    def T(self) -> Symbol:
+        return Symbol(self.graph, self.nodes.T)
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def __iter__(self) -> Iterator[Symbol]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, key: Any) -> Symbol:
+        keys = key if isinstance(key, tuple) else (key,)
+        # With an ellipsis a single entry is a view too, as it is where there are batch axes.
+        keys = keys if any(item is Ellipsis for item in keys) else (*keys, ...)
+        return Symbol(self.graph, self.nodes[keys])
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        nodes = cast(self.graph, nodes_of(self.graph, _plain(self.graph, value)), is_boolean(self.nodes))
+        self.nodes[key] = nodes if nodes.ndim else nodes[()]
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __bool__(self) -> NoReturn:
+        self.graph.refuse("a branch on a single value; np.where, or np.all or np.any, can be traced")
+
+    def _not_a_number(self, *_: Any, **__: Any) -> NoReturn:
+        self.graph.refuse("a number is asked for, where the value is known only later")
+
+    __float__ = __int__ = __index__ = __complex__ = __array__ = item = tolist = _not_a_number
+
+    def astype(self, dtype: Any) -> Symbol:
+        if np.dtype(dtype) not in (float, bool):
+            self.graph.refuse(f"an array of {np.dtype(dtype)}")
+        return Symbol(self.graph, cast(self.graph, self.nodes, np.dtype(dtype) == bool).copy())
+
+    def reshape(self, *shape: Any) -> Symbol:
+        return Symbol(self.graph, self.nodes.reshape(*shape))
+
+    def transpose(self, *axes: Any) -> Symbol:
+        return Symbol(self.graph, self.nodes.transpose(*axes))
+
+    copy, swapaxes, diagonal, dot = map(_method, (np.copy, np.swapaxes, np.diagonal, np.dot))
+    sum, prod, max, min, all, any = map(_method, (np.sum, np.prod, np.max, np.min, np.all, np.any))
+
+    def __array_ufunc__(self, function: np.ufunc, method: str, *inputs: Any, out: Any = None, **options: Any) -> Any:
+        if method != "__call__" or options:
+            self.graph.refuse(f"numpy.{function.__name__}.{method} with {', '.join(options) or 'such arguments'}")
+        found = self._called(function, inputs, {})
+        if out is None:
+            return found
+        target = out[0]
+        if not isinstance(target, Symbol):
+            self.graph.refuse("an array that is filled in place")
+        if is_boolean(target.nodes) and not is_boolean(found.nodes):
+            raise TypeError("numbers cannot be put in place of truth values")
+        target.nodes[...] = np.broadcast_to(cast(self.graph, found.nodes, is_boolean(target.nodes)), target.shape)
+        return target
+
+    def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
+        return self._called(function, arguments, options)
+
+    def _called(self, function: Any, arguments: Any, options: Any) -> Any:
+        if self.graph.traced:
+            self.graph.refuse("a value that was kept from another call")
+        if function not in FUNCTIONS:
+            self.graph.refuse(f"numpy.{function.__name__}")
+        given = [_plain(self.graph, argument) for argument in arguments]
+        chosen = {name: _plain(self.graph, value) for name, value in options.items()}
+        found = FUNCTIONS[function](self.graph, *given, **chosen)
+        if isinstance(found, tuple) and found and isinstance(found[0], np.ndarray):
+            return tuple(Symbol(self.graph, nodes) for nodes in found)
+        return Symbol(self.graph, found) if isinstance(found, np.ndarray) else found
+
+
+def _plain(graph: Graph, value: Any) -> Any:
+    """A value with the nodes in place of each symbol."""
+    if isinstance(value, Symbol):
+        if value.graph is not graph:
+            graph.refuse("a value that was kept from another call")
+        return value.nodes
+    if isinstance(value, list | tuple):
+        return type(value)([_plain(graph, item) for item in value]) if type(value) in (list, tuple) else value
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        graph.refuse("an array of objects")
+    return value
+
+
+def nodes_of_output(graph: Graph, value: Any) -> Nodes:
+    """What a function gave, a symbol or numbers, as nodes."""
+    return nodes_of(graph, _plain(graph, value))

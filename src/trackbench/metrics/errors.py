@@ -1,0 +1,82 @@
+"""What is computed of each estimate: functions of components, for any engine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench import linalg
+from trackbench.engine.equations import Equations, Values
+from trackbench.metrics.sums import OVERFLOW
+from trackbench.types import Array
+from trackbench.units import wrap_angle
+
+#: Below this true speed the course means nothing, m/s.
+MOVING = 1.0
+#: Smallest share of the product of its variances that the determinant of a 2 by 2 covariance is taken for: rounding.
+SMALLEST_DETERMINANT = 1e-14
+
+
+def course_error(mean: Array, truth: Array) -> Array:
+    """``(...)`` rad, wrapped, of states ``(4, ...)``."""
+    return wrap_angle(np.arctan2(mean[3], mean[2]) - np.arctan2(truth[3], truth[2]))
+
+
+def _given(values: Values) -> Values:
+    # A sum is finite only if all of its terms are; a covariance with finite variances and other entries that are not
+    # is not positive definite.
+    mean, covariance = values["mean"], values["covariance"]
+    total = mean.sum(axis=0) + (covariance[0, 0] + covariance[1, 1] + covariance[2, 2] + covariance[3, 3])
+    return {"finite": np.isfinite(total), "begun": ~np.isnan(total)}
+
+
+#: Of an estimate, ``finite``: whether it is; ``begun``: whether it is anything but NaN.
+GIVEN = Equations("given estimate", _given, {"mean": 1, "covariance": 2})
+
+
+def _errors(values: Values) -> Values:
+    mean, covariance, truth, scored = (values[name] for name in ("mean", "covariance", "truth", "scored"))
+    if not np.all(values["finite"]):
+        # Any other that is positive definite, so that no fault is found.
+        covariance = np.where(values["finite"], covariance, linalg.expand(np.eye(4), covariance))
+    error = mean - truth
+    factor = linalg.cholesky(covariance)
+    whitened = factor.whiten(error)
+    # The first two whitened components are those of the position by itself.
+    nees_of_position = whitened[0] * whitened[0] + whitened[1] * whitened[1]
+    nees = nees_of_position + whitened[2] * whitened[2] + whitened[3] * whitened[3]
+    squares = error * error
+    moving = np.where(truth[2] * truth[2] + truth[3] * truth[3] > MOVING**2, 1.0, 0.0)
+    course = course_error(mean, truth)
+    rows = linalg.vector(
+        [
+            1.0,
+            *squares,
+            nees,
+            moving,
+            course * course * moving,
+            nees_of_position,
+            _nees_of_velocity(squares, error[2] * error[3], covariance),
+            *values["reference"],
+        ]
+    )
+    if not np.all(scored):
+        rows = np.where(scored, rows, 0.0)
+    return {"rows": rows, "definite": factor.positive, "bounded": rows.max(axis=0) < OVERFLOW}
+
+
+def _nees_of_velocity(squares: Array, product: Array, covariance: Array) -> Array:
+    """That of the last two of four components, of which ``product`` is the product of the errors, by themselves."""
+    a, b, d = covariance[2, 2], covariance[3, 2], covariance[3, 3]
+    variances = a * d
+    determinant = np.maximum(variances - b * b, SMALLEST_DETERMINANT * variances)
+    nees: Array = (d * squares[2] + a * squares[3] - 2.0 * (b * product)) / determinant
+    return nees
+
+
+#: Of an estimate that is ``finite``, or not, and ``scored``, or not: ``rows`` as ERROR_FIELDS, zero where it is not
+#: scored; ``definite``: whether its covariance is positive definite; ``bounded``: whether its squares can be summed.
+ERRORS = Equations(
+    "errors of an estimate",
+    _errors,
+    {"mean": 1, "covariance": 2, "truth": 1, "reference": 1, "finite": 0, "scored": 0},
+)

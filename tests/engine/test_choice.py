@@ -1,0 +1,255 @@
+"""Which engine computes, as a user asks for it and as a result says it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import trackbench as tb
+from trackbench.engine import choice
+from trackbench.engine.choice import chosen
+from trackbench.engine.used import EngineUsed, joined
+from trackbench.errors import InputError
+from trackbench.results import Result
+from trackbench.runner import until, work
+from trackbench.runner.block import run_block
+from trackbench.runner.traffic import run_traffic_block
+from trackbench.runner.work import work_of
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.trackers.filtered import FilterTracker
+
+Cli = Callable[..., Any]
+
+NO_LLVMLITE = "engine: the fused engine cannot be used: llvmlite is not installed: pip install 'trackbench[fast]'"
+OWN = """\
+class Nearest:
+    def step(self, state, scan):
+        return state, None
+"""
+HIDDEN = """\
+name: hidden
+truth:
+  source: scripted
+  duration_s: 1
+  rate_hz: 10
+  objects: {car: {start: {x: 40, vx_mps: 5}}, other: {start: {x: 30, y: 20, vx_mps: 8}}}
+sensing: {identities: hidden}
+sensors:
+  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, max_range_m: 100}
+trackers:
+  gnn: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, associate: {method: gnn}}
+monte_carlo: {runs: 2, seed: 7}
+"""
+
+
+@pytest.fixture
+def without_llvmlite(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("llvmlite", "llvmlite.binding"):
+        monkeypatch.setitem(sys.modules, name, None)
+
+
+@pytest.fixture
+def with_llvmlite() -> None:
+    pytest.importorskip("llvmlite")
+
+
+@pytest.fixture
+def ekf_in_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The engine leaves some steps of a filter to NumPy."""
+    used = EngineUsed("fused and numpy", "a branch on data went another way for 3 of 8 lanes")
+    monkeypatch.setattr(FilterTracker, "engine_used", used)
+
+
+def result_of(tmp_path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((tmp_path / "results" / "tiny" / "result.json").read_text(encoding="utf-8"))
+    return found
+
+
+def said(error: str) -> list[str]:
+    """What --verbose said, without the times."""
+    return [re.sub(r"^ *\d+\.\d\d s  ", "", line) for line in error.splitlines() if " s  " in line]
+
+
+@pytest.mark.parametrize("command", [("run", "tiny.yaml"), ("tune", "tiny.yaml", "--trackers", "ekf")])
+def test_an_unknown_engine_is_answered_with_the_nearest(cli: Cli, tiny: Path, command: tuple[str, ...]) -> None:
+    done = cli(*command, "--engine", "fuse")
+    assert done.status == 2
+    assert "'fuse' is not one of 'auto', 'numpy', 'fused'. Did you mean 'fused'?" in done.err
+    assert [file.name for file in tiny.parent.iterdir()] == ["tiny.yaml"]
+
+
+@pytest.mark.usefixtures("without_llvmlite")
+@pytest.mark.parametrize("command", [("run", "tiny.yaml"), ("tune", "tiny.yaml", "--trackers", "ekf")])
+def test_without_llvmlite_the_fused_engine_is_refused_in_one_line(
+    cli: Cli, tiny: Path, command: tuple[str, ...]
+) -> None:
+    done = cli(*command, "--engine", "fused")
+    assert done.status == 2
+    assert done.err.strip() == NO_LLVMLITE
+    assert [file.name for file in tiny.parent.iterdir()] == ["tiny.yaml"]
+
+
+@pytest.mark.usefixtures("without_llvmlite")
+def test_from_a_program_both_are_errors_of_the_input(tiny: Path) -> None:
+    with pytest.raises(InputError) as missing:
+        tb.run(tiny, engine="fused")
+    assert str(missing.value) == NO_LLVMLITE
+    for call in (lambda: tb.run(tiny, engine="nmpy"), lambda: tb.tune(tiny, ["ekf"], engine="nmpy")):  # type: ignore[arg-type]
+        with pytest.raises(InputError) as unknown:
+            call()
+        assert str(unknown.value) == "engine: no engine 'nmpy'; did you mean 'numpy'?"
+
+
+@pytest.mark.usefixtures("without_llvmlite")
+def test_auto_computes_by_numpy_without_llvmlite_and_says_so_if_asked(
+    cli: Cli, tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(choice, "WORTH_COMPILING", 1)
+    done = cli("run", "tiny.yaml", "--no-recording", "--verbose")
+    assert done.status == 0, done.err
+    assert "computed by NumPy: llvmlite is not installed: pip install 'trackbench[fast]'" in said(done.err)
+    found = result_of(tmp_path)
+    assert found["engine"] == "numpy"
+    assert "--engine" not in found["command"]
+
+
+@pytest.mark.usefixtures("with_llvmlite")
+def test_auto_takes_the_fused_engine_where_there_is_work_enough() -> None:
+    assert chosen("auto", choice.WORTH_COMPILING - 1) == "numpy"
+    assert chosen("auto", choice.WORTH_COMPILING) == "fused"
+    assert chosen("numpy", 10**9) == "numpy"
+    assert chosen("fused", 1) == "fused"
+
+
+def test_the_work_is_counted_in_steps_of_single_objects(tiny: Path) -> None:
+    loaded = load_scenario(tiny, ["monte_carlo.runs=5"])
+    work = work_of(loaded, truths_of(loaded))
+    # 2 trackers, 5 runs, 2 objects; the radar at 10 Hz and the lidar at 5 Hz, from 0 to 2 s.
+    assert work.steps == 2 * 5 * 2 * (21 + 11)
+
+
+def test_few_steps_load_no_compiler(tiny: Path) -> None:
+    code = f"import sys, trackbench as tb; tb.run({str(tiny)!r}, recording=False); print('llvmlite' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_a_result_names_the_engine_that_was_asked_for(cli: Cli, tiny: Path, tmp_path: Path) -> None:
+    done = cli("run", "tiny.yaml", "--no-recording", "--engine", "numpy")
+    assert done.status == 0, done.err
+    found = result_of(tmp_path)
+    assert found["engine"] == "numpy"
+    assert found["command"].endswith("--engine numpy")
+    assert {tracker["name"]: tracker["engine"] for tracker in found["trackers"]} == {"raw": None, "ekf": "numpy"}
+    report = (tmp_path / "results" / "tiny" / "report.md").read_text(encoding="utf-8")
+    assert re.search(r"rerun-sdk [\d.]+; numpy engine\.", report)
+
+
+@pytest.mark.usefixtures("with_llvmlite")
+def test_a_tracker_that_is_computed_by_both_is_named_and_told(
+    cli: Cli, tiny: Path, tmp_path: Path, ekf_in_part: None
+) -> None:
+    done = cli("run", "tiny.yaml", "--no-recording", "--engine", "fused", "--verbose")
+    assert done.status == 0, done.err
+    why = "a branch on data went another way for 3 of 8 lanes"
+    assert f"tiny: ekf was computed by NumPy in part: {why}" in said(done.err)
+    found = result_of(tmp_path)
+    assert found["engine"] == "fused and numpy"
+    report = (tmp_path / "results" / "tiny" / "report.md").read_text(encoding="utf-8")
+    assert "; fused and numpy engines." in report
+    assert "fused and numpy engines" in cli("inspect", "results/tiny").out
+
+
+@pytest.mark.parametrize(("text", "run_block"), [(None, run_block), (HIDDEN, run_traffic_block)])
+def test_a_worker_without_the_fused_engine_computes_by_numpy_and_says_so(
+    tiny: Path, monkeypatch: pytest.MonkeyPatch, text: str | None, run_block: Callable[..., Any]
+) -> None:
+    if text is not None:
+        tiny.write_text(text, encoding="utf-8")
+    loaded = load_scenario(tiny)
+    sent = replace(work_of(loaded, truths_of(loaded)), engine="fused")
+    for name in ("llvmlite", "llvmlite.binding"):
+        monkeypatch.setitem(sys.modules, name, None)
+    block = run_block(sent, sent.pieces()[0])
+    reason = "llvmlite is not installed: pip install 'trackbench[fast]'"
+    assert set(block.engines.values()) == {EngineUsed("numpy", reason)}
+
+
+def test_a_tracker_of_ones_own_has_no_engine(
+    tiny: Path, tmp_path: Path, write_module: Callable[[Path, str], str]
+) -> None:
+    name = write_module(tmp_path, OWN)
+    found = tb.run(tb.load(tiny, set=[f"trackers.own={{use: '{name}:Nearest'}}"]), in_process=True, engine="numpy")
+    assert {tracker.name: tracker.engine for tracker in found.summary.trackers} == {
+        "raw": None,
+        "ekf": "numpy",
+        "own": None,
+    }
+
+
+def test_parts_that_were_computed_in_different_ways() -> None:
+    fused, numpy = EngineUsed("fused"), EngineUsed("numpy", "why")
+    assert joined([]) is None
+    assert joined([fused, fused]) == fused
+    assert joined([fused, numpy, numpy]) == EngineUsed("fused and numpy", "why")
+
+
+def test_results_of_earlier_versions_were_computed_by_numpy(tiny_result: Result) -> None:
+    raw = json.loads(json.dumps(tiny_result.json()))
+    del raw["engine"]
+    for tracker in raw["trackers"]:
+        del tracker["engine"]
+    found = Result.from_json(raw, tiny_result.tables)
+    assert found.summary.engine == "numpy"
+    assert [tracker.engine for tracker in found.summary.trackers] == [None, None]
+    assert found.summary.made_with.endswith("; numpy engine")
+
+
+def test_results_of_two_engines_are_compared_and_it_is_said(tiny_result: Result, cli: Cli) -> None:
+    other = replace(tiny_result, summary=tiny_result.summary.model_copy(update={"engine": "fused"}))
+    note = "new was computed by the fused engine, old by the numpy engine: equal values may differ in their last digits"
+    for folder, result in (("old", tiny_result), ("new", other)):
+        result.save(Path(folder) / "tiny", {})
+    done = cli("compare", "old", "new", "--fail-on-regression", "position_rmse:5")
+    assert done.status == 0, done.err
+    assert note in " ".join(done.out.split())
+    assert "engine" not in cli("compare", "old", "old").out
+
+
+@pytest.mark.usefixtures("with_llvmlite")
+def test_more_runs_by_another_engine_are_all_computed_by_it(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the runs of the first look NumPy computes, with those of the next another engine."""
+    asked: list[int] = []
+
+    def engine(name: str, steps: int) -> str:
+        asked.append(steps)
+        return "numpy" if len(asked) == 1 else "fused"
+
+    monkeypatch.setattr(work, "chosen", engine)
+    monkeypatch.setattr(work, "BATCH_SIZE", 40)
+    loaded = until.first_look(load_scenario(tiny), 400)
+    found = until.run_until(loaded, truths_of(loaded), 1e-9, 400, command=lambda _: "")
+    assert len(asked) > 1
+    assert found.summary.engine == "fused"
+
+
+@pytest.mark.parametrize("text", [None, HIDDEN])
+def test_a_tuning_says_what_computed_it(cli: Cli, tiny: Path, tmp_path: Path, text: str | None) -> None:
+    if text is not None:
+        tiny.write_text(text, encoding="utf-8")
+    tracker = "ekf" if text is None else "gnn"
+    tune = ("tune", "tiny.yaml", "--trackers", tracker, "--trials", "3", "--engine", "numpy")
+    done = cli(*tune)
+    assert done.status == 0, done.err
+    found = json.loads((tmp_path / "tuned.json").read_text(encoding="utf-8"))
+    assert found["command"].endswith("--engine numpy --out tuned.yaml")
+    assert [item["engine"] for item in found["trackers"]] == ["numpy"]
