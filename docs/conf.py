@@ -29,7 +29,7 @@ MENU = {
         "adaptors",
     ],
     "Results": ["metrics", "traffic-metrics", "reading-a-report", "reading-a-recording", "compare"],
-    "Tools": ["command-line", "execution", "tune", "doctor", "doctor-rates"],
+    "Tools": ["command-line", "execution", "fused-engine", "tune", "doctor", "doctor-rates"],
     "Published projects": [
         "projects/range-3km",
         "projects/udacity-fusion",

@@ -73,14 +73,22 @@ class Drive(NamedTuple):
 
     motion: Kinematics
     """At the first scan, each ``(batch,)``."""
+    normal: Array
+    """``(6, batch)`` standard normal numbers, by which the tracks start elsewhere."""
     scans: list[Scan]
 
-    def tracker(self, name: str, engine: Engine = "numpy", seed: int = 2) -> FilterTracker:
-        """One of ``FILTERS``, whose tracks start near the truth."""
-        size = len(self.motion.px)
-        normal = np.random.default_rng(seed).normal(size=(6, size))
-        made = tracker(**FILTERS[name], initial=NEAR_TRUTH)
-        return replace(made.with_prior(np.zeros(size), self.motion, normal), engine=engine)
+    def part(self, where: slice) -> Drive:
+        """Some of the objects."""
+        motion = Kinematics(*(values[where] for values in self.motion))
+        scans = [scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where]) for scan in self.scans]
+        return Drive(motion, self.normal[:, where], scans)
+
+    def tracker(self, name: str, engine: Engine = "numpy", initial: dict[str, Any] | None = None) -> FilterTracker:
+        """One of ``FILTERS``, whose tracks start near the truth unless it is said how."""
+        made = tracker(**FILTERS[name], initial=initial or NEAR_TRUTH)
+        if initial is None:
+            made = made.with_prior(np.zeros(len(self.motion.px)), self.motion, self.normal)
+        return replace(made, engine=engine)
 
 
 def drive(
@@ -109,7 +117,7 @@ def drive(
         there = random.random(batch) < valid
         made.append(scan(kind, time, measured, there, noise, pose, own)._replace(sensor=kind))
     px, py, course = _at(first, radius, turn)
-    return Drive(Kinematics(px, py, speed, course, np.zeros(batch), turn), made)
+    return Drive(Kinematics(px, py, speed, course, np.zeros(batch), turn), random.normal(size=(6, batch)), made)
 
 
 def _at(course: Array, radius: Array, turn: Array) -> tuple[Array, Array, Array]:

@@ -6,9 +6,9 @@ from trackbench.engine.kernels import Kernels
 from trackbench.engine.machine import unavailable
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def kernels() -> Kernels:
-    """Kernels for this machine; without it what needs them is skipped."""
+    """Kernels for this machine, kept on disk for the whole session; what needs them is skipped where there are none."""
     reason = unavailable()
     if reason is not None:
         pytest.skip(reason)

@@ -201,10 +201,17 @@ def test_processes_that_compile_at_once_do_no_harm(kernels: Kernels, tmp_path: P
 
 def test_without_llvmlite_there_are_no_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
-    reason = machine.unavailable()
-    assert reason is not None
-    assert "llvmlite" in reason
-    assert "pip install 'trackbench[fast]'" in reason
+    assert machine.unavailable() == "llvmlite is not installed: pip install 'trackbench[fast]'"
+
+
+def test_a_broken_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    llvm = pytest.importorskip("llvmlite.binding")
+
+    def broken(text: str) -> None:
+        raise OSError("libllvmlite.so: cannot open shared object file")
+
+    monkeypatch.setattr(llvm, "parse_assembly", broken)
+    assert machine.unavailable() == "llvmlite cannot be loaded: libllvmlite.so: cannot open shared object file"
 
 
 def test_an_old_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

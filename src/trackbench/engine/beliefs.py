@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Collection
+from typing import Any, NoReturn
 
 import numpy as np
 
 from trackbench.engine.equations import Values
+from trackbench.engine.graph import Untraceable
 from trackbench.filters import AnyBelief, Belief, MultiModelBelief, PredictedMeasurement
 from trackbench.types import Scan
 
+#: What a filter can make again of the rest of a belief.
+REUSED = ("factor", "points")
 #: Number of component axes of each part, by the name without the number of a mode.
 RANKS = {
     "mean": 1,
@@ -38,16 +42,17 @@ def rank(name: str) -> int:
     return RANKS[name.partition(" ")[0]]
 
 
-def taken_apart(belief: AnyBelief, at: str = "") -> dict[str, Any]:
-    """The arrays of a belief; ``at`` is put behind each name."""
+def taken_apart(belief: AnyBelief, at: str = "", without: Collection[str] = ()) -> dict[str, Any]:
+    """The arrays of a belief; ``at`` is put behind each name, and what is named in ``without`` is left out."""
     if isinstance(belief, MultiModelBelief):
         found: dict[str, Any] = {"probability" + at: belief.probability}
         for number, mode in enumerate(belief.modes):
-            found |= taken_apart(mode, f"{at} {number}")
+            found |= taken_apart(mode, f"{at} {number}", without)
         if belief.repaired is not None:
             found["repaired" + at] = belief.repaired
         return found
-    return {name + at: value for name, value in belief._asdict().items() if value is not None}
+    given = zip(Belief._fields, belief, strict=True)
+    return {name + at: value for name, value in given if value is not None and name not in without}
 
 
 def put_together(values: Values, modes: int, at: str = "") -> AnyBelief:
@@ -83,23 +88,40 @@ def of_sensor(scan: Scan) -> dict[str, Any]:
     return {"noise": scan.noise_covariance, "pose": scan.sensor_pose, "velocity": scan.sensor_velocity}
 
 
-def any_scan(values: Values, kind: str) -> Scan:
-    """A scan of a sensor, with a measurement that means nothing."""
+def any_scan(values: Values, of: Scan) -> Scan:
+    """The scan, with a measurement that means nothing."""
     measurement = np.zeros(len(values["noise"]))
-    return scan_of({**values, "measurement": measurement, "valid": np.ones((), dtype=bool)}, kind)
+    return scan_of({**values, "measurement": measurement, "valid": np.ones((), dtype=bool)}, of)
 
 
-def scan_of(values: Values, kind: str) -> Scan:
-    """A scan of arrays; what else there is of a scan is missing, so that a sensor that needs it cannot be traced."""
-    missing: Any = None
-    return Scan(
-        time=missing,
-        sensor=missing,
-        kind=kind,
+def scan_of(values: Values, of: Scan) -> Scan:
+    """The scan with arrays in place of its own."""
+    return of._replace(
         measurement=values["measurement"],
         valid=values["valid"],
         noise_covariance=values["noise"],
         sensor_pose=values["pose"],
         sensor_velocity=values["velocity"],
-        arrival_time=missing,
     )
+
+
+def untold(kind: str) -> Scan:
+    """A scan of which nothing is known but its kind, so that a sensor that reads more of it cannot be traced."""
+    known: list[Any] = [kind if name == "kind" else _Untold(name) for name in Scan._fields]
+    return Scan(*known)
+
+
+class _Untold:
+    """Raises whatever is done with it."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise Untraceable(f"{self._name} of a scan is read, which is no input of a kernel")
+
+    __array__ = __array_ufunc__ = __getattr__ = __getitem__ = __iter__ = __len__ = __contains__ = _refuse
+    __bool__ = __float__ = __int__ = __index__ = __str__ = __format__ = _refuse
+    __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = __hash__ = __neg__ = __abs__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __pow__ = __rpow__ = _refuse
+    __truediv__ = __rtruediv__ = __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = _refuse

@@ -6,8 +6,11 @@ from collections.abc import Callable, Hashable, Mapping
 from functools import cache, cached_property, partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from trackbench.engine import options
 from trackbench.engine.beliefs import (
+    REUSED,
     any_scan,
     of_prediction,
     of_scan,
@@ -17,7 +20,9 @@ from trackbench.engine.beliefs import (
     rank,
     scan_of,
     taken_apart,
+    untold,
 )
+from trackbench.engine.elsewhere import form_of, is_traced, settled
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.used import EngineUsed
@@ -48,10 +53,13 @@ class FusedFilter:
         self._kernels = kernels
         self.modes = len(filter.motions) if isinstance(filter, InteractingMultipleModel) else 0
         self._options = options.options(filter)
+        self._per_member = any(np.ndim(value) > 0 for value in self._options.values())
         self._form = options.form(filter)
         # Nothing is to be computed where the state begins with px, py, vx, vy.
         self._cartesian_state = type(filter.motions[0]).cartesian_belief is MotionModel.cartesian_belief
-        self._equations: dict[Any, list[Equations]] = {}
+        self._equations: dict[Hashable, Equations] = {}
+        self._scan: Any = None
+        """The one that is taken in, of which kernels know but a part."""
         self._by_kernels = self._members_by_numpy = False
         self._untraced: dict[str, str] = {}
 
@@ -95,18 +103,17 @@ class FusedFilter:
     def predict_measurement(self, belief: AnyBelief, scan: Scan) -> PredictedMeasurement:
         """What the belief expects of a scan."""
         values = taken_apart(belief) | of_sensor(scan)
-        return prediction_of(self.computed("expectation", _expected, values, scan.kind), self.modes)
+        return prediction_of(self.computed("expectation", _expected, values, scan), self.modes)
 
     def update(self, belief: AnyBelief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Any]:
         """The belief after a scan."""
         values = taken_apart(belief) | of_scan(scan) | ({} if predicted is None else of_prediction(predicted))
-        return self._update_of(self.computed("update", _updated, values, scan.kind))
+        return self._update_of(self.computed("update", _updated, values, scan))
 
     def step(self, belief: AnyBelief, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[Any]:
         """The belief after a scan that was taken ``dt`` seconds later; see :class:`trackbench.filters.Step`."""
-        values = taken_apart(belief) | self.time(dt) | of_scan(scan)
-        values.pop("factor", None)
-        found = self.computed("step", partial(_step, doubt=doubt), values, scan.kind, doubt)
+        values = taken_apart(belief, without=REUSED) | self.time(dt) | of_scan(scan)
+        found = self.computed("step", partial(_step, doubt=doubt), values, scan, doubt)
         cartesian = Gaussian(found["cartesian"], found["cartesian covariance"])
         doubtful: Any = found.get("doubtful")
         return Step(self._update_of(found), cartesian, doubtful)
@@ -115,7 +122,7 @@ class FusedFilter:
         """px, py, vx, vy under the belief."""
         if self._cartesian_state and isinstance(belief, Belief):
             return self.filter.cartesian(belief)
-        found = self.computed("cartesian", _cartesian, taken_apart(belief))
+        found = self.computed("cartesian", _cartesian, taken_apart(belief, without=REUSED))
         return Gaussian(found["cartesian"], found["cartesian covariance"])
 
     def time(self, dt: float) -> dict[str, Any]:
@@ -138,7 +145,7 @@ class FusedFilter:
         name: str,
         function: Callable[[Asked, Values], Values],
         values: dict[str, Any],
-        kind: str = "",
+        scan: Scan | None = None,
         made_for: Hashable = None,
     ) -> dict[str, Array]:
         """What a function of the filter and of values gives.
@@ -147,20 +154,22 @@ class FusedFilter:
             name: what it computes, as a user is told.
             function: of what it is asked for, and of the values.
             values: named as ``beliefs`` has them.
-            kind: the type of the sensor, where it depends on it.
+            scan: the one on which it depends.
             made_for: what tells the function from others of its name.
         """
-        key = name, kind, made_for, tuple(values)
-        if key not in self._equations:
-            self._equations[key] = self._made(name, function, tuple(values), kind, made_for)
-        candidates, before = self._equations[key], self._kernels.members_by_numpy
-        found = self._kernels(candidates[-1], values | self._options if len(candidates) > 1 else values)
-        if len(candidates) > 1 and candidates[-1].key in self._kernels.untraced:
-            # Options that a branch or another library needs as numbers are constants of the kernel.
-            candidates.pop()
+        sensor = None if scan is None else SENSOR_MODELS[scan.kind]
+        key = name, sensor, made_for, tuple(values)
+        values = values | self._options
+        self._scan = scan
+        equations = self._equations.get(key)
+        if equations is None:
+            equations = self._equations[key] = self._made(name, function, values, scan, made_for)
+        before = self._kernels.members_by_numpy
+        found = self._kernels(equations, values)
+        self._scan = None
         self._members_by_numpy |= self._kernels.members_by_numpy > before
-        if candidates[-1].key in self._kernels.untraced:
-            self._untraced.setdefault(*self._kernels.untraced[candidates[-1].key])
+        if equations.key in self._kernels.untraced:
+            self._untraced.setdefault(*self._kernels.untraced[equations.key])
         else:
             self._by_kernels = True
         return found
@@ -169,31 +178,30 @@ class FusedFilter:
         self,
         name: str,
         function: Callable[[Asked, Values], Values],
-        inputs: tuple[str, ...],
-        kind: str,
+        values: Mapping[str, Any],
+        scan: Scan | None,
         made_for: Hashable,
-    ) -> list[Equations]:
-        """The equations, with the options of the motion models as inputs; and with the options as they are."""
-        own, modes = self.filter, self.modes
-        ranks = {item: rank(item) for item in inputs}
-        with_options = ranks | {item: options.rank(value) for item, value in self._options.items()}
-        sensor = SENSOR_MODELS[kind] if kind else None
-        counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
+    ) -> Equations:
+        """The equations, with the options of the motion models as inputs, or else as constants."""
+        kind = "" if scan is None else scan.kind
+        sensor = None if scan is None else SENSOR_MODELS[kind]
+        inputs = {item: rank(item) for item in values if item not in self._options}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
-        title = f"{name} by {describe(own)}{f' from a {kind}' if kind else ''}"
+        counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
+        title = f"{name} by {describe(self.filter)}{f' from a {kind}' if kind else ''}"
 
-        def of_any(values: Values) -> Values:
-            return function(Asked(options.with_options(own, values), modes, kind), values)
+        def of(filter: Filter[Any], values: Values) -> Values:
+            known = untold(kind) if is_traced(values) else self._scan
+            return function(Asked(filter, self.modes, known), values)
 
-        def of_own(values: Values) -> Values:
-            return function(Asked(own, modes, kind), values)
-
-        key = name, self._form, sensor, made_for
-        baked = *key, tuple((item, repr(value)) for item, value in self._options.items())
-        return [
-            Equations(title, of_own, ranks, symmetric, counted, baked),
-            Equations(title, of_any, with_options, symmetric, counted, key),
-        ]
+        any_filter = settled(of, self.filter, options.with_options, options.models, sensor)
+        key = name, self._form, None if sensor is None else form_of(sensor), made_for, tuple(inputs)
+        equations = Equations(title, any_filter, inputs | dict.fromkeys(self._options, 0), symmetric, counted, key)
+        if self._per_member or not self._options or self._kernels.why_numpy(equations, values) is None:
+            return equations
+        # A branch, or another library, needs the options as numbers.
+        stated = tuple((item, repr(value)) for item, value in self._options.items())
+        return equations._replace(ranks=inputs, key=(*key, stated))
 
 
 @cache
@@ -213,8 +221,8 @@ class Asked(NamedTuple):
     filter: Any
     modes: int
     """How many the beliefs have, 0 where they are of one motion model."""
-    kind: str
-    """The type of the sensor."""
+    scan: Scan
+    """The one on which it depends, without the arrays that are among the values."""
 
 
 def describe(filter: Filter[Any]) -> str:
@@ -225,7 +233,8 @@ def describe(filter: Filter[Any]) -> str:
 def prediction(asked: Asked, values: Values) -> AnyBelief:
     """The belief after the time among the values."""
     belief = put_together(values, asked.modes)
-    if asked.modes:
+    # Where no time passes, modes are not mixed: that one of them is not finite is then nothing to the others.
+    if asked.modes and (is_traced(values) or values["dt"] > 0.0):
         found: AnyBelief = asked.filter.predict_by(belief, values["dt"], values["chain"])
     else:
         found = asked.filter.predict(belief, values["dt"])
@@ -238,18 +247,18 @@ def _predicted(asked: Asked, values: Values) -> Values:
 
 def _expected(asked: Asked, values: Values) -> Values:
     belief = put_together(values, asked.modes)
-    return of_prediction(asked.filter.predict_measurement(belief, any_scan(values, asked.kind)))
+    return of_prediction(asked.filter.predict_measurement(belief, any_scan(values, asked.scan)))
 
 
 def _updated(asked: Asked, values: Values) -> Values:
     belief = put_together(values, asked.modes)
     expected = prediction_of(values, asked.modes) if "expected" in values else None
-    return _said(asked.filter.update(belief, scan_of(values, asked.kind), expected))
+    return _said(asked.filter.update(belief, scan_of(values, asked.scan), expected))
 
 
 def _step(asked: Asked, values: Values, doubt: Doubt | None) -> Values:
     predicted = prediction(asked, values)
-    said = asked.filter.update(predicted, scan_of(values, asked.kind))
+    said = asked.filter.update(predicted, scan_of(values, asked.scan))
     found = {**_said(said), **_seen(asked.filter.cartesian(said.belief))}
     # The next step makes what can be reused again, which is quicker than to write and read it.
     found = {name: value for name, value in found.items() if not name.startswith(("factor", "points"))}

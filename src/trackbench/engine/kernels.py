@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Hashable, Mapping, Sequence
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from trackbench.engine.layout import Input, KernelLayout
 from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
 from trackbench.engine.source import packed, source_key, unpacked
 from trackbench.engine.trace import trace
-from trackbench.types import Array, Mask
+from trackbench.types import Array, Indices, Mask
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
@@ -64,19 +65,26 @@ class Kernels:
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
         """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
+        plan = self._plan(equations, values)
+        if plan.kernel is None or plan.members == 0:
+            return by_numpy(equations, values)
+        outputs, held = _run(plan, plan.kernel, values)
+        if held is not None:
+            self._again(equations, plan, values, outputs, ~held)
+        return outputs
+
+    def why_numpy(self, equations: Equations, values: Values) -> str | None:
+        """Why NumPy computes the equations of such values; None where a kernel does."""
+        return self.untraced[equations.key][1] if self._plan(equations, values).kernel is None else None
+
+    def _plan(self, equations: Equations, values: Values) -> Passage:
         looks = []
         for name in equations.ranks:
             value = values[name]
             array = isinstance(value, np.ndarray)
             looks.append((value.dtype, value.shape) if array else (type(value), np.shape(value)))
         key = equations.key or id(equations), equations.name, *looks
-        plan = self._plans.get(key) or self._planned(key, equations, values)
-        if plan.kernel is None or plan.members == 0:
-            return by_numpy(equations, values)
-        outputs, held = _run(plan, plan.kernel, values)
-        if held is not None:
-            self._again(plan, values, outputs, ~held)
-        return outputs
+        return self._plans.get(key) or self._planned(key, equations, values)
 
     def _planned(self, key: Hashable, equations: Equations, values: Values) -> Passage:
         batch = batch_of(equations.ranks, values)
@@ -93,7 +101,7 @@ class Kernels:
         if len(self._plans) >= PLANS:
             self._plans.clear()
         # The equations are kept, so that no others have their id.
-        plan = self._plans[key] = Passage(equations, kernel, batch, int(np.prod(batch, dtype=int)), ways)
+        plan = self._plans[key] = Passage(equations, kernel, batch, prod(batch), ways)
         return plan
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
@@ -133,11 +141,17 @@ class Kernels:
     def _key(self, what: str) -> str:
         return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
 
-    def _again(self, plan: Passage, values: Values, outputs: dict[str, Array], which: Mask) -> None:
+    def _again(
+        self, equations: Equations, plan: Passage, values: Values, outputs: dict[str, Array], which: Mask
+    ) -> None:
         """Compute some members by NumPy."""
-        equations, batch, count = plan.equations, plan.batch, int(which.sum())
-        self.members_by_numpy += count
-        chosen = {name: _members(values[name], rank, batch, which) for name, rank in equations.ranks.items()}
+        batch, places = plan.batch, np.flatnonzero(which)
+        self.members_by_numpy += len(places)
+        if batch and len(places) == 1:
+            # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
+            places = places.repeat(2)
+        count = len(places)
+        chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
         for name, said in by_numpy(equations, chosen).items():
             if said is None:
                 continue
@@ -150,7 +164,7 @@ class Kernels:
             missing = found.ndim - said.ndim
             full = said.reshape(components + (1,) * missing + said.shape[len(components) :])
             full = np.broadcast_to(full, components + _one_axis(len(batch), count))
-            found.reshape(*components, plan.members)[..., which] = full.reshape(*components, count)
+            found.reshape(*components, plan.members)[..., places] = full.reshape(*components, count)
 
 
 def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
@@ -211,14 +225,14 @@ def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.N
     return array
 
 
-def _members(value: Any, rank: int, batch: tuple[int, ...], which: Mask) -> Any:
+def _members(value: Any, rank: int, batch: tuple[int, ...], places: Indices) -> Any:
     """Some members of an input, along one batch axis."""
     array = np.asarray(value)
     if array.ndim == rank:
         return value
     components = array.shape[:rank]
-    chosen = np.broadcast_to(array, components + batch).reshape(*components, which.size)[..., which]
-    return chosen.reshape(components + _one_axis(array.ndim - rank, chosen.shape[-1]))
+    chosen = np.broadcast_to(array, components + batch).reshape(*components, prod(batch))[..., places]
+    return chosen.reshape(components + _one_axis(array.ndim - rank, len(places)))
 
 
 def _one_axis(axes: int, count: int) -> tuple[int, ...]:

@@ -28,8 +28,10 @@ def unavailable() -> str | None:
         import llvmlite.binding as llvm
 
         llvm.parse_assembly("declare void @takes(ptr)")
+    except ModuleNotFoundError:
+        return "llvmlite is not installed: pip install 'trackbench[fast]'"
     except (ImportError, OSError) as error:
-        return f"llvmlite cannot be imported ({error}): pip install 'trackbench[fast]'"
+        return f"llvmlite cannot be loaded: {error}"
     except RuntimeError:
         return "this llvmlite is too old: pip install 'trackbench[fast]'"
     return _no_executable_memory()

@@ -2,84 +2,121 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from trackbench.engine.content import Content
+from trackbench.engine.elsewhere import from_elsewhere
 from trackbench.engine.equations import Values
 from trackbench.filters import Filter, InteractingMultipleModel
 from trackbench.models.motion import MotionModel
 
+M = TypeVar("M", bound=MotionModel)
+
 
 def options(filter: Filter[Any]) -> dict[str, Any]:
-    """The numbers among the options of a filter's motion models: each a number, one for each member, or a list."""
+    """The numbers among the options of a filter's motion models, each a number or one for each member."""
     found: dict[str, Any] = {}
     for number, motion in enumerate(filter.motions):
         found |= numbers(motion, str(number))
     return found
 
 
-def rank(value: Any) -> int:
-    """Number of component axes of an option: 1 of a list."""
-    return 1 if isinstance(value, tuple | list) else 0
-
-
 def with_options(filter: Any, values: Values) -> Any:
-    """The filter with other options, named as ``options`` does."""
-    if isinstance(filter, InteractingMultipleModel):
-        motions = [with_numbers(motion, str(number), values) for number, motion in enumerate(filter.motions)]
-        filters = (replace(one, motion=motion) for one, motion in zip(filter.filters, motions, strict=True))
-        return replace(filter, filters=tuple(filters))
-    return replace(filter, motion=with_numbers(filter.motion, "0", values))
-
-
-def form(value: Any) -> Hashable:
-    """What a kernel of a filter or motion model depends on beside those options."""
-    return _form(value)
+    """The filter with other options, named as ``options`` does; the same one where none is another."""
+    own = filter.filters if isinstance(filter, InteractingMultipleModel) else (filter,)
+    motions = [with_numbers(one.motion, str(number), values) for number, one in enumerate(own)]
+    if all(motion is one.motion for motion, one in zip(motions, own, strict=True)):
+        return filter
+    filters = tuple(replace(one, motion=motion) for one, motion in zip(own, motions, strict=True))
+    return replace(filter, filters=filters) if isinstance(filter, InteractingMultipleModel) else filters[0]
 
 
 def numbers(model: MotionModel, at: str) -> dict[str, Any]:
+    """The numbers among the options of a motion model; ``at`` is put before each name."""
     found: dict[str, Any] = {}
-    for name in type(model).model_fields:
-        value = getattr(model, name)
-        if isinstance(value, MotionModel):
-            found |= numbers(value, f"{at} {name}")
-        elif _numeric(value):
-            found[f"{at} {name}"] = value
+    for name, value in _fields(model).items():
+        found |= _numbers(value, f"{at} {name}", _each_has_its_own(model, name))
     return found
 
 
-def with_numbers(model: MotionModel, at: str, values: Values) -> MotionModel:
+def with_numbers(model: M, at: str, values: Values) -> M:
+    """The motion model with other options, named as ``numbers`` does; the same one where none is another."""
     update: dict[str, Any] = {}
-    for name in type(model).model_fields:
-        value = getattr(model, name)
+    for name, value in _fields(model).items():
+        found = _replaced(value, f"{at} {name}", values)
+        if found is not value:
+            update[name] = found
+    return model.model_copy(update=update) if update else model
+
+
+def models(filter: Filter[Any]) -> Iterator[MotionModel]:
+    """The motion models of a filter, and those within them."""
+    for motion in filter.motions:
+        yield from within(motion)
+
+
+def within(model: MotionModel) -> Iterator[MotionModel]:
+    """A motion model, and those within it."""
+    yield model
+    for value in _fields(model).values():
         if isinstance(value, MotionModel):
-            update[name] = with_numbers(value, f"{at} {name}", values)
-        elif f"{at} {name}" in values:
-            update[name] = values[f"{at} {name}"]
-    return model.model_copy(update=update)
+            yield from within(value)
 
 
-def _numeric(value: Any) -> bool:
-    if isinstance(value, tuple | list):
-        return bool(value) and all(map(_numeric, value))
-    return isinstance(value, float | np.ndarray) or (isinstance(value, int) and not isinstance(value, bool))
-
-
-def _form(value: Any) -> Hashable:
+def form(value: Any) -> Hashable:
+    """What a kernel of a filter or motion model depends on beside those options; of models from elsewhere, all."""
+    if isinstance(value, InteractingMultipleModel):
+        # How the modes switch is an input.
+        return tuple(map(form, value.filters))
     if isinstance(value, MotionModel):
-        own = type(value).__module__.startswith("trackbench.")
-        kept = [
-            (name, _form(item))
-            for name, item in ((name, getattr(value, name)) for name in type(value).model_fields)
-            # A model from elsewhere may have computed something of its options when it was made.
-            if not own or not _numeric(item)
-        ]
+        if from_elsewhere(type(value)):
+            return Content(value)
+        kept = [(name, _form(item, _each_has_its_own(value, name))) for name, item in _fields(value).items()]
         return type(value), tuple(kept)
     if is_dataclass(value) and not isinstance(value, type):
-        return type(value), tuple((item.name, _form(getattr(value, item.name))) for item in fields(value))
+        return type(value), tuple((item.name, form(getattr(value, item.name))) for item in fields(value))
+    known: Hashable = value
+    return known
+
+
+def _fields(model: MotionModel) -> Mapping[str, Any]:
+    return {name: getattr(model, name) for name in type(model).model_fields}
+
+
+def _each_has_its_own(model: MotionModel, name: str) -> bool:
+    """Whether an array is an option of each member, and not one that is the same for all."""
+    return name in getattr(model, "driving_noise", ()) or not from_elsewhere(type(model))
+
+
+def _numbers(value: Any, at: str, arrays: bool) -> dict[str, Any]:
+    if isinstance(value, MotionModel):
+        return numbers(value, at)
     if isinstance(value, tuple | list):
-        return tuple(map(_form, value))
-    return (value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value
+        parts = [_numbers(item, f"{at} {i}", arrays) for i, item in enumerate(value)]
+        return {name: item for part in parts for name, item in part.items()}
+    return {at: value} if _numeric(value, arrays) else {}
+
+
+def _numeric(value: Any, arrays: bool) -> bool:
+    if isinstance(value, np.ndarray):
+        return arrays
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _replaced(value: Any, at: str, values: Values) -> Any:
+    if isinstance(value, MotionModel):
+        return with_numbers(value, at, values)
+    if isinstance(value, tuple | list):
+        parts = [_replaced(item, f"{at} {i}", values) for i, item in enumerate(value)]
+        return type(value)(parts) if any(a is not b for a, b in zip(parts, value, strict=True)) else value
+    return values.get(at, value)
+
+
+def _form(value: Any, arrays: bool) -> Hashable:
+    if isinstance(value, tuple | list):
+        return tuple(_form(item, arrays) for item in value)
+    return None if _numeric(value, arrays) else form(value)

@@ -41,7 +41,7 @@ class FusedTrackFilter(TrackFilter):
         self._initial_key = initial.model_dump_json()
 
     def begin(self, scan: Scan) -> AnyBelief:
-        found = self.filter.computed("start", self._begun, of_scan(scan), scan.kind, self._initial_key)
+        found = self.filter.computed("start", self._begun, of_scan(scan), scan, self._initial_key)
         return put_together(found, self.filter.modes)
 
     def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
@@ -50,7 +50,7 @@ class FusedTrackFilter(TrackFilter):
             "expectation of a later scan",
             partial(_expected, view=scan.field_of_view),
             values,
-            scan.kind,
+            scan,
             scan.field_of_view,
         )
         modes = self.filter.modes
@@ -87,34 +87,34 @@ class FusedTrackFilter(TrackFilter):
         for number in range(slots):
             values[f"measurement {number}"] = scan.measurement.take(of_slot[number], axis=1)
             values[f"share {number}"] = weight[number]
-        found = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan.kind)
+        found = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan, slots)
         return put_together(found, self.filter.modes)
 
     def _after(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
         """The belief of each member after its detection; where it is not valid, as it is."""
         values = taken_apart(at.belief) | of_prediction(at.measurement) | of_scan(scan)
-        return put_together(self.filter.computed("belief", _after, values, scan.kind), self.filter.modes)
+        return put_together(self.filter.computed("belief", _after, values, scan), self.filter.modes)
 
 
 def _begun(asked: Asked, values: Values, initial: InitialConfig) -> Values:
-    return taken_apart(begun(asked.filter, initial, scan_of(values, asked.kind)))
+    return taken_apart(begun(asked.filter, initial, scan_of(values, asked.scan)))
 
 
 def _expected(asked: Asked, values: Values, view: FieldOfView | None) -> Values:
-    scan = any_scan(values, asked.kind)._replace(field_of_view=view)
+    scan = any_scan(values, asked.scan)._replace(field_of_view=view)
     found = expected(asked.filter, prediction(asked, values), scan)
     return {**taken_apart(bare(found.belief)), **of_prediction(found.measurement), "in view": found.in_view}
 
 
 def _after(asked: Asked, values: Values) -> Values:
-    before, scan = put_together(values, asked.modes), scan_of(values, asked.kind)
+    before, scan = put_together(values, asked.modes), scan_of(values, asked.scan)
     after = asked.filter.update(before, scan, prediction_of(values, asked.modes)).belief
     return taken_apart(choose(scan.valid, bare(after), bare(before)))
 
 
 def _mixture(asked: Asked, values: Values, slots: int) -> Values:
     before, predicted = put_together(values, asked.modes), prediction_of(values, asked.modes)
-    scans = [scan_of({**values, "measurement": values[f"measurement {number}"]}, asked.kind) for number in range(slots)]
+    scans = [scan_of({**values, "measurement": values[f"measurement {number}"]}, asked.scan) for number in range(slots)]
     updated = [bare(asked.filter.update(before, scan, predicted).belief) for scan in scans]
     share = [values[f"share {number}"] for number in range(slots)]
     mixed = of_slots(asked.filter.motions, bare(before), updated, share, values["kept"])

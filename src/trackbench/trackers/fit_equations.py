@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from trackbench import linalg
+from trackbench.engine.elsewhere import form_of, settled
 from trackbench.engine.equations import Equations, Values
-from trackbench.engine.options import form, numbers, rank, with_numbers
+from trackbench.engine.options import form, numbers, with_numbers, within
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import Sensor
 from trackbench.units import difference
@@ -22,24 +23,24 @@ def moved(motion: MotionModel) -> tuple[Equations, dict[str, Any]]:
     """
     own = numbers(motion, "motion")
 
-    def function(values: Values) -> Values:
-        model, x, dt = with_numbers(motion, "motion", values), values["x"], values["dt"]
+    def function(model: MotionModel, values: Values) -> Values:
+        x, dt = values["x"], values["dt"]
         next = model.transition(x, dt)
         transition = linalg.expand(model.jacobian(x, dt), x[None])
         sigma = linalg.expand(linalg.vector(model.noise_sigma), x)
         gain = linalg.expand(model.noise_gain(x, dt), x[None]) * sigma
         return {"next": next + linalg.apply(gain, values["noise"]), "transition": transition, "gain": gain}
 
-    ranks = {"x": 1, "dt": 0, "noise": 1} | {name: rank(value) for name, value in own.items()}
-    return Equations("fit: next state", function, ranks, key=(form(motion),)), own
+    ranks = {"x": 1, "dt": 0, "noise": 1} | dict.fromkeys(own, 0)
+    return Equations("fit: next state", _of(motion, function), ranks, key=(form(motion),)), own
 
 
 def measured(motion: MotionModel, sensor: type[Sensor]) -> tuple[Equations, dict[str, Any]]:
     """The ``residual`` of a measurement in standard deviations; the ``slope`` of what is expected of it by ``x``."""
     own = numbers(motion, "motion")
 
-    def function(values: Values) -> Values:
-        model, x, whitener = with_numbers(motion, "motion", values), values["x"], values["whitener"]
+    def function(model: MotionModel, values: Values) -> Values:
+        x, whitener = values["x"], values["whitener"]
         at = model.to_cartesian(x), values["pose"], values["velocity"]
         off = difference(values["value"], sensor.measure(*at), sensor.angular)
         by_target = linalg.matmul(whitener, linalg.expand(sensor.jacobian(*at), x[None]))
@@ -47,15 +48,25 @@ def measured(motion: MotionModel, sensor: type[Sensor]) -> tuple[Equations, dict
         return {"residual": linalg.apply(whitener, off), "slope": slope}
 
     ranks = {"x": 1, "value": 1, "whitener": 2, "pose": 1, "velocity": 1}
-    ranks |= {name: rank(value) for name, value in own.items()}
-    return Equations("fit: measurement", function, ranks, key=(form(motion), sensor)), own
+    key = form(motion), form_of(sensor)
+    return Equations("fit: measurement", _of(motion, function, sensor), ranks | dict.fromkeys(own, 0), key=key), own
+
+
+def _of(
+    motion: MotionModel, function: Callable[[MotionModel, Values], Values], sensor: type[Sensor] | None = None
+) -> Callable[[Values], Values]:
+    """A function of the motion model and of values, among which are its options."""
+
+    def with_values(model: MotionModel, values: Values) -> MotionModel:
+        return with_numbers(model, "motion", values)
+
+    return settled(function, motion, with_values, within, sensor)
 
 
 #: Places of the lower triangle of the information of a straight line.
 LOWER = [(i, j) for i in range(4) for j in range(i + 1)]
 
 
-@cache
 def on_line(sensor: type[Sensor]) -> Equations:
     """What a measurement tells of the straight line from ``first`` that it was taken ``elapsed`` seconds after.
 
@@ -75,7 +86,8 @@ def on_line(sensor: type[Sensor]) -> Equations:
         return {"told": linalg.vector([square, *gradient, *(information[i, j] for i, j in LOWER)])}
 
     ranks = {"first": 1, "elapsed": 0, "value": 1, "whitener": 2, "pose": 1, "velocity": 1}
-    return Equations("fit: straight line", function, ranks, key=(sensor,))
+    of_sensor = settled(lambda _, values: function(values), None, lambda none, _: none, lambda _: (), sensor)
+    return Equations("fit: straight line", of_sensor, ranks, key=(form_of(sensor),))
 
 
 def _begin(values: Values) -> Values:

@@ -35,7 +35,7 @@ class Fit(NamedTuple):
     """``(L,)``"""
 
 
-class Point(Protocol):
+class Sought(Protocol):
     """What is sought of each object: arrays ``(..., L)``."""
 
     def __iter__(self) -> Any: ...
@@ -58,7 +58,7 @@ class SumOfSquares(Protocol):
     def step(self, damping: Array) -> tuple[Any, Array]: ...
 
 
-P = TypeVar("P", bound=Point)
+P = TypeVar("P", bound=Sought)
 S = TypeVar("S", bound=SumOfSquares)
 
 

@@ -1,0 +1,120 @@
+"""What equations from elsewhere depend on, so that a change of it is noticed."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections import deque
+from collections.abc import Hashable, Iterable
+from functools import cached_property, partial
+from types import CellType, CodeType, FunctionType, MethodType, ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+#: Packages whose source does not change, and whose objects are not looked through.
+LIBRARIES = frozenset({"trackbench", "pydantic", "pydantic_core", "numpy", "scipy", *sys.stdlib_module_names})
+
+#: Of a function that refers to a name that is not yet bound.
+EMPTY = CellType()
+
+
+class Content:
+    """All that the equations of a model or of a class depend on: what it keeps, its source, and the names in that.
+
+    Two that are equal are the same to them. What cannot be looked through is equal to itself alone.
+    """
+
+    def __init__(self, value: Any) -> None:
+        try:
+            self._parts = _Reader().read(value)
+        # An object may do anything when it is asked for its attributes.
+        except Exception:
+            self._parts = _Itself(value)
+        # A kernel is looked up at every step.
+        self._hash = hash(self._parts)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Content) and self._parts == other._parts
+
+    def __hash__(self) -> int:
+        return self._hash
+
+
+class _Itself(NamedTuple):
+    """Something that is equal to itself alone; it is kept, so that nothing else takes its place."""
+
+    of: Any
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Itself) and self.of is other.of
+
+    def __hash__(self) -> int:
+        return id(self.of)
+
+
+class _Reader:
+    """Looks through an object, and comes to each part once."""
+
+    def __init__(self) -> None:
+        self._seen: dict[int, int] = {}
+        self._kept: list[Any] = []
+
+    def read(self, value: Any) -> Hashable:
+        if value is None or isinstance(value, str | bytes | int | float | complex | np.generic | CodeType):
+            # A NaN is not equal to itself.
+            return type(value), value if value == value else repr(value)
+        number = self._seen.setdefault(id(value), len(self._seen))
+        if number < len(self._kept):
+            return "as before", number
+        self._kept.append(value)
+        return self._looked_through(value)
+
+    def _all(self, values: Iterable[Any]) -> Hashable:
+        return tuple([self.read(value) for value in values])
+
+    def _looked_through(self, value: Any) -> Hashable:
+        if isinstance(value, np.ndarray) and value.dtype != object:
+            return value.shape, value.dtype.str, hashlib.sha256(value.tobytes()).digest()
+        if isinstance(value, dict):
+            return type(value), self._all(value.keys()), self._all(value.values())
+        if isinstance(value, list | tuple | set | frozenset | deque | np.ndarray):
+            return type(value), self._all(value)
+        if isinstance(value, np.random.Generator):
+            return self.read(value.bit_generator.state)
+        if isinstance(value, FunctionType):
+            return self._function(value)
+        if isinstance(value, type):
+            return _Itself(value), self._all(_of_class(kind) for kind in value.__mro__ if not _of_library(kind))
+        if isinstance(value, cached_property):
+            return self.read(value.func)
+        if isinstance(value, partial):
+            return self._all((value.func, value.args, value.keywords))
+        if isinstance(value, property | staticmethod | classmethod | MethodType) or hasattr(value, "__wrapped__"):
+            return self._all(getattr(value, name, None) for name in ("fget", "__func__", "__self__", "__wrapped__"))
+        if isinstance(value, ModuleType) or _of_library(type(value)) or not hasattr(value, "__dict__"):
+            return _Itself(value)
+        return self._all((type(value), vars(value), getattr(value, "__pydantic_private__", None)))
+
+    def _function(self, function: FunctionType) -> Hashable:
+        """Its code, and what the names in it stand for."""
+        if _of_library(function):
+            return _Itself(function)
+        code, cells = function.__code__, [cell.cell_contents for cell in function.__closure__ or () if cell != EMPTY]
+        found = [code, function.__defaults__, function.__kwdefaults__, vars(function), cells]
+        for name in code.co_names:
+            value = function.__globals__.get(name)
+            if isinstance(value, ModuleType) and value.__name__.partition(".")[0] not in LIBRARIES:
+                found.append([vars(value).get(other) for other in code.co_names])
+            else:
+                found.append(value)
+        return self._all(found)
+
+
+def _of_class(kind: type) -> list[Any]:
+    # What begins with two lines, pydantic and Python make of the rest.
+    return [(name, value) for name, value in vars(kind).items() if not name.startswith(("__", "_abc"))]
+
+
+def _of_library(kind: Any) -> bool:
+    return str(getattr(kind, "__module__", "builtins")).partition(".")[0] in LIBRARIES

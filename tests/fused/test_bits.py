@@ -1,0 +1,89 @@
+"""The same bits however a batch is split, on every processor, and by however many workers."""
+
+from __future__ import annotations
+
+import itertools
+import platform
+from pathlib import Path
+
+import llvmlite.binding as llvm
+import numpy as np
+import pytest
+from tests.execution.results import without_times
+from tests.fused.agreement import Drive, drive
+
+from trackbench.engine.beliefs import REUSED, taken_apart
+from trackbench.engine.filters import FusedFilter
+from trackbench.engine.kernels import Kernels
+from trackbench.engine.machine import Processor
+from trackbench.execution import executor
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.types import Array
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+BATCH = 1000
+SPLITS = [[125] * 8, [1, 7, 8, 9, 475, 500], [999, 1]]
+#: Tracks that start with an unknown course lead many members into the branches that NumPy computes.
+STARTS = {"near the truth": None, "unknown": {"from": "first_reading", "velocity_sigma_mps": 10}}
+#: Older processors, and this one.
+PROCESSORS = ["x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", None]
+
+
+def said(given: Drive, name: str, start: str, kernels: Kernels) -> list[Array]:
+    """What a tracker believes and says of the objects after each scan."""
+    of, state = given.tracker(name, "fused", STARTS[start]), None
+    of.__dict__["_filter"] = FusedFilter(of.filter, kernels)
+    found: list[Array] = []
+    for scan in given.scans:
+        state, estimate = of.step(state, scan)
+        marks = np.zeros(scan.valid.shape, dtype=bool) if estimate.repaired is None else estimate.repaired
+        believed = taken_apart(state.belief, without=REUSED)
+        found += [estimate.mean, estimate.covariance, marks, *believed.values()]
+    return found
+
+
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("name", ["kf-ca", "ekf-cv", "ukf-ctrv", "ekf-imm"])
+def test_however_a_batch_is_split(name: str, start: str, kernels: Kernels) -> None:
+    given = drive(12, BATCH)
+    whole = said(given, name, start, kernels)
+    for sizes in SPLITS:
+        ends = itertools.accumulate(sizes, initial=0)
+        parts = [said(given.part(slice(*each)), name, start, kernels) for each in itertools.pairwise(ends)]
+        for expected, *found in zip(whole, *parts, strict=True):
+            assert np.concatenate(found, axis=-1).tobytes() == expected.tobytes(), sizes
+
+
+def supported(processor: str | None) -> bool:
+    """Whether this machine runs code for a processor."""
+    features = llvm.get_host_cpu_features()
+    needed = {"x86-64-v2": "sse4.2", "x86-64-v3": "avx2", "x86-64-v4": "avx512bw"}
+    return processor is None or (platform.machine() == "x86_64" and features.get(needed.get(processor, "sse2"), False))
+
+
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("name", ["kf-ca", "ekf-cv", pytest.param("ukf-ctrv", marks=pytest.mark.slow), "ekf-imm"])
+def test_on_every_processor(name: str, start: str, kernels: Kernels) -> None:
+    given = drive(12, 50)
+    found = {
+        processor: b"".join(part.tobytes() for part in said(given, name, start, Kernels(Processor(processor))))
+        for processor in PROCESSORS
+        if supported(processor)
+    }
+    assert len(found) >= 1
+    assert len(set(found.values())) == 1, list(found)
+
+
+@pytest.mark.usefixtures("kernels")
+@pytest.mark.parametrize("scenario", ["fusion.yaml", "traffic/cut_in.yaml"])
+def test_by_however_many_workers(scenario: str) -> None:
+    """Also with blocks of another size."""
+    loaded = load_scenario(SCENARIOS / scenario, ["monte_carlo.runs=6"])
+    truths = truths_of(loaded)
+    alone = run(loaded, truths, engine="fused")
+    with executor(2) as two:
+        together = run(loaded, truths, executor=two, engine="fused")
+    assert alone.summary.engine != "numpy"
+    assert without_times(together) == without_times(alone)
