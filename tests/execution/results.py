@@ -11,6 +11,6 @@ def without_times(result: Result) -> dict[str, Any]:
     """The summary and the tables, but for the time of a step."""
     summary = result.json()
     for tracker in summary["trackers"]:
-        tracker["metrics"].pop("step_time")
+        tracker["metrics"].pop("step_time", None)
     tables = {name: [str(column) for column in table.to_pydict().items()] for name, table in result.tables.items()}
     return {**summary, "tables": tables}

@@ -99,10 +99,11 @@ def drive(
     seed: int = 1,
     valid: float = 0.9,
     period: float = 0.1,
+    speeds: tuple[float, float] = (4.0, 12.0),
 ) -> Drive:
-    """Such a drive, each object detected with the probability ``valid``."""
+    """Such a drive, each object detected with the probability ``valid``, and by the first scan in any case."""
     random = np.random.default_rng(seed)
-    radius, speed = random.uniform(15.0, 30.0, batch), random.uniform(4.0, 12.0, batch)
+    radius, speed = random.uniform(15.0, 30.0, batch), random.uniform(*speeds, batch)
     turn = speed / radius * random.choice([-1.0, 1.0], batch)
     first = random.uniform(-np.pi, np.pi, batch)
     made: list[Scan] = []
@@ -114,7 +115,7 @@ def drive(
         exact = SENSOR_MODELS[kind].measure(target, np.array(pose), np.array(own))
         noise = LIDAR_NOISE if kind == "lidar" else RADAR_NOISE
         measured = exact + np.sqrt(np.diag(noise))[:, None] * random.normal(size=exact.shape)
-        there = random.random(batch) < valid
+        there = random.random(batch) < (valid if k else 1.0)
         made.append(scan(kind, time, measured, there, noise, pose, own)._replace(sensor=kind))
     px, py, course = _at(first, radius, turn)
     return Drive(Kinematics(px, py, speed, course, np.zeros(batch), turn), random.normal(size=(6, batch)), made)

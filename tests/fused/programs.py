@@ -74,7 +74,7 @@ class Program:
                 if bound is None:
                     bound = step.function(*(np.abs(item) for item in given))
                 bound = np.where(np.isfinite(bound), bound, 0.0) * ROUNDING + (step.error != "none") * SUBNORMAL
-                said = said + bound * rng.uniform(-1, 1, said.shape)
+                said = said + bound * rng.uniform(-1, 1, said.shape) * rng.integers(0, 2, said.shape)
             known.append(said)
         return {f"y{i}": known[i] for i in range(self.first, len(known))}
 
@@ -104,8 +104,8 @@ def random_program(random: Random, values: Values, batch: tuple[int, ...], lengt
     while len(program.steps) < length:
         step = random.choice(KINDS)(Pool(random, known, len(batch)))
         if step is not None:
-            with np.errstate(all="ignore"), suppress(ValueError):
-                # An integer, such as a number of masks, has no negative powers.
+            # NumPy refuses some, such as a negative power of an integer, which a number of masks is.
+            with np.errstate(all="ignore"), suppress(ValueError, TypeError, IndexError):
                 known.append(step.function(*(known[i] for i in step.of)))
                 program.steps.append(step)
     program.first = len(known) - max(1, length // 2)

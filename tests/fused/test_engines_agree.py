@@ -100,7 +100,7 @@ def test_a_member_in_trouble_gets_what_numpy_gives(name: str, trouble: str, kern
     others = np.arange(BATCH) != TROUBLED
     for what, value in said.items():
         assert bits(value, others) == bits(untroubled[what], others), what
-        same(what, member(value), expected[what], agreement.limit(name))
+        same(what, member(value, TROUBLED), member(expected[what], 0), agreement.limit(name))
 
 
 def operations(filter: Any, belief: AnyBelief, scan: Scan) -> dict[str, Any]:
@@ -121,8 +121,8 @@ def operations(filter: Any, belief: AnyBelief, scan: Scan) -> dict[str, Any]:
 
 
 def alone(belief: AnyBelief, scan: Scan) -> tuple[AnyBelief, Scan]:
-    """The member in trouble without the others."""
-    where = np.array([TROUBLED])
+    """The member in trouble without the others; twice, since NumPy sums one alone in another order."""
+    where = np.array([TROUBLED, TROUBLED])
     return select(belief, where), scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where])
 
 
@@ -133,13 +133,13 @@ def _said(update: Update[Any], scan: Scan) -> Gaussian:
     return Gaussian(np.where(scan.valid, update.innovation, 0.0), covariance)
 
 
-def member(value: Any) -> Any:
-    """That of the member in trouble, with its marks."""
-    where = np.array([TROUBLED])
+def member(value: Any, number: int) -> Any:
+    """That of one member, with its marks."""
+    where = np.array([number])
     if isinstance(value, Belief | MultiModelBelief):
-        repaired = None if value.repaired is None else np.broadcast_to(value.repaired, BATCH)[where]
+        repaired = None if value.repaired is None else value.repaired[where]
         return select(value, where)._replace(repaired=repaired)
-    return Gaussian(*(np.broadcast_to(part, (*part.shape[:-1], BATCH))[..., where] for part in value))
+    return Gaussian(*(part[..., where] for part in value))
 
 
 def bits(value: Any, where: Array) -> list[bytes]:
@@ -149,7 +149,7 @@ def bits(value: Any, where: Array) -> list[bytes]:
         return [value.probability[..., where].tobytes(), *modes, _marked(value.repaired, where)]
     if isinstance(value, Belief):
         return [*bits(value[:2], where), _marked(value.repaired, where)]
-    return [np.broadcast_to(part, (*part.shape[:-1], BATCH))[..., where].tobytes() for part in value]
+    return [part[..., where].tobytes() for part in value]
 
 
 def _marked(repaired: Any, where: Array) -> bytes:

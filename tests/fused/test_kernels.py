@@ -484,6 +484,29 @@ def test_what_is_not_counted_need_not_be_finite(kernels: Kernels) -> None:
     assert compared(kernels, counted, values) == np.sum(values["valid"])
 
 
+def test_an_input_that_is_not_counted_need_not_be_finite(kernels: Kernels) -> None:
+    def weighed(values: Values) -> Values:
+        return {"y": values["x"] + np.where(values["valid"], 0.0 * values["z"], 1.0)}
+
+    values = given((50,))
+    values["z"] = np.where(values["valid"], 1.0, np.nan)
+    ranks = {"x": 1, "z": 0, "valid": 0}
+    assert compared(kernels, equations_of(weighed, ranks, counted={"z": "valid"}), values) == 0
+    assert compared(kernels, equations_of(weighed, ranks), values) == np.sum(~values["valid"])
+
+
+@pytest.mark.parametrize("function", [np.maximum, np.minimum])
+def test_the_larger_and_the_smaller_of_what_is_no_number(kernels: Kernels, function: Callable[..., Any]) -> None:
+    def extremes(values: Values) -> Values:
+        a, b = values["a"], values["b"]
+        every = {"both": function(a, b), "left": function(1.0, b), "right": function(a, 1.0), "one": function(a, a)}
+        none = {f"{name} is none": np.isnan(value) for name, value in every.items()}
+        return none | {name: np.where(np.isfinite(value), value, 7.0) for name, value in every.items()}
+
+    a, b = (part.ravel() for part in np.meshgrid(*[[np.nan, -np.inf, 0.0, 1.0, 2.0, np.inf]] * 2))
+    assert compared(kernels, equations_of(extremes, {"a": 0, "b": 0}), {"a": a, "b": b}) == 0
+
+
 def test_half_of_a_symmetric_matrix_is_read(kernels: Kernels) -> None:
     equations = equations_of(lambda v: {"y": np.einsum("ij...->i...", v["p"])}, {"p": 2}, symmetric=frozenset({"p"}))
     values = {"p": given()["p"]}

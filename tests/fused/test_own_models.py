@@ -15,6 +15,7 @@ from tests.fused.agreement import drive
 from tests.fused.own_models import Fading
 from tests.scenes import member
 
+from trackbench.engine.choice import Engine
 from trackbench.engine.filters import fused
 from trackbench.engine.used import EngineUsed
 from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled
@@ -28,10 +29,16 @@ FIRST = InitialConfig.model_validate({"from": "first_reading", "velocity_sigma_m
 SCANS = drive(12, 9, ["lidar", "radar"]).scans
 
 
-def tracked(model: MotionModel, engine: str, scans: list[Scan] = SCANS, kind: type = ExtendedKalmanFilter) -> tuple:
+def tracked(
+    model: MotionModel,
+    engine: Engine,
+    scans: list[Scan] = SCANS,
+    kind: type = ExtendedKalmanFilter,
+    start: InitialConfig = FIRST,
+) -> tuple[list[Estimate], EngineUsed]:
     """What a filter with the model says of all scans, and what computed it."""
     filter = SigmaPointFilter(model, scaled(1.0, 2.0, 0.0)) if kind is SigmaPointFilter else kind(model)
-    tracker = FilterTracker(filter, FIRST, engine=engine)
+    tracker = FilterTracker(filter, start, engine=engine)
     state, said = None, []
     for scan in scans:
         state, estimate = tracker.step(state, scan)
@@ -161,3 +168,16 @@ def test_a_model_that_is_edited_has_its_new_equations(edited: Callable[[float], 
             assert difference(said, tracked(module.Edited(), "numpy")[0]) < agreement.LIMIT
             found.append(said[-1].mean[2, 0])
     assert len(set(found)) == 4
+
+
+@pytest.mark.parametrize(
+    "model", [*COMPILED, own_models.BranchOnTime, own_models.Random], ids=lambda model: model.__name__
+)
+def test_a_batch_of_first_measurements(model: type[Fading]) -> None:
+    """Which takes the model too."""
+    start = InitialConfig.model_validate({"from": "batch", "measurements": 3, "velocity_sigma_mps": 10})
+    said, used = tracked(model(), "fused", start=start)
+    expected, _ = tracked(model(), "numpy", start=start)
+    assert np.isfinite(said[-1].mean).all()
+    assert used.engine == "fused" or model not in COMPILED
+    assert difference(said, expected) < 1e-10

@@ -35,7 +35,7 @@ def compare(random: Random, kernels: Kernels, length: int, special: float) -> No
     rng = np.random.default_rng(1)
     with np.errstate(all="ignore"):
         expected = program(values)
-        disturbed = [program.disturbed(values, rng) for _ in range(10)]
+        disturbed = [program.disturbed(values, rng) for _ in range(20)]
         before = {name: np.copy(value) for name, value in values.items()}
         found = kernels(equations, values)
     assert equations.key not in kernels.untraced, kernels.untraced[equations.key]

@@ -22,7 +22,7 @@ class Equations(NamedTuple):
     symmetric: frozenset[str] = frozenset()
     """Inputs that are symmetric matrices."""
     counted: Mapping[str, str] = {}
-    """Outputs that mean nothing, and need not be finite, where a mask among the inputs does not hold."""
+    """Inputs and outputs that mean nothing, and need not be finite, where a mask among the inputs does not hold."""
     key: Hashable = None
     """Where ``function`` was made for something: for what, so that others of the same name are told apart."""
 

@@ -81,8 +81,12 @@ class Kernels:
         looks = []
         for name in equations.ranks:
             value = values[name]
-            array = isinstance(value, np.ndarray)
-            looks.append((value.dtype, value.shape) if array else (type(value), np.shape(value)))
+            if isinstance(value, np.ndarray):
+                looks.append((value.dtype, value.shape))
+            else:
+                kind = type(value)
+                # NumPy would make an array of the number to say so.
+                looks.append((kind, () if kind is float else np.shape(value)))
         key = equations.key or id(equations), equations.name, *looks
         return self._plans.get(key) or self._planned(key, equations, values)
 

@@ -10,6 +10,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trackbench.engine.vector_code import HEAD, WIDTH
 from trackbench.user_cache import cache_folder, write_whole
 
@@ -34,7 +36,14 @@ def unavailable() -> str | None:
         return f"llvmlite cannot be loaded: {error}"
     except RuntimeError:
         return "this llvmlite is too old: pip install 'trackbench[fast]'"
-    return _no_executable_memory()
+    return _other_arrays() or _no_executable_memory()
+
+
+def _other_arrays() -> str | None:
+    """Kernels read where the data of an array lie from the array itself, as every extension of NumPy does."""
+    probe = np.zeros(1)
+    place = ctypes.c_void_p.from_address(id(probe) + HEAD).value
+    return None if place == probe.ctypes.data else "the arrays of this NumPy have another form"
 
 
 @cache

@@ -14,9 +14,9 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
     """Those pairs, each track and each detection in at most one, whose weights have the largest sum.
 
     Args:
-        pairs: of all runs.
+        pairs: of all runs, sorted by track.
         weight: ``(P,)``; a pair of negative weight is never taken.
-        run: ``(P,)`` of each pair, ascending.
+        run: ``(L,)`` of each track.
     """
     rest = np.flatnonzero(weight > 0.0)
     taken: list[Indices] = []
@@ -37,7 +37,7 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
 def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
     """The best assignment of some pairs, one run after the other."""
     taken = []
-    for part in np.split(which, np.flatnonzero(np.diff(run[which])) + 1):
+    for part in np.split(which, np.flatnonzero(np.diff(run[pairs.track[which]])) + 1):
         rows, row = np.unique(pairs.track[part], return_inverse=True)
         columns, column = np.unique(pairs.detection[part], return_inverse=True)
         value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)

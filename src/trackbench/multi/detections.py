@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.types import Indices, Scan
+from trackbench.types import Array, Indices, Scan
 
 
 class RunDetections(NamedTuple):
@@ -31,14 +31,22 @@ def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
     flat = scan.measurement.reshape(len(scan.measurement), -1)
     counts = scan.valid.sum(axis=0)
     run = np.repeat(np.arange(runs), counts)
-    # Padding comes last, as NaN does when it is sorted.
-    there = np.arange(most) < counts[:, None]
-    if as_listed or most == 0:
-        place = there.nonzero()[1] * runs + run
-    else:
-        place = np.argsort(scan.measurement[0].T, axis=1)[there] * runs + run
-        first = flat[0].take(place)
-        if (first[1:] == first[:-1]).any():
-            place = np.lexsort(scan.measurement[::-1], axis=0).T[there] * runs + run
+    place = (np.flatnonzero(scan.valid.T) - run * most) * runs + run
+    if not as_listed and len(run):
+        place = place[_order(flat.take(place, axis=1), run)]
     alone = scan._replace(measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool))
     return RunDetections(alone, run, place // runs, counts.cumsum() - counts)
+
+
+def _order(measurement: Array, run: Indices) -> Indices:
+    """How detections ``(m, N)`` stand that are sorted by their run, then by their values."""
+    key = measurement[0]
+    if run[-1]:
+        # One number for both: the first component falls short of 1.
+        lowest = key.min()
+        spread = key.max() - lowest
+        key = run + (key - lowest) / max(2.0 * spread, np.finfo(float).tiny)
+    order: Indices = key.argsort(kind="stable")
+    ranked = key[order]
+    # What is alike, or no number, is told apart by the other components.
+    return order if (ranked[1:] > ranked[:-1]).all() else np.lexsort((*measurement[::-1], run))

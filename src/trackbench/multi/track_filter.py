@@ -9,6 +9,7 @@ import numpy as np
 from trackbench.filters import (
     AnyBelief,
     Filter,
+    Measured,
     PredictedMeasurement,
     bare,
     placed,
@@ -44,6 +45,10 @@ class TrackFilter:
     def motions(self) -> tuple[MotionModel, ...]:
         """The motion models that the filter runs."""
         return self.filter.motions
+
+    def measured(self, scan: Scan) -> Measured:
+        """The detections in the space in which the filter compares them with its predictions."""
+        return self.filter.measured(scan)
 
     def begin(self, scan: Scan) -> AnyBelief:
         """Of N tracks: what each detection says by itself."""

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from trackbench.distributions import chi_square_quantile
 from trackbench.engine.choice import Engine, compute_by, used
 from trackbench.engine.equations import Compute
 from trackbench.engine.used import EngineUsed
-from trackbench.filters import AnyBelief, Belief, Filter, MultiModelBelief, bare, choose
-from trackbench.multi import assign
+from trackbench.filters import AnyBelief, Belief, Filter, bare
+from trackbench.multi.association import CLAIMED, associated
 from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
-from trackbench.multi.gate import GatedPairs, gated, under_modes
-from trackbench.multi.hard import Association, Situation, decided
+from trackbench.multi.hard import Association, Situation
 from trackbench.multi.intensity import intensity
 from trackbench.multi.management import Judged, TrackLogic, track_logic
-from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
 from trackbench.multi.track_filter import PredictedTracks, TrackFilter, detections_of
 from trackbench.multi.undetected import Undetected
@@ -32,12 +29,8 @@ from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod, Taken, kept, position, replayed
 from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks
 
-#: A detection that is less likely than this to stem from a track starts one, where tracks have no existence.
-CLAIMED = 0.5
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
-#: Smallest detection probability that a tracker reckons with where there is a detection.
-LEAST_DETECTION = 1e-3
 
 
 class MultiObjectState(NamedTuple):
@@ -195,7 +188,8 @@ class MultiObjectTracker:
         detections = side_by_side(scan, as_listed=config.method == "naive")
         origin = None if origins is None else origins[detections.column, detections.run]
         at = self._situation(ahead, expected, detections)
-        found = self._associated(at, ahead.table, origin)
+        probability = self._stated_probability(scan)
+        found = associated(config, at, ahead.table, origin, probability, self._compute)
         table, ends = self._judged(ahead.table, found, at)
         if self.initial.sensors is None or scan.sensor in self.initial.sensors:
             table = succeeded(table, ~ends, self._begun(at, found.unclaimed, origin), runs)
@@ -220,55 +214,6 @@ class MultiObjectTracker:
         probability = np.where(expected.in_view, self._stated_probability(scan), 0.0)
         run, gate = ahead.table.run, self.associate.gate
         return Situation(self._track_filter, expected, detections, run, probability, gate, density)
-
-    def _associated(self, at: Situation, table: TrackTable, origin: Indices | None) -> Association:
-        config, probability = self.associate, self._stated_probability(at.detections.scan)
-        if config.method == "oracle":
-            assert origin is not None
-            return _by_origin(at, table.origin, origin)
-        measured = self.filter.measured(at.detections.scan)
-        belief, predicted, _ = at.expected
-        threshold, compute = _threshold(config.gate, len(measured.value)), self._compute
-        pairs = gated(predicted, measured, at.detections, at.run, threshold, compute)
-        if isinstance(belief, MultiModelBelief):
-            pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
-        # What is in a gate was in view, whatever the sensor states.
-        at.detection_probability[pairs.track] = max(probability, LEAST_DETECTION)
-        if config.method in EXISTENCE:
-            at.detection_probability[:] *= table.evidence[1]
-        if config.method == "naive":
-            chosen = assign.in_order_of_list(pairs)
-            return decided(at, pairs.track[chosen], pairs.detection[chosen], np.zeros(len(chosen)))
-        if config.method == "gnn":
-            return self._nearest(at, pairs)
-        density = at.intensity.false_alarms
-        if config.method == "jpda":
-            return self._established(at, pairs, table.id != NONE, density)
-        if config.method == "pmb":
-            density += at.intensity.new_objects * probability
-        return weighed(at, pairs, table.evidence, density, config.max_cluster, compute)
-
-    def _nearest(self, at: Situation, pairs: GatedPairs) -> Association:
-        ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
-        chosen = assign.best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run[pairs.track])
-        return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
-
-    def _established(self, at: Situation, pairs: GatedPairs, confirmed: Mask, density: float) -> Association:
-        """JPDA takes each object to exist, which is known of confirmed tracks; the others take the nearest of the rest.
-
-        A tentative track that shares would keep much of its first covariance, and find a false alarm in its wide gate
-        again and again.
-        """
-        shared = confirmed[pairs.track]
-        first = weighed(at, pairs.select(shared), None, density, self.associate.max_cluster, self._compute)
-        rest = pairs.select(~shared & (first.unclaimed[pairs.detection] > CLAIMED))
-        second = self._nearest(at, rest)
-        return Association(
-            choose(confirmed, first.belief, second.belief),
-            np.where(confirmed, first.detection, second.detection),
-            np.minimum(first.unclaimed, second.unclaimed),
-            np.where(confirmed, first.log_ratio, second.log_ratio),
-        )
 
     def _judged(self, before: TrackTable, found: Association, at: Situation) -> tuple[TrackTable, Mask]:
         """The tracks after the scan, and which of them end."""
@@ -344,16 +289,3 @@ def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
     for ids, column in zip(late.ids, late.used, strict=True):
         found = np.where((tracks.ids == ids) & (ids != NONE), column, found)
     return tracks._replace(used=found)
-
-
-@lru_cache(maxsize=64)
-def _threshold(gate: float, components: int) -> float:
-    """The squared Mahalanobis distance that a detection of the object exceeds with probability ``1 - gate``."""
-    return float(chi_square_quantile(gate, components))
-
-
-def _by_origin(at: Situation, of_track: Indices, of_detection: Indices) -> Association:
-    objects = int(max(of_track.max(initial=-1), of_detection.max(initial=-1))) + 1
-    detection = np.where(of_detection >= 0, at.detections.run * objects + of_detection, NONE)
-    track, taken = assign.of_same_object(at.run * objects + of_track, detection)
-    return decided(at, track, taken, np.zeros(len(track)))

@@ -231,7 +231,7 @@ def _of_measurements(
             "pose": measurements.pose[:, *at],
             "velocity": measurements.velocity[:, *at],
         }
-        equations, options = measured(motion, sensor)
+        equations, options = measured(motion.part(at[1]), sensor)
         said = compute(equations, given | options)
         residual[:size, *at], slope[:size, :, *at] = said["residual"], said["slope"]
     return residual, slope

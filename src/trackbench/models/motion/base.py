@@ -10,7 +10,7 @@ import numpy as np
 
 from trackbench import linalg
 from trackbench.config import Config
-from trackbench.types import Array, Gaussian, Mask
+from trackbench.types import Array, Gaussian, Indices, Mask
 
 
 class Kinematics(NamedTuple):
@@ -73,7 +73,7 @@ class MotionModel(Config, ABC):
         """Whether each of a batch has its own noise."""
         return any(np.ndim(sigma) > 0 for sigma in self.noise_sigma)
 
-    def part(self, where: Mask | slice) -> Self:
+    def part(self, where: Mask | Indices | slice) -> Self:
         """The model of some of a batch ``(batch,)``."""
         noises = {name: getattr(self, name) for name in self.driving_noise}
         return self.model_copy(update={name: sigma[where] for name, sigma in noises.items() if np.ndim(sigma) > 0})

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel
-from trackbench.types import Array, Gaussian
+from trackbench.types import Array, Gaussian, Indices, Mask
 
 
 class ConstantProcessNoise(MotionModel):
@@ -27,6 +27,11 @@ class ConstantProcessNoise(MotionModel):
     @property
     def noise_sigma(self) -> tuple[float, ...]:
         return tuple(np.sqrt(variance) for variance in self.variances)
+
+    def part(self, where: Mask | Indices | slice) -> Self:
+        variances: tuple[Any, ...] = self.variances
+        own = tuple(variance[where] if np.ndim(variance) > 0 else variance for variance in variances)
+        return self.model_copy(update={"variances": own})
 
     def transition(self, x: Array, dt: float) -> Array:
         return self.motion.transition(x, dt)
