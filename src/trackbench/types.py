@@ -40,6 +40,12 @@ FALSE_ALARM = -1
 COMMON_STATE = ("px", "py", "vx", "vy")
 
 
+def some(array: Any, where: Mask) -> Any:
+    """``(..., batch)`` those of a batch for which a mask ``(batch,)`` holds, in one piece of memory."""
+    # Other than the index [..., where], which puts what it found the other way round.
+    return np.compress(where, array, axis=-1)
+
+
 class Gaussian(NamedTuple):
     """A mean ``(n, ...)`` and its covariance ``(n, n, ...)``."""
 
@@ -48,7 +54,7 @@ class Gaussian(NamedTuple):
 
     def part(self, where: Mask) -> Gaussian:
         """Of some of a batch ``(batch,)``."""
-        return Gaussian(self.mean[:, where], self.covariance[..., where])
+        return Gaussian(some(self.mean, where), some(self.covariance, where))
 
     def where(self, mask: Mask, other: Gaussian) -> Gaussian:
         """This one where the mask ``(...)`` holds, the other one elsewhere."""

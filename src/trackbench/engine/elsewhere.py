@@ -40,7 +40,7 @@ def settled(
     own: T,
     with_values: Callable[[T, Values], T],
     models: Callable[[T], Iterable[Any]],
-    sensor: type | None = None,
+    sensors: Iterable[type] = (),
 ) -> Callable[[Values], Values]:
     """A function of a filter or motion model and of values, as one of values that can be traced.
 
@@ -49,9 +49,9 @@ def settled(
         own: the filter or model.
         with_values: puts the options that are among the values in place of its own.
         models: the motion models of it.
-        sensor: on which the function depends too.
+        sensors: the kinds on which the function depends too.
     """
-    kinds = [*map(type, models(own)), *([] if sensor is None else [sensor])]
+    kinds = [*map(type, models(own)), *sensors]
     known = not any(map(from_elsewhere, kinds))
 
     def of_values(values: Values) -> Values:

@@ -184,7 +184,7 @@ class FusedFilter:
     ) -> Equations:
         """The equations, with the options of the motion models as inputs, or else as constants."""
         kind = "" if scan is None else scan.kind
-        sensor = None if scan is None else SENSOR_MODELS[kind]
+        sensors = () if scan is None else (SENSOR_MODELS[kind],)
         inputs = {item: rank(item) for item in values if item not in self._options}
         symmetric = frozenset(item for item in inputs if item.partition(" ")[0] in ("covariance", "spread"))
         counted = dict.fromkeys(OF_MEASUREMENT, "valid") if kind else {}
@@ -194,8 +194,8 @@ class FusedFilter:
             known = untold(kind) if is_traced(values) else self._scan
             return function(Asked(filter, self.modes, known), values)
 
-        any_filter = settled(of, self.filter, options.with_options, options.models, sensor)
-        key = name, self._form, None if sensor is None else form_of(sensor), made_for, tuple(inputs)
+        any_filter = settled(of, self.filter, options.with_options, options.models, sensors)
+        key = name, self._form, *map(form_of, sensors), made_for, tuple(inputs)
         equations = Equations(title, any_filter, inputs | dict.fromkeys(self._options, 0), symmetric, counted, key)
         if self._per_member or not self._options or self._kernels.why_numpy(equations, values) is None:
             return equations

@@ -222,10 +222,12 @@ def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.N
     full = item.shape + batch
     array = value if value.shape == full else np.broadcast_to(value, full)
     array = np.ascontiguousarray(array, dtype=kind)
-    members = array.size // max(1, int(np.prod(item.shape, dtype=int)))
+    members = prod(batch)
     if members < padded:
-        array = array.reshape(-1, members)
-        array = np.concatenate([array, np.repeat(array[:, -1:], padded - members, axis=1)], axis=1)
+        whole = np.empty((array.size // members, padded), dtype=kind)
+        whole[:, :members] = array.reshape(-1, members)
+        whole[:, members:] = whole[:, members - 1 : members]
+        return whole
     return array
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from trackbench.filters.mixing import moment_matched
 from trackbench.models.motion import MotionModel
 from trackbench.trackers.batch_fit import BatchPrior, fit_from
 from trackbench.trackers.first_measurements import FirstMeasurements
-from trackbench.trackers.fit_search import Fit
+from trackbench.trackers.fit_search import Fit, put
 from trackbench.trackers.line_fit import fit_line
-from trackbench.types import Array, Gaussian, Mask
+from trackbench.types import Array, Gaussian, Mask, some
 
 #: Of two motions whose costs differ by more, the other one has odds of less than 1 to 99.
 SURE = 2.0 * float(np.log(99.0))
@@ -35,7 +35,9 @@ class StraightLine(NamedTuple):
 
     def part(self, where: Mask) -> StraightLine:
         """Of some objects."""
-        return StraightLine(self.first[:, where], self.latest.part(where), self.other[:, where], self.ambiguous[where])
+        return StraightLine(
+            some(self.first, where), self.latest.part(where), some(self.other, where), self.ambiguous[where]
+        )
 
 
 def straight_line(measurements: FirstMeasurements, prior: BatchPrior, compute: Compute = by_numpy) -> StraightLine:
@@ -53,7 +55,7 @@ def straight_line(measurements: FirstMeasurements, prior: BatchPrior, compute: C
     if np.any(apart):
         here = measurements.part(apart)
         for fit in (one, two):
-            _put(fit, apart, fit_from(fit.first[:, apart], prior.driven_line, here, prior, compute))
+            put(fit, apart, fit_from(some(fit.first, apart), prior.driven_line, here, prior, compute))
         ambiguous |= _nearly_alike(one, two)
     better = one.cost <= two.cost
     return StraightLine(
@@ -95,11 +97,11 @@ def start_state(
         found = found.where(own.converged, motion.from_cartesian(other, prior.others))
     where = line.ambiguous
     if np.any(where):
-        begin = _begin(motion, line.other[:, where], prior)
+        begin = _begin(motion, some(line.other, where), prior)
         second = fit_from(begin, motion.part(where), measurements.part(where), prior, compute)
         weight = 1.0 / (1.0 + np.exp(np.clip(0.5 * (second.cost - own.cost[where]), -700.0, 700.0)))
         both = [found.part(where), second.latest]
-        _put(found, where, moment_matched([1.0 - weight, weight], both, motion.angular))
+        put(found, where, moment_matched([1.0 - weight, weight], both, motion.angular))
     return found
 
 
@@ -115,14 +117,5 @@ def _undriven(velocity: Array, measurements: FirstMeasurements, prior: BatchPrio
 
 def _across(measurements: FirstMeasurements) -> Array:
     """``(2, L)`` the direction across the first line of sight."""
-    x, y = measurements.position - measurements.pose[:2, 0]
+    x, y = measurements.position - measurements.pose[0, :2]
     return np.asarray(np.stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9))
-
-
-def _put(whole: Any, where: Mask, part: Any) -> None:
-    """Put the arrays of some objects into those of all, in place."""
-    for old, new in zip(whole, part, strict=True):
-        if isinstance(old, np.ndarray):
-            old[..., where] = new
-        else:
-            _put(old, where, new)

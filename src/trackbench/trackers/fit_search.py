@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.engine.equations import Compute
-from trackbench.trackers.fit_equations import BEGIN
-from trackbench.types import Array, Gaussian, Mask
+from trackbench.types import Array, Gaussian, Mask, some
 
 #: Steps after which a fit that still moves counts as not converged.
 MOST_STEPS = 12
@@ -18,8 +14,11 @@ MOST_STEPS = 12
 CONVERGED = 0.05
 #: Share of the sum of squares below which what a step would gain is rounding.
 NOTHING = 1e-12
-#: Factor by which the damping grows after a step that raised the cost, and falls after one that did not.
-DAMPING = 10.0
+#: Damping at first; it falls by the factor after each step that lowered the cost, and grows by its square after one
+#: that did not.
+FIRST_DAMPING, DAMPING = 1e-6, 10.0
+#: Below this share nothing is damped, so that the covariance is that of the fit.
+LEAST_DAMPING = 1e-5
 
 
 class Fit(NamedTuple):
@@ -35,77 +34,105 @@ class Fit(NamedTuple):
     """``(L,)``"""
 
 
-class Sought(Protocol):
-    """What is sought of each object: arrays ``(..., L)``."""
+class Point(NamedTuple):
+    """What is sought of each object."""
 
-    def __iter__(self) -> Any: ...
+    first: Array
+    """``(n, L)`` the state at the first measurement."""
+    noise: Array
+    """``(K - 1, q, L)`` each driving noise from one measurement to the next, in standard deviations."""
 
-    def part(self, where: Mask | slice) -> Any: ...
+    def part(self, where: Mask) -> Point:
+        """That of some objects."""
+        return Point(some(self.first, where), some(self.noise, where))
 
-    def moved(self, step: Any) -> Any: ...
+    def moved(self, step: Point) -> Point:
+        """That a step away."""
+        return Point(self.first + step.first, self.noise + step.noise)
+
+
+class About(NamedTuple):
+    """What is known about a point, of each object."""
+
+    cost: Array
+    """``(L,)`` sum of the squares of the normalised residuals."""
+    least: Array
+    """``(L,)`` what a step would make of it if all were linear."""
+    step: Point
+    """The damped step of Gauss-Newton."""
+    latest: Gaussian
+    """``(n, L)`` the state at the latest measurement, with its covariance if nothing were damped."""
+
+    def part(self, where: Mask) -> About:
+        """That of some objects."""
+        return About(self.cost[where], self.least[where], self.step.part(where), self.latest.part(where))
 
 
 class SumOfSquares(Protocol):
-    """The sum of squares about a point, and what is known of it: arrays ``(..., L)``."""
+    """What is to be made small, of each object."""
 
-    @property
-    def cost(self) -> Array: ...
+    def part(self, where: Mask) -> Self:
+        """That of some objects."""
+        ...
 
-    def __iter__(self) -> Any: ...
-
-    def part(self, where: Mask | slice) -> Any: ...
-
-    def step(self, damping: Array) -> tuple[Any, Array]: ...
-
-
-P = TypeVar("P", bound=Sought)
-S = TypeVar("S", bound=SumOfSquares)
+    def about(self, point: Point, damping: Array) -> About:
+        """What is known about a point, with a damping ``(L,)``."""
+        ...
 
 
-def searched(found: P, about: Callable[[P, Mask | slice], S], steps: int = MOST_STEPS) -> tuple[P, S, Mask]:
-    """The least sum of squares of each object, changed in place: the point, what is about it, and where it converged.
-
-    Args:
-        found: where the search begins.
-        about: the sum of squares about a point of some objects.
-        steps: after which a fit that still moves counts as not converged.
-    """
-    at = about(found, slice(None))
-    damping, converged = np.full(at.cost.shape, 1e-6), np.zeros(at.cost.shape, dtype=bool)
-    for _ in range(steps):
-        moving = index(~converged)
-        now = at.part(moving)
-        step, gain = now.step(damping[moving])
-        tried = found.part(moving).moved(step)
-        there = about(tried, moving)
-        better = there.cost <= now.cost * (1.0 + 1e-12)
-        if isinstance(moving, slice) and better.all():
-            found, at = tried, there
+def searched(squares: SumOfSquares, point: Point) -> Fit:
+    """The least sum of squares of each object, looked for from a point; and whether the search came to rest."""
+    lanes = np.arange(point.first.shape[-1])
+    damping = np.full(lanes.shape, FIRST_DAMPING)
+    at = squares.about(point, _used(damping))
+    found = Fit(
+        np.empty_like(point.first),
+        Gaussian(np.empty_like(at.latest.mean), np.empty_like(at.latest.covariance)),
+        np.empty_like(at.cost),
+        np.empty(lanes.shape, dtype=bool),
+    )
+    for number in range(1, MOST_STEPS + 1):
+        tried, gain = point.moved(at.step), at.cost - at.least
+        less = np.maximum(damping / DAMPING, 1e-12)
+        there = squares.about(tried, _used(less))
+        better = there.cost <= at.cost * (1.0 + 1e-12)
+        converged = (gain < CONVERGED**2) & (better | (gain < NOTHING * at.cost))
+        damping = np.where(better, less, np.where(converged, damping, np.minimum(damping * DAMPING**2, 1e12)))
+        if better.all():
+            point, at = tried, there
         else:
-            for whole, new in zip(arrays(found, at), arrays(tried, there), strict=True):
-                whole[..., moving] = np.where(better, new, whole[..., moving])
-        factor = np.where(better, 1.0 / DAMPING, DAMPING * DAMPING)
-        damping[moving] = np.clip(damping[moving] * factor, 1e-12, 1e12)
-        converged[moving] = (gain < CONVERGED**2) & (better | (gain < NOTHING * now.cost))
-        if converged.all():
+            put(point, better, tried.part(better))
+            put(at, better, there.part(better))
+            again = ~(better | converged)
+            if again.any():
+                put(at, again, squares.part(again).about(point.part(again), _used(damping[again])))
+        done = converged if number < MOST_STEPS else np.ones_like(converged)
+        if not done.any():
+            continue
+        latest = at.latest.part(done)
+        if _used(damping[done]).any():
+            latest = squares.part(done).about(point.part(done), np.zeros(np.count_nonzero(done))).latest
+        rests = converged[done] & np.isfinite(latest.covariance).all(axis=(0, 1))
+        put(found, lanes[done], Fit(point.first[:, done], latest, at.cost[done], rests))
+        if done.all():
             break
-    return found, at, converged
+        going = ~done
+        squares, point, at = squares.part(going), point.part(going), at.part(going)
+        lanes, damping = lanes[going], damping[going]
+    return found
 
 
-def arrays(*collections: Iterable[Any]) -> list[Array]:
-    """The arrays among what collections hold."""
-    return [item for collection in collections for item in collection if isinstance(item, np.ndarray)]
+def _used(damping: Array) -> Array:
+    return np.where(damping < LEAST_DAMPING, 0.0, damping)
 
 
-def damped(information: Array, gradient: Array, damping: Array, compute: Compute) -> Gaussian:
-    """The step that an information ``(n, n, L)`` and a gradient ``(n, L)`` say, with its covariance.
-
-    The damping ``(L,)`` is added to the weights of what is sought, as a share of them.
-    """
-    begun = compute(BEGIN, {"information": information, "damping": damping})
-    # Where the information is not positive definite, it tells nothing.
-    covariance = np.where(begun["definite"], begun["covariance"], np.nan)
-    return Gaussian(linalg.apply(covariance, gradient), covariance)
+def put(whole: Any, where: Any, part: Any) -> None:
+    """Put the arrays ``(..., L)`` of some objects into those of all, in place."""
+    for old, new in zip(whole, part, strict=True):
+        if isinstance(old, np.ndarray):
+            old[..., where] = new
+        else:
+            put(old, where, new)
 
 
 def index(where: Mask) -> Mask | slice:

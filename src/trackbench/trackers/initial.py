@@ -14,9 +14,9 @@ from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.batch_fit import BatchPrior
-from trackbench.trackers.batch_start import start_state, straight_line
+from trackbench.trackers.batch_start import start_state
 from trackbench.trackers.course import course_known, has_yaw
-from trackbench.trackers.first_measurements import FirstMeasurements, collect
+from trackbench.trackers.first_line import first_line
 from trackbench.trackers.initial_config import ALONG_SIGHT, InitialConfig
 from trackbench.types import Array, Gaussian, Mask, Scan
 
@@ -121,8 +121,7 @@ def _from_batch(
     ready = ready & counts & (after.measurements - config.skip >= config.measurements)
     without_course: Mask | None = None
     if np.any(ready):
-        measurements = _collected(scans, counted, ready)
-        line = straight_line(measurements, prior, compute)
+        measurements, line = first_line(scans, counted, ready, prior, compute)
         elapsed = scan.time - after.time[ready]
         waits = line.ambiguous & (elapsed < LONGEST - SAME_TIME)
         if config.least_time_s is None:
@@ -146,17 +145,6 @@ def _from_batch(
     kept = [(one, mask) for one, mask in left_over if mask.any()]
     left = after._replace(scans=tuple(one for one, _ in kept), counted=tuple(mask for _, mask in kept))
     return Start(ready, state_of, left, without_course)
-
-
-def _collected(scans: Sequence[Scan], counted: Sequence[Mask], where: Mask) -> FirstMeasurements:
-    """The measurements that count, of some of the objects."""
-    own = [(_part(scan, where), mask[where]) for scan, mask in zip(scans, counted, strict=True) if mask[where].any()]
-    return collect([scan for scan, _ in own], np.stack([mask for _, mask in own]))
-
-
-def _part(scan: Scan, where: Mask) -> Scan:
-    noise = scan.noise_covariance if scan.noise_covariance.ndim == 2 else scan.noise_covariance[..., where]
-    return scan._replace(measurement=scan.measurement[:, where], valid=scan.valid[where], noise_covariance=noise)
 
 
 def at_rest(waiting: TentativeTrack, config: InitialConfig) -> Gaussian:
