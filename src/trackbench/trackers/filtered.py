@@ -145,18 +145,20 @@ class FilterTracker:
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
         elapsed = scan.time - state.time
-        if self._goes_on(state, scan):
-            stepped = self._filter.step(state.belief, elapsed, scan, self._doubt)
-            if stepped.doubtful is None or not np.any(stepped.doubtful):
-                return self._gone_on(state, scan, stepped)
-        belief, started, waiting = self._predict(state, elapsed), state.started, state.waiting
-        lost = self._without_course(state, belief, elapsed)
-        if self.prior is not None:
-            belief, started = self._given(self.prior, scan.time, belief, started)
-        known, said = started, None
-        if np.any(scan.valid) and _named(scan, self.sensors):
-            said, lost = self._updated(belief, lost, scan)
-            belief = said.belief
+        stepped = self._stepped(state, scan, elapsed)
+        if stepped is not None and np.all(state.started):
+            return self._gone_on(state, scan, stepped)
+        known, waiting, said = state.started, state.waiting, None if stepped is None else stepped.update
+        if said is not None:
+            belief, started, lost = choose(known, said.belief, state.belief), known, None
+        else:
+            belief = self._predict(state, elapsed)
+            lost = self._without_course(state, belief, elapsed)
+            belief, started = self._given(self.prior, scan.time, belief, known)
+            known = started
+            if np.any(scan.valid) and _named(scan, self.sensors):
+                said, lost = self._updated(belief, lost, scan, started)
+                belief = said.belief
         if self.prior is None and _named(scan, self.initial.sensors or self.sensors) and not np.all(started):
             begin = initial.start(self.initial, scan, waiting, self.filter.motions, ~started, compute_by(self.engine))
             fresh = begin.ready & ~started
@@ -175,10 +177,16 @@ class FilterTracker:
             estimate = with_innovation(estimate, said, known)
         return after._replace(belief=belief._replace(repaired=None)), estimate
 
-    def _goes_on(self, state: TrackState, scan: Scan) -> bool:
-        """Whether nothing but a prediction and an update is to be done: there is a track of everything."""
+    def _stepped(self, state: TrackState, scan: Scan, elapsed: float) -> Step[Any] | None:
+        """The next step, where nothing but a prediction and an update is to be done of the tracks that there are."""
         reads = _named(scan, self.sensors) and bool(np.any(scan.valid))
-        return reads and state.lost is None and bool(np.all(state.started))
+        if not reads or state.lost is not None or not np.any(state.started):
+            return None
+        if self.prior is not None and not np.all(state.started):
+            return None
+        stepped = self._filter.step(state.belief, elapsed, scan, self._doubt)
+        doubtful = stepped.doubtful is not None and np.any(state.started & stepped.doubtful)
+        return None if doubtful else stepped
 
     def _gone_on(self, state: TrackState, scan: Scan, stepped: Step[Any]) -> tuple[TrackState, Estimate]:
         said = stepped.update
@@ -209,10 +217,11 @@ class FilterTracker:
         return course.joined(lost, fresh, course.cartesian_moments(self.filter.motions, belief))
 
     def _updated(
-        self, belief: AnyBelief, lost: WithoutCourse | None, scan: Scan
+        self, belief: AnyBelief, lost: WithoutCourse | None, scan: Scan, started: Mask
     ) -> tuple[Update[Any], WithoutCourse | None]:
         if lost is None:
-            return self._filter.update(belief, scan), None
+            # For placeholders alone nothing is compiled.
+            return (self._filter if np.any(started) else self.filter).update(belief, scan), None
         said = self._filter.update(belief, scan._replace(valid=scan.valid & ~lost.where))
         aside = self._by_velocity.update(lost.belief, scan._replace(valid=scan.valid & lost.where))
         both = said._replace(
@@ -301,8 +310,10 @@ class FilterTracker:
         # A placeholder stays what it is, so that its covariance does not grow without bound.
         return choose(state.started, belief, state.belief)
 
-    def _given(self, prior: Prior, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
+    def _given(self, prior: Prior | None, time: float, belief: AnyBelief, started: Mask) -> tuple[AnyBelief, Mask]:
         """The belief with the tracks whose time has come started from the truth, ready for their first update."""
+        if prior is None:
+            return belief, started
         fresh = (time >= prior.time) & ~started
         if not np.any(fresh):
             return belief, started
