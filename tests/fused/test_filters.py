@@ -42,6 +42,8 @@ def test_each_operation(name: str, kernels: Kernels, of_each_kind: dict[str, Dri
         assert agreement.of_updates(stepped.update, by_numpy.update, scan, angular) < limit
         for one in (stepped.cartesian, fused.cartesian(by_numpy.update.belief)):
             assert agreement.of_gaussians(one, by_numpy.cartesian) < limit
+        later = by_numpy.update.belief
+        assert near(fused.smooth(belief, later, 0.1), own.smooth(belief, later, 0.1))
         assert fused.used == ("fused", "")
 
 

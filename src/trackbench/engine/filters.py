@@ -43,6 +43,8 @@ from trackbench.types import Array, Gaussian, Scan
 
 #: What of an update and of what a tracker says of it means nothing where there is no measurement.
 OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")
+#: Behind the names of what is believed at a later time.
+LATER = " later"
 
 
 class FusedFilter:
@@ -90,11 +92,6 @@ class FusedFilter:
         """The measurements of a scan in the space in which the filter compares them with its predictions."""
         return self.filter.measured
 
-    @property
-    def smooth(self) -> Callable[[Any, Any, float], AnyBelief]:
-        """The belief once it is known what is believed later."""
-        return self.filter.smooth
-
     def predict(self, belief: AnyBelief, dt: float) -> AnyBelief:
         """The belief after ``dt`` seconds."""
         values = taken_apart(belief) | self.time(dt)
@@ -117,6 +114,14 @@ class FusedFilter:
         cartesian = Gaussian(found["cartesian"], found["cartesian covariance"])
         doubtful: Any = found.get("doubtful")
         return Step(self._update_of(found), cartesian, doubtful)
+
+    def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
+        """The belief once it is known what is believed ``dt`` seconds later; with several motion models, by NumPy."""
+        if self.modes:
+            found: AnyBelief = self.filter.smooth(belief, later, dt)
+            return found
+        values = taken_apart(belief, without=REUSED) | taken_apart(later, LATER, REUSED) | self.time(dt)
+        return put_together(self.computed("smoothing", _smoothed, values), 0)
 
     def cartesian(self, belief: AnyBelief) -> Gaussian:
         """px, py, vx, vy under the belief."""
@@ -263,6 +268,11 @@ def _step(asked: Asked, values: Values, doubt: Doubt | None) -> Values:
     # The next step makes what can be reused again, which is quicker than to write and read it.
     found = {name: value for name, value in found.items() if not name.startswith(("factor", "points"))}
     return found if doubt is None else {**found, "doubtful": doubt(predicted)}
+
+
+def _smoothed(asked: Asked, values: Values) -> Values:
+    belief, later = put_together(values, 0), put_together(values, 0, LATER)
+    return taken_apart(asked.filter.smooth(belief, later, values["dt"]))
 
 
 def _cartesian(asked: Asked, values: Values) -> Values:

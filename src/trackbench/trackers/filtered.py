@@ -184,7 +184,7 @@ class FilterTracker:
             return None
         if self.prior is not None and not np.all(state.started):
             return None
-        stepped = self._filter.step(state.belief, elapsed, scan, self._doubt)
+        stepped = self.computed_filter.step(state.belief, elapsed, scan, self._doubt)
         doubtful = stepped.doubtful is not None and np.any(state.started & stepped.doubtful)
         return None if doubtful else stepped
 
@@ -221,8 +221,8 @@ class FilterTracker:
     ) -> tuple[Update[Any], WithoutCourse | None]:
         if lost is None:
             # For placeholders alone nothing is compiled.
-            return (self._filter if np.any(started) else self.filter).update(belief, scan), None
-        said = self._filter.update(belief, scan._replace(valid=scan.valid & ~lost.where))
+            return (self.computed_filter if np.any(started) else self.filter).update(belief, scan), None
+        said = self.computed_filter.update(belief, scan._replace(valid=scan.valid & ~lost.where))
         aside = self._by_velocity.update(lost.belief, scan._replace(valid=scan.valid & lost.where))
         both = said._replace(
             innovation=np.where(lost.where, aside.innovation, said.innovation),
@@ -266,10 +266,10 @@ class FilterTracker:
     @property
     def engine_used(self) -> EngineUsed:
         """What computed the steps so far."""
-        return used(self._filter)
+        return used(self.computed_filter)
 
     @cached_property
-    def _filter(self) -> Filter[Any]:
+    def computed_filter(self) -> Filter[Any]:
         """The filter as the engine computes it."""
         return filter_by(self.engine, self.filter)
 
@@ -304,7 +304,7 @@ class FilterTracker:
     def _predict(self, state: TrackState, elapsed: float) -> AnyBelief:
         if not np.any(state.started):
             return state.belief
-        belief: AnyBelief = self._filter.predict(state.belief, elapsed)
+        belief: AnyBelief = self.computed_filter.predict(state.belief, elapsed)
         if np.all(state.started):
             return belief
         # A placeholder stays what it is, so that its covariance does not grow without bound.
@@ -318,12 +318,12 @@ class FilterTracker:
         if not np.any(fresh):
             return belief, started
         # A prediction over no time gives the sigma points that an update may reuse.
-        return choose(fresh, self._filter.predict(prior.belief, 0.0), belief), started | fresh
+        return choose(fresh, self.computed_filter.predict(prior.belief, 0.0), belief), started | fresh
 
     def estimate(self, state: TrackState) -> Estimate:
         """What is said of the objects, also of those whose tracks have not started."""
         belief, started, waiting, lost = state.belief, state.started, state.waiting, state.lost
-        mean, covariance = self._filter.cartesian(belief)
+        mean, covariance = self.computed_filter.cartesian(belief)
         if lost is not None:
             mean = np.where(lost.where, lost.belief.mean, mean)
             covariance = np.where(lost.where, lost.belief.covariance, covariance)

@@ -37,7 +37,7 @@ class SmoothedTracker:
             belief = state.belief
             if later is not None:
                 # Where there is no track yet, what is smoothed means nothing.
-                belief = self.tracker.filter.smooth(belief, later.belief, later.time - state.time)
+                belief = self.tracker.computed_filter.smooth(belief, later.belief, later.time - state.time)
                 belief = choose(state.started, belief, state.belief)
             estimate = self.tracker.estimate(state._replace(belief=belief))
             # The filter's own state, of which nothing is scored, would take as much memory again.
