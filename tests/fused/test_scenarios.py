@@ -34,16 +34,17 @@ def same(name: str, *settings: str) -> None:
     assert list(differences(fused.model_dump(), by_numpy.model_dump())) == []
 
 
-def differences(one: Any, other: Any, at: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Where two summaries differ, and what they say there."""
+def differences(one: Any, other: Any, at: str = "", least: float = LEAST) -> Iterator[tuple[str, Any, Any]]:
+    """Where two summaries differ, and what they say there; the ends of an interval relative to the larger."""
     if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
         for key in one.keys() - OTHER:
             yield from differences(one[key], other[key], f"{at}.{key}")
     elif isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
+        largest = max((abs(end) for end in other if isinstance(end, float) and math.isfinite(end)), default=0.0)
         for i, pair in enumerate(zip(one, other, strict=True)):
-            yield from differences(*pair, f"{at}.{i}")
+            yield from differences(*pair, f"{at}.{i}", max(LEAST, largest))
     elif isinstance(one, float) and isinstance(other, float):
-        if not math.isclose(one, other, rel_tol=LIMIT, abs_tol=LIMIT * LEAST) and not (one != one and other != other):
+        if not math.isclose(one, other, rel_tol=LIMIT, abs_tol=LIMIT * least) and not (one != one and other != other):
             yield at, one, other
     elif one != other:
         yield at, one, other
