@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from trackbench.engine.graph import Graph, Node, ordered
 
 #: Largest errors against correctly rounded values, in units in the last place.
-ERROR = {"tan": 3.5, "sin": 2.5, "cos": 2.5, "arctan2": 2.5, "exp": 1.0, "log": 1.0, "hypot": 2.0}
+ERROR = {"tan": 3.5, "sin": 2.5, "cos": 2.5, "arctan2": 2.5, "exp": 1.0, "log": 1.0, "hypot": 1.5}
 #: Added to a number of less than 2^51, it leaves a whole number in the last bits.
 WHOLE = 1.5 * 2.0**52
 #: Beyond this angle (rad) the multiple of pi/2 below is no longer exact.
 LARGEST_ANGLE = 2.0**20
+#: Between these a sum of two squares has lost nothing.
+SMALLEST_SQUARE, LARGEST_SQUARE = 1e-280, 1e300
 #: pi/2 in three parts of 33 bits, and what is left. Source: FreeBSD msun, e_rem_pio2.c.
 QUARTER_TURN = (
     1.57079632673412561417e00,
@@ -249,15 +251,20 @@ def log(x: Term) -> Term:
 
 
 def hypot(x: Term, y: Term) -> Term:
-    """Length of a vector, without overflow."""
+    """Length of a vector."""
     graph = x.graph
-    width, height = apply(graph, "abs", x), apply(graph, "abs", y)
-    small, large = apply(graph, "min", width, height), apply(graph, "max", width, height)
+    square = x * x + y * y
+    # Of other squares some bits, or all, are lost.
+    lost = apply(graph, "and", square < SMALLEST_SQUARE, apply(graph, "not", _both_zero(x, y)))
     # The length of what has an infinite component is infinite even where the other is no number.
-    for side in (width, height):
-        _refuse(apply(graph, "eq", side, float("inf")))
-    ratio = small / where(apply(graph, "eq", large, 0.0), 1.0, large)
-    return large * apply(graph, "sqrt", ratio * ratio + 1.0)
+    infinite = [apply(graph, "eq", apply(graph, "abs", side), float("inf")) for side in (x, y)]
+    for condition in (lost, square > LARGEST_SQUARE, *infinite):
+        _refuse(condition)
+    return apply(graph, "sqrt", square)
+
+
+def _both_zero(x: Term, y: Term) -> Term:
+    return apply(x.graph, "and", apply(x.graph, "eq", x, 0.0), apply(x.graph, "eq", y, 0.0))
 
 
 FUNCTIONS: dict[str, Callable[..., Term]] = {
