@@ -47,8 +47,8 @@ class _Asked:
         return isinstance(other, _Asked) and self._key == other._key
 
 
-# Trackers take turns, and start at two or three different scans.
-@lru_cache(maxsize=4)
+# Trackers take turns; those with a yaw start later than the others.
+@lru_cache(maxsize=2)
 def _found(asked: _Asked) -> tuple[FirstMeasurements, StraightLine]:
     pairs = zip(asked.scans, asked.counted, strict=True)
     own = [(_part(scan, asked.where), mask[asked.where]) for scan, mask in pairs if mask[asked.where].any()]
