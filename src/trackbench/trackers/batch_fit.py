@@ -12,7 +12,7 @@ from trackbench.engine.equations import Compute, by_numpy
 from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
 from trackbench.trackers.first_measurements import FirstMeasurements
 from trackbench.trackers.fit_equations import BACK, first_state, forth, own_numbers
-from trackbench.trackers.fit_search import About, Fit, Point, searched
+from trackbench.trackers.fit_search import About, Fit, Unknowns, searched
 from trackbench.types import Array, Gaussian, Mask
 from trackbench.units import difference
 
@@ -56,7 +56,7 @@ def fit_from(
     """
     noise = np.zeros((len(measurements.interval), len(motion.noise_sigma), first.shape[-1]))
     given = {"prior": np.array([prior.velocity, *prior.others])}
-    found = searched(_Driven(motion, measurements, given, compute), Point(first.copy(), noise))
+    found = searched(_Driven(motion, measurements, given, compute), Unknowns(first.copy(), noise))
     latest = found.latest
     return found._replace(latest=latest._replace(mean=difference(latest.mean, np.zeros(()), motion.angular)))
 
@@ -72,7 +72,7 @@ class _Driven(NamedTuple):
     def part(self, where: Mask) -> _Driven:
         return self._replace(motion=self.motion.part(where), measurements=self.measurements.part(where))
 
-    def about(self, point: Point, damping: Array) -> About:
+    def about(self, point: Unknowns, damping: Array) -> About:
         """By a Kalman filter through the linearised measurements, for what is to be added to the point, and back."""
         kinds, options = self.measurements.kinds, {**own_numbers(self.motion), "damping": damping}
         values: dict[str, Any] = {"x": point.first, **self.measurements.at(0), **self.prior, **options}
@@ -91,4 +91,4 @@ class _Driven(NamedTuple):
             both = self.compute(BACK, {"back": back, "added": added, "way": way})["back"]
             back, step[k] = both[: len(back)], both[len(back) :]
         first = earliest["mean"] + linalg.apply(covariance, back)
-        return About(said["cost"], said["least"], Point(first, step), Gaussian(said["x"], said["covariance"]))
+        return About(said["cost"], said["least"], Unknowns(first, step), Gaussian(said["x"], said["covariance"]))

@@ -34,7 +34,7 @@ class Fit(NamedTuple):
     """``(L,)``"""
 
 
-class Point(NamedTuple):
+class Unknowns(NamedTuple):
     """What is sought of each object."""
 
     first: Array
@@ -42,13 +42,13 @@ class Point(NamedTuple):
     noise: Array
     """``(K - 1, q, L)`` each driving noise from one measurement to the next, in standard deviations."""
 
-    def part(self, where: Mask) -> Point:
+    def part(self, where: Mask) -> Unknowns:
         """That of some objects."""
-        return Point(some(self.first, where), some(self.noise, where))
+        return Unknowns(some(self.first, where), some(self.noise, where))
 
-    def moved(self, step: Point) -> Point:
+    def moved(self, step: Unknowns) -> Unknowns:
         """That a step away."""
-        return Point(self.first + step.first, self.noise + step.noise)
+        return Unknowns(self.first + step.first, self.noise + step.noise)
 
 
 class About(NamedTuple):
@@ -58,7 +58,7 @@ class About(NamedTuple):
     """``(L,)`` sum of the squares of the normalised residuals."""
     least: Array
     """``(L,)`` what a step would make of it if all were linear."""
-    step: Point
+    step: Unknowns
     """The damped step of Gauss-Newton."""
     latest: Gaussian
     """``(n, L)`` the state at the latest measurement, with its covariance if nothing were damped."""
@@ -75,12 +75,12 @@ class SumOfSquares(Protocol):
         """That of some objects."""
         ...
 
-    def about(self, point: Point, damping: Array) -> About:
+    def about(self, point: Unknowns, damping: Array) -> About:
         """What is known about a point, with a damping ``(L,)``."""
         ...
 
 
-def searched(squares: SumOfSquares, point: Point) -> Fit:
+def searched(squares: SumOfSquares, point: Unknowns) -> Fit:
     """The least sum of squares of each object, looked for from a point; and whether the search came to rest."""
     lanes = np.arange(point.first.shape[-1])
     damping = np.full(lanes.shape, FIRST_DAMPING)

@@ -9,7 +9,7 @@ import numpy as np
 from trackbench.engine.equations import Compute
 from trackbench.trackers.first_measurements import FirstMeasurements
 from trackbench.trackers.fit_equations import ALONG, LOWER, on_line
-from trackbench.trackers.fit_search import About, Fit, Point, searched
+from trackbench.trackers.fit_search import About, Fit, Unknowns, searched
 from trackbench.types import Array, Gaussian, Mask, some
 
 
@@ -24,7 +24,7 @@ def fit_line(first: Array, measurements: FirstMeasurements, velocity_sigma: floa
     """
     lanes = first.shape[-1]
     elapsed = np.concatenate([np.zeros((1, lanes)), np.cumsum(measurements.interval, axis=0)])
-    undriven = Point(first.copy(), np.zeros((0, 0, lanes)))
+    undriven = Unknowns(first.copy(), np.zeros((0, 0, lanes)))
     return searched(_Line(elapsed, measurements, 1.0 / velocity_sigma**2, compute), undriven)
 
 
@@ -41,7 +41,7 @@ class _Line(NamedTuple):
     def part(self, where: Mask) -> _Line:
         return self._replace(elapsed=some(self.elapsed, where), measurements=self.measurements.part(where))
 
-    def about(self, point: Point, damping: Array) -> About:
+    def about(self, point: Unknowns, damping: Array) -> About:
         first, equations = point.first, on_line(self.measurements.kinds)
         told = np.zeros((1 + 4 + len(LOWER), first.shape[-1]))
         told[0] = self.slow * (first[2] ** 2 + first[3] ** 2)
@@ -56,4 +56,4 @@ class _Line(NamedTuple):
         said = self.compute(ALONG, given)
         covariance = np.where(said["definite"], said["covariance"], np.nan)
         step = np.where(said["definite"], said["mean"], np.nan)
-        return About(told[0], said["least"], Point(step, point.noise), Gaussian(said["x"], covariance))
+        return About(told[0], said["least"], Unknowns(step, point.noise), Gaussian(said["x"], covariance))
