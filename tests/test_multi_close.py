@@ -36,7 +36,7 @@ def test_detections_stand_by_run_and_value(runs: int, decimals: int | None) -> N
         assert [tuple(each) for each in found.scan.measurement[:, own].T] == expected
         np.testing.assert_array_equal(scan.measurement[:, found.column[own], run], found.scan.measurement[:, own])
         at += count
-    assert at == len(found.run) == found.scan.measurement.shape[1]
+    assert at == found.first[-1] == len(found.run) == found.scan.measurement.shape[1]
     assert found.scan.valid.all()
 
 
@@ -51,7 +51,7 @@ def test_a_scan_may_have_no_detections() -> None:
     empty = scan_of(np.random.default_rng(0), 3, 0)
     found = side_by_side(empty, as_listed=False)
     assert found.scan.measurement.shape == (2, 0)
-    assert found.first.tolist() == [0, 0, 0]
+    assert found.first.tolist() == [0, 0, 0, 0]
 
 
 def one_by_one(mean: Array, reach: Array, run: Array, value: Array, detections: RunDetections) -> list[tuple[int, int]]:

@@ -77,6 +77,10 @@ class Kernels:
         """Why NumPy computes the equations of such values; None where a kernel does."""
         return self.untraced[equations.key][1] if self._plan(equations, values).kernel is None else None
 
+    def code(self, text: str, arrays: int) -> MachineCode:
+        """The machine code of LLVM's text, of a function of a number and of so many arrays."""
+        return self._processor.function(self._code(text), arrays)
+
     def _plan(self, equations: Equations, values: Values) -> Passage:
         looks = []
         for name in equations.ranks:
@@ -135,12 +139,20 @@ class Kernels:
         """
         traced = trace(equations, inputs)
         text = vector_code.function(FUNCTION, traced.layout, traced.outputs, traced.guard)
-        key = self._key(own or text)
-        code = None if own else self._kept.find(key)
+        if not own:
+            return traced.layout, self._code(text)
+        code = self._processor.object_code(text)
+        self._kept.put(self._key(own), packed(traced.layout, code))
+        return traced.layout, code
+
+    def _code(self, text: str) -> bytes:
+        """The object file of a text, kept by it."""
+        key = self._key(text)
+        code = self._kept.find(key)
         if code is None:
             code = self._processor.object_code(text)
-            self._kept.put(key, packed(traced.layout, code) if own else code)
-        return traced.layout, code
+            self._kept.put(key, code)
+        return code
 
     def _key(self, what: str) -> str:
         return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()

@@ -28,7 +28,7 @@ def function(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: No
     the guard held. The function returns 1 if it held of all. There are at least ``WIDTH`` members: the last vector may
     overlap the one before, so that outputs must not lie where inputs are.
     """
-    before, body = _Text(1), _Text(WIDTH)
+    before, body = Text(1), Text(WIDTH)
     # What the guard alone needs of an output comes next to it, so that no register keeps it until the end.
     others = ordered([guard], [node.number for node in ordered(outputs)])
     checks = {item.number: node for node in others for item in node.arguments}
@@ -83,14 +83,14 @@ done:
 """
 
 
-def _at(text: _Text, bases: dict[str, str], node: Node) -> str:
+def _at(text: Text, bases: dict[str, str], node: Node) -> str:
     """Where a component of an input lies."""
     assert isinstance(node.value, tuple)
     name, component = node.value
     return text.place(bases[name], component, "i8" if node.boolean else "double")
 
 
-class _Text:
+class Text:
     """Instructions on numbers (width 1) or vectors, one for each node."""
 
     def __init__(self, width: int) -> None:
@@ -101,7 +101,7 @@ class _Text:
         self._count = 0
         self._prefix = "s" if width == 1 else "v"
 
-    def continues(self, before: _Text) -> None:
+    def continues(self, before: Text) -> None:
         """Numbers computed before can be spread over vectors."""
         self._numbers = before._values
 
@@ -133,7 +133,11 @@ class _Text:
         """Where a row begins, or where the vector of the row is."""
         if self.width == 1:
             return self._new(f"getelementptr {kind}, ptr {base}, i64 {row}")
-        offset = self._new(f"add i64 {self._new(f'mul i64 %members, {row}')}, %i")
+        return self.place_in_row(base, row, kind, "%members", "%i")
+
+    def place_in_row(self, base: str, row: int, kind: str, length: str, at: str) -> str:
+        """A place in a row, of rows of this length."""
+        offset = self._new(f"add i64 {self._new(f'mul i64 {length}, {row}')}, {at}")
         return self._new(f"getelementptr {kind}, ptr {base}, i64 {offset}")
 
     def spread(self, node: Node) -> list[str]:

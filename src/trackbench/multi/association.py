@@ -46,7 +46,8 @@ def associated(
         return _by_origin(at, table.origin, origin)
     measured = at.filter.measured(at.detections.scan)
     belief, predicted, _ = at.expected
-    pairs = gated(predicted, measured, at.detections, at.run, _threshold(config.gate, len(measured.value)), compute)
+    threshold = _threshold(config.gate, len(measured.value))
+    pairs = gated(predicted, measured, at.detections, at.run, threshold, compute, at.filter.close)
     if isinstance(belief, MultiModelBelief):
         pairs = under_modes(pairs, predicted, measured, belief.probability, compute)
     # What is in a gate was in view, whatever the sensor states.

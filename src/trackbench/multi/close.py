@@ -35,7 +35,7 @@ def close_pairs(
         found = _by_cells(mean, reach, run, value, detections)
         if found is not None:
             return found
-    listed = np.full((len(first), most), np.nan)
+    listed = np.full((len(first) - 1, most), np.nan)
     listed[detections.run, rank] = value
     away = listed.take(run, axis=0)
     away -= mean[:, None]
@@ -59,7 +59,7 @@ def _by_cells(
     cell = ((value - lowest) * per_unit).astype(np.intp) + detections.run * CELLS
     if (cell[1:] < cell[:-1]).any():
         return None
-    cells = len(detections.first) * CELLS
+    cells = (len(detections.first) - 1) * CELLS
     begins = np.zeros(cells + 1, dtype=np.intp)
     np.cumsum(np.bincount(cell, minlength=cells), out=begins[1:])
     at, around, own = (mean - lowest) * per_unit, reach * per_unit + MARGIN, run * CELLS

@@ -19,7 +19,7 @@ class RunDetections(NamedTuple):
     column: Indices
     """``(N,)`` where each stands in the scan of its run."""
     first: Indices
-    """``(runs,)`` the first detection of each run."""
+    """``(runs + 1,)`` the first detection of each run, and ``N``."""
 
 
 def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
@@ -35,7 +35,7 @@ def side_by_side(scan: Scan, as_listed: bool) -> RunDetections:
     if not as_listed and len(run):
         place = place[_order(flat.take(place, axis=1), run)]
     alone = scan._replace(measurement=flat.take(place, axis=1), valid=np.ones(len(run), dtype=bool))
-    return RunDetections(alone, run, place // runs, counts.cumsum() - counts)
+    return RunDetections(alone, run, place // runs, np.concatenate([[0], counts.cumsum()]))
 
 
 def _order(measurement: Array, run: Indices) -> Indices:

@@ -19,7 +19,15 @@ from trackbench.engine.beliefs import (
 )
 from trackbench.engine.equations import Values
 from trackbench.engine.filters import Asked, FusedFilter, fused, prediction
-from trackbench.filters import AnyBelief, Filter, bare, choose, select, selected_prediction
+from trackbench.filters import (
+    AnyBelief,
+    Filter,
+    bare,
+    choose,
+    select,
+    selected_prediction,
+)
+from trackbench.multi.fused_close import close_in_all
 from trackbench.multi.mixture import of_slots
 from trackbench.multi.table import NONE, rank_in_run
 from trackbench.multi.track_filter import PredictedTracks, TrackFilter, begun, detections_of, expected
@@ -33,6 +41,7 @@ MOST_SLOTS = 6
 class FusedTrackFilter(TrackFilter):
     """Each of its methods one kernel."""
 
+    close = staticmethod(close_in_all)
     filter: FusedFilter
 
     def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -14,6 +15,9 @@ from trackbench.multi.close import close_pairs
 from trackbench.multi.detections import RunDetections
 from trackbench.types import Array, FieldOfView, Indices, Mask, Scan
 from trackbench.units import difference, wrap_angle
+
+#: Finds tracks and detections, sorted by both, among which are all that are in the gate; arguments as of ``gated``.
+Close = Callable[[PredictedMeasurement, Measured, RunDetections, Indices, float], tuple[Indices, Indices]]
 
 
 class GatedPairs(NamedTuple):
@@ -40,7 +44,8 @@ def gated(
     detections: RunDetections,
     run: Indices,
     threshold: float,
-    compute: Compute = by_numpy,
+    compute: Compute,
+    close: Close,
 ) -> GatedPairs:
     """The pairs whose squared Mahalanobis distance is at most ``threshold``.
 
@@ -51,8 +56,9 @@ def gated(
         run: ``(L,)`` of each track.
         threshold: of chi-square with ``m`` degrees of freedom.
         compute: how equations are computed.
+        close: how pairs are found among which those in the gate are.
     """
-    track, detection = _close(predicted, measured, detections, run, threshold)
+    track, detection = close(predicted, measured, detections, run, threshold)
     distance, log_likelihood = _likelihood(predicted, measured, track, detection, compute)
     return GatedPairs(track, detection, distance, log_likelihood).select(distance <= threshold)
 
@@ -104,7 +110,7 @@ def _of_pair(angular: tuple[int, ...]) -> Equations:
     return Equations("distance of a detection from a track", function, ranks, frozenset({"spread"}), key=angular)
 
 
-def _close(
+def close_in_one(
     predicted: PredictedMeasurement, measured: Measured, detections: RunDetections, run: Indices, threshold: float
 ) -> tuple[Indices, Indices]:
     """Pairs that are close in one component: a gate lies within the box about it, and that is quickly asked."""

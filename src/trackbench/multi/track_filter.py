@@ -17,7 +17,7 @@ from trackbench.filters import (
     selected_prediction,
 )
 from trackbench.models.motion import MotionModel
-from trackbench.multi.gate import in_view
+from trackbench.multi.gate import close_in_one, in_view
 from trackbench.multi.mixture import of_pairs
 from trackbench.trackers.initial import from_first
 from trackbench.trackers.initial_config import InitialConfig
@@ -36,6 +36,8 @@ class PredictedTracks(NamedTuple):
 
 class TrackFilter:
     """A filter on the beliefs of the L tracks that take in the N detections of a scan."""
+
+    close = staticmethod(close_in_one)
 
     def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:
         self.filter = filter

@@ -1,0 +1,73 @@
+"""Pairs found by machine code, against those found one by one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.fused.test_vector_code import PROCESSORS, of_processor
+
+from trackbench.engine.equations import Equations, Values
+from trackbench.engine.kernels import Kernels
+from trackbench.engine.pairs import PairSearch
+from trackbench.filters import Measured, PredictedMeasurement
+from trackbench.multi.detections import RunDetections
+from trackbench.multi.fused_close import close_in_all
+from trackbench.multi.gate import close_in_one, gated
+from trackbench.types import Scan
+
+SHAPES: dict[str, tuple[int, ...]] = {"mean": (2,), "value": (2,), "reach": (2,)}
+
+
+def _near(values: Values) -> Values:
+    apart = [values["value"][i] - values["mean"][i] for i in range(2)]
+    return {"near": (abs(apart[0]) <= values["reach"][0]) & (abs(apart[1]) <= values["reach"][1])}
+
+
+NEAR = Equations("near", _near, {"mean": 1, "value": 1, "reach": 1})
+
+
+@pytest.mark.parametrize("processor", [None, *PROCESSORS])
+@pytest.mark.parametrize("most", [0, 1, 5, 17, 200])
+def test_pairs_are_those_found_one_by_one(kernels: Kernels, processor: str | None, most: int, tmp_path: Path) -> None:
+    kernels = kernels if processor is None else of_processor(processor, tmp_path, kernels)
+    search = PairSearch(kernels, NEAR, SHAPES, {"mean"}, {"value"})
+    random = np.random.default_rng(most)
+    for groups in (1, 4):
+        bounds = np.concatenate([[0], random.integers(0, most + 1, groups).cumsum()])
+        group = random.integers(0, groups, 30)
+        mean, value = random.uniform(-9.0, 9.0, (2, 30)), random.uniform(-9.0, 9.0, (2, bounds[-1]))
+        # Edges, and what is no number.
+        mean[0, ::7], value[1, ::5], reach = np.nan, np.nan, np.array([3.0, np.inf])
+        mean[0, 1:3], value[0, 1::4] = 1.0, 4.0
+        found = search({"mean": mean, "value": value, "reach": reach}, group, bounds)
+        expected = [
+            (i, j)
+            for i in range(30)
+            for j in range(bounds[group[i]], bounds[group[i] + 1])
+            if abs(value[0, j] - mean[0, i]) <= 3.0 and abs(value[1, j] - mean[1, i]) <= np.inf
+        ]
+        assert list(zip(*found, strict=True)) == expected
+
+
+@pytest.mark.parametrize("noise_of_each", [False, True])
+@pytest.mark.parametrize("angular", [(), (1,), (0, 1)])
+def test_no_pair_in_a_gate_is_left_out(kernels: Kernels, angular: tuple[int, ...], noise_of_each: bool) -> None:
+    random = np.random.default_rng(len(angular))
+    counts, tracks = np.array([12, 0, 70]), 40
+    value, mean = random.uniform(-3.1, 3.1, (2, counts.sum())), random.uniform(-3.1, 3.1, (2, tracks))
+    noise = 0.1 * np.eye(2)
+    if noise_of_each:
+        noise = noise[..., None] * random.uniform(0.1, 2.0, counts.sum())
+    root = random.normal(0.0, 0.5, (2, 2, tracks))
+    predicted = PredictedMeasurement(mean, np.einsum("ik...,jk...->ij...", root, root), np.zeros((2, 4, tracks)))
+    scan = Scan(0.0, "a", "lidar", value, np.ones(len(value[0]), bool), np.eye(2), np.zeros(3), np.zeros(2), 0.0)
+    run = np.repeat(np.arange(3), counts)
+    detections = RunDetections(scan, run, run, np.concatenate([[0], counts.cumsum()]))
+    group = np.sort(random.integers(0, 3, tracks))
+    asked = predicted, Measured(value, noise, angular), detections, group, 4.0, kernels
+    found, expected = gated(*asked, close_in_all), gated(*asked, close_in_one)
+    assert len(expected.track) > 20
+    for part, wanted in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(part, wanted)
