@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
+from trackbench import linalg
+from trackbench.engine.equations import Equations, Values
 from trackbench.trackers.associate import EXISTENCE, AssociateConfig
 from trackbench.types import Array, Mask
 
@@ -29,6 +32,8 @@ class TrackLogic(Protocol):
 
     size: ClassVar[int]
     """How many numbers speak for a track."""
+
+    def __hash__(self) -> int: ...
 
     def begun(self, count: int, existence: Array | None) -> Array:
         """``(k, count)`` of tracks that begin with a detection; ``existence`` ``(count,)`` where it is known."""
@@ -73,17 +78,16 @@ class CountLogic:
         return evidence
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
-        missed = judged.in_view & ~judged.hit
-        after: Array = evidence + np.array([judged.hit, judged.in_view, missed])
-        after[2, judged.hit] = 0.0
-        return after
+        missed = np.where(judged.hit, 0.0, evidence[2] + judged.in_view)
+        return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
 
     def confirms(self, evidence: Array) -> Mask:
         return np.asarray(evidence[0] >= self.needed)
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
         lost = evidence[1] - evidence[0] > self.scans - self.needed
-        return np.asarray(np.where(confirmed, evidence[2] >= self.misses, lost))
+        ends: Mask = np.where(confirmed, evidence[2] >= self.misses, lost)
+        return ends
 
 
 @dataclass(frozen=True)
@@ -107,13 +111,14 @@ class ScoreLogic:
 
     def after_scan(self, evidence: Array, judged: Judged) -> Array:
         score = evidence[0] + judged.log_ratio
-        return np.array([score, np.maximum(score, evidence[1])])
+        return linalg.vector([score, np.maximum(score, evidence[1])])
 
     def confirms(self, evidence: Array) -> Mask:
         return np.asarray(evidence[0] >= self.threshold)
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        return np.asarray(evidence[0] <= evidence[1] - self.drop)
+        ends: Mask = evidence[0] <= evidence[1] - self.drop
+        return ends
 
 
 @dataclass(frozen=True)
@@ -157,7 +162,8 @@ class ExistenceLogic:
         return np.asarray(evidence[0] >= self.confirm)
 
     def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
-        return np.asarray(evidence[0] < np.where(confirmed, self.end, self.delete))
+        ends: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
+        return ends
 
 
 def track_logic(config: AssociateConfig) -> TrackLogic:
@@ -170,3 +176,24 @@ def track_logic(config: AssociateConfig) -> TrackLogic:
         return ScoreLogic(config.confirm_score, config.score_drop)
     needed, scans = config.confirm
     return CountLogic(needed, scans, float("inf") if config.delete_misses is None else config.delete_misses)
+
+
+@cache
+def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
+    """The evidence after a scan, the time of the latest detection, and which tracks end.
+
+    A track ends too once its latest detection is longer ago than ``silent_s``. ``existence``: whether it is known.
+    """
+
+    def function(values: Values) -> Values:
+        hit = values["hit"]
+        in_view = hit | (values["detection probability"] > 0.0)
+        judged = Judged(hit, in_view, values["log ratio"], values["existence"] if existence else None)
+        evidence = logic.after_scan(values["evidence"], judged)
+        seen = np.where(hit, values["time"], values["seen"])
+        ends = logic.deletes(evidence, values["confirmed"]) | (values["time"] - seen > silent_s)
+        return {"evidence": evidence, "seen": seen, "ends": ends}
+
+    ranks = dict.fromkeys(("hit", "detection probability", "log ratio", "seen", "confirmed", "time"), 0)
+    ranks |= {"evidence": 1} | ({"existence": 1} if existence else {})
+    return Equations("evidence of tracks", function, ranks, key=(logic, silent_s))

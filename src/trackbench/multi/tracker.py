@@ -18,7 +18,7 @@ from trackbench.multi.detections import RunDetections, side_by_side
 from trackbench.multi.duplicates import duplicates
 from trackbench.multi.hard import Association, Situation
 from trackbench.multi.intensity import intensity
-from trackbench.multi.management import Judged, TrackLogic, track_logic
+from trackbench.multi.management import TrackLogic, judgement, track_logic
 from trackbench.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
 from trackbench.multi.track_filter import PredictedTracks, TrackFilter, detections_of
 from trackbench.multi.undetected import Undetected
@@ -217,17 +217,26 @@ class MultiObjectTracker:
 
     def _judged(self, before: TrackTable, found: Association, at: Situation) -> tuple[TrackTable, Mask]:
         """The tracks after the scan, and which of them end."""
-        hit, detections, time = found.detection != NONE, at.detections, at.detections.scan.time
-        visible = at.detection_probability > 0.0
-        evidence = self._logic.after_scan(before.evidence, Judged(hit, visible | hit, found.log_ratio, found.existence))
+        hit, confirmed, scan = found.detection != NONE, before.id != NONE, at.detections.scan
+        values = {
+            "evidence": before.evidence,
+            "hit": hit,
+            "detection probability": at.detection_probability,
+            "log ratio": found.log_ratio,
+            "existence": found.existence,
+            "confirmed": confirmed,
+            "seen": before.seen,
+            "time": scan.time,
+        }
+        silent = self.associate.delete_after_s - SAME_TIME
+        after = self._compute(judgement(self._logic, silent, found.existence is not None), values)
         used, which = np.full(len(hit), NONE), np.flatnonzero(hit)
-        used[which] = detections.column.take(found.detection.take(which))
-        seen = np.where(hit, time, before.seen)
-        confirmed = before.id != NONE
-        ends = self._logic.deletes(evidence, confirmed) | (time - seen > self.associate.delete_after_s - SAME_TIME)
+        used[which] = at.detections.column.take(found.detection.take(which))
+        ends = np.asarray(after["ends"], dtype=bool)
         if self.associate.method in SHARING:
             ends |= duplicates(found.detection, confirmed, *self._compared(found.belief))
-        return before._replace(belief=found.belief, evidence=evidence, used=used, seen=seen), ends
+        table = before._replace(belief=found.belief, evidence=after["evidence"], used=used, seen=after["seen"])
+        return table, ends
 
     def _begun(self, at: Situation, unclaimed: Array, origin: Indices | None) -> TrackTable:
         """A track for each detection that probably stems from none."""
