@@ -43,6 +43,8 @@ class PairSearch:
         text = function(FUNCTION, found.layout, found.outputs[0], first)
         self._inputs = [(item.name, item.name in second) for item in found.layout.inputs]
         self._code = kernels.code(text, len(self._inputs) + 5)
+        # Kept for the next search: to be given so much memory again takes longer than to search.
+        self._found = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
     def __call__(self, values: Values, group: Indices, bounds: Indices) -> tuple[Indices, Indices]:
         """The pairs, sorted by their number in the first batch, then by that in the second.
@@ -57,7 +59,9 @@ class PairSearch:
             return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
         given = [_given(values[name], second and seconds < WIDTH) for name, second in self._inputs]
         most = firsts * int((bounds[1:] - bounds[:-1]).max())
-        one, other = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+        if len(self._found[0]) < most:
+            self._found = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+        one, other = self._found
         arrays = [*given, np.ascontiguousarray(group, dtype=np.int64), np.ascontiguousarray(bounds, dtype=np.int64)]
         count = self._code.call(firsts, max(seconds, WIDTH), *map(id, arrays), id(one), id(other))
         return one[:count].copy(), other[:count].copy()
