@@ -58,9 +58,10 @@ class PairSearch:
         if not firsts or not seconds:
             return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
         given = [_given(values[name], second and seconds < WIDTH) for name, second in self._inputs]
-        most = firsts * int((bounds[1:] - bounds[:-1]).max())
-        if len(self._found[0]) < most:
-            self._found = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+        if len(self._found[0]) < firsts * seconds:
+            most = firsts * int((bounds[1:] - bounds[:-1]).max())
+            if len(self._found[0]) < most:
+                self._found = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
         one, other = self._found
         arrays = [*given, np.ascontiguousarray(group, dtype=np.int64), np.ascontiguousarray(bounds, dtype=np.int64)]
         count = self._code.call(firsts, max(seconds, WIDTH), *map(id, arrays), id(one), id(other))

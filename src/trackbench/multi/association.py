@@ -11,7 +11,7 @@ from trackbench.engine.equations import Compute
 from trackbench.filters import MultiModelBelief, choose
 from trackbench.multi.assign import best_assignment, in_order_of_list, of_same_object
 from trackbench.multi.gate import GatedPairs, gated, under_modes
-from trackbench.multi.hard import Association, Situation, decided
+from trackbench.multi.hard import Association, Situation, decided, missed
 from trackbench.multi.soft import weighed
 from trackbench.multi.table import NONE, TrackTable
 from trackbench.trackers.associate import EXISTENCE, AssociateConfig
@@ -68,8 +68,9 @@ def associated(
 
 
 def _nearest(at: Situation, pairs: GatedPairs) -> Association:
-    ratio = np.log(at.detection_probability[pairs.track] / at.intensity.false_alarms) + pairs.log_likelihood
-    chosen = best_assignment(pairs, ratio - np.log(at.miss[pairs.track]), at.run)
+    probability = at.detection_probability.take(pairs.track)
+    ratio = np.log(probability / at.intensity.false_alarms) + pairs.log_likelihood
+    chosen = best_assignment(pairs, ratio - np.log(missed(probability, at.gate)), at.run)
     return decided(at, pairs.track[chosen], pairs.detection[chosen], ratio[chosen])
 
 

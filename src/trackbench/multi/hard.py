@@ -32,7 +32,12 @@ class Situation(NamedTuple):
     @property
     def miss(self) -> Array:
         """``(L,)`` probability that an object that exists has no detection in its gate."""
-        return 1.0 - self.detection_probability * self.gate
+        return missed(self.detection_probability, self.gate)
+
+
+def missed(detection: Array, gate: float) -> Array:
+    """The probability of no detection in the gate, by that of a detection and that of the gate to hold it."""
+    return 1.0 - detection * gate
 
 
 class Association(NamedTuple):
