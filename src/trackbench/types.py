@@ -40,6 +40,11 @@ FALSE_ALARM = -1
 COMMON_STATE = ("px", "py", "vx", "vy")
 
 
+def indices(where: npt.NDArray[Any]) -> Indices:
+    """``(K,)`` where a mask ``(batch,)`` holds: ``np.flatnonzero``, which takes six times as long for a few."""
+    return where.nonzero()[0]
+
+
 def some(array: Any, where: Mask) -> Any:
     """``(..., batch)`` those of a batch for which a mask ``(batch,)`` holds, in one piece of memory."""
     # Other than the index [..., where], which puts what it found the other way round.

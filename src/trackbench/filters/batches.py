@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from trackbench.filters.base import AnyBelief, Belief, MultiModelBelief, PredictedMeasurement
-from trackbench.types import Array, Indices, Mask
+from trackbench.types import Array, Indices, Mask, indices
 
 
 def mapped(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:
@@ -31,7 +31,7 @@ def bare(belief: AnyBelief) -> AnyBelief:
 
 def select(belief: AnyBelief, which: Mask | Indices) -> AnyBelief:
     """Some members of the last batch axis."""
-    index = np.flatnonzero(which) if which.dtype == bool else which
+    index = indices(which) if which.dtype == bool else which
     # An index in brackets is slower, and leaves an array whose batch axis no longer comes last in memory.
     return mapped(lambda values: values.take(index, axis=-1), belief)
 

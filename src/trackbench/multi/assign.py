@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from trackbench.multi.gate import GatedPairs
-from trackbench.types import Array, Indices
+from trackbench.types import Array, Indices, indices
 
 
 def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
@@ -18,7 +18,7 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
         weight: ``(P,)``; a pair of negative weight is never taken.
         run: ``(L,)`` of each track.
     """
-    rest = np.flatnonzero(weight > 0.0)
+    rest = indices(weight > 0.0)
     taken: list[Indices] = []
     while len(rest):
         # What outweighs all its rivals together is in every best assignment.
@@ -37,7 +37,7 @@ def best_assignment(pairs: GatedPairs, weight: Array, run: Indices) -> Indices:
 def _by_run(pairs: GatedPairs, weight: Array, run: Indices, which: Indices) -> list[Indices]:
     """The best assignment of some pairs, one run after the other."""
     taken = []
-    for part in np.split(which, np.flatnonzero(np.diff(run[pairs.track[which]])) + 1):
+    for part in np.split(which, indices(np.diff(run[pairs.track[which]])) + 1):
         rows, row = np.unique(pairs.track[part], return_inverse=True)
         columns, column = np.unique(pairs.detection[part], return_inverse=True)
         value, index = np.zeros((len(rows), len(columns))), np.full((len(rows), len(columns)), -1)
@@ -69,7 +69,7 @@ def of_same_object(track: Indices, detection: Indices) -> tuple[Indices, Indices
     order = np.argsort(detection, kind="stable")
     place = np.searchsorted(detection[order], track)
     found = order[np.minimum(place, len(order) - 1)] if len(order) else np.zeros(0, dtype=np.intp)
-    same = np.flatnonzero(detection[found] == track) if len(order) else found
+    same = indices(detection[found] == track) if len(order) else found
     return same, found[same]
 
 

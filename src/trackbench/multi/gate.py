@@ -13,7 +13,7 @@ from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.filters import Measured, PredictedMeasurement
 from trackbench.multi.close import close_pairs
 from trackbench.multi.detections import RunDetections
-from trackbench.types import Array, FieldOfView, Indices, Mask, Scan
+from trackbench.types import Array, FieldOfView, Indices, Mask, Scan, indices
 from trackbench.units import difference, wrap_angle
 
 #: Finds tracks and detections, sorted by both, among which are all that are in the gate; arguments as of ``gated``.
@@ -34,7 +34,7 @@ class GatedPairs(NamedTuple):
 
     def select(self, which: Mask) -> GatedPairs:
         """Some of the pairs."""
-        index = np.flatnonzero(which)
+        index = indices(which)
         return GatedPairs._make(part.take(index) for part in self)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackbench.filters import AnyBelief, Filter, concatenated, select
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array, Gaussian, Indices, Mask, Tracks
+from trackbench.types import Array, Gaussian, Indices, Mask, Tracks, indices
 
 #: The id of a track that is not confirmed, and what stands for "none" wherever an index is expected.
 NONE = -1
@@ -34,8 +34,8 @@ class TrackTable(NamedTuple):
 
     def select(self, which: Mask | Indices) -> TrackTable:
         """Some of the tracks."""
-        belief = select(self.belief, which)
-        index = np.flatnonzero(which) if which.dtype == bool else which
+        index = indices(which) if which.dtype == bool else which
+        belief = select(self.belief, index)
         return TrackTable._make(part.take(index, axis=-1) if isinstance(part, np.ndarray) else belief for part in self)
 
 
@@ -57,7 +57,7 @@ def succeeded(table: TrackTable, kept: Mask, more: TrackTable, runs: int) -> Tra
         np.concatenate([part, other], axis=-1) if isinstance(part, np.ndarray) else belief
         for part, other in zip(table, more, strict=True)
     )
-    order = np.concatenate([np.flatnonzero(kept), np.arange(len(kept), len(both.run))])
+    order = np.concatenate([indices(kept), np.arange(len(kept), len(both.run))])
     return both.select(order if runs == 1 else order[np.argsort(both.run[order], kind="stable")])
 
 
@@ -67,9 +67,9 @@ def rank_in_run(run: Indices, runs: int) -> Indices:
     return np.arange(len(run)) - (np.cumsum(counts) - counts)[run]
 
 
-def numbered(table: TrackTable, confirmed: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
-    """The table with ids for the tracks that are confirmed now, and the next id of each run ``(runs,)``."""
-    fresh = np.flatnonzero(confirmed & (table.id == NONE))
+def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
+    """The table with ids for those of the deserving that have none yet, and the next id of each run ``(runs,)``."""
+    fresh = indices(deserving & (table.id == NONE))
     if not len(fresh):
         return table, next_id
     run = table.run[fresh]
@@ -87,16 +87,15 @@ def reported(table: TrackTable, filter: Filter[Any], existence: Array | None, ru
         existence: ``(L,)``, if the tracker has it.
         runs: how many.
     """
-    which = np.flatnonzero(table.id != NONE)
+    which = indices(table.id != NONE)
     shape, missing = (len(which), 1), None
     if runs > 1:
-        run = table.run[which]
-        rank = rank_in_run(run, runs)
-        shape = (int(rank.max(initial=-1)) + 1, runs)
-        place = np.full(shape, NONE)
-        place[rank, run] = which
-        which = place.reshape(-1)
-        missing = np.flatnonzero(which == NONE)
+        counts = np.bincount(table.run[which], minlength=runs)
+        shape = (int(counts.max(initial=0)), runs)
+        place = np.full((runs, shape[0]), NONE)
+        place[np.arange(shape[0]) < counts[:, None]] = which
+        which = place.T.reshape(-1)
+        missing = indices(which == NONE)
         which[missing] = 0
 
     def padded(values: Any) -> Any:

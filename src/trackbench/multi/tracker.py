@@ -27,7 +27,7 @@ from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.config import AdvanceAt
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod, Taken, kept, position, replayed
-from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks
+from trackbench.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
 
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
@@ -155,7 +155,7 @@ class MultiObjectTracker:
     def predicted(self, state: MultiObjectState | None, time: float, run: int) -> Tracks:
         """The reported tracks of one run at a later time, ``(K,)``; the state stays as it is."""
         state = state or self._nothing_yet(time, run + 1)
-        own = np.flatnonzero(state.table.run == run)
+        own = indices(state.table.run == run)
         table = state.table.select(own)._replace(run=np.zeros(len(own), dtype=np.intp), used=np.full(len(own), NONE))
         ahead = self._predicted(state._replace(table=table), time)
         return _alone(self._tracks(ahead.table, 1))
@@ -195,8 +195,7 @@ class MultiObjectTracker:
             table = succeeded(table, ~ends, self._begun(at, found.unclaimed, origin), runs)
         else:
             table = table.select(~ends)
-        confirmed = (table.id != NONE) | self._logic.confirms(table.evidence)
-        table, next_id = numbered(table, confirmed, ahead.next_id)
+        table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
         undetected = ahead.undetected
         if config.method in EXISTENCE:
             undetected = undetected.after_scan(scan, self._stated_probability(scan))
@@ -230,8 +229,8 @@ class MultiObjectTracker:
         }
         silent = self.associate.delete_after_s - SAME_TIME
         after = self._compute(judgement(self._logic, silent, found.existence is not None), values)
-        used, which = np.full(len(hit), NONE), np.flatnonzero(hit)
-        used[which] = at.detections.column.take(found.detection.take(which))
+        # Of none, which is -1, the last.
+        used = np.concatenate([at.detections.column, [NONE]]).take(found.detection)
         ends = np.asarray(after["ends"], dtype=bool)
         if self.associate.method in SHARING:
             ends |= duplicates(found.detection, confirmed, *self._compared(found.belief))
@@ -250,16 +249,17 @@ class MultiObjectTracker:
             which = existence >= config.delete_existence
         if origin is not None:
             which &= origin >= 0
-        own = np.flatnonzero(which)
+        own = indices(which)
+        none = np.full(len(own), NONE)
         belief = self._track_filter.begin(detections_of(scan, own))
         return TrackTable(
             at.detections.run[own],
-            np.full(len(own), NONE),
+            none,
             belief,
             np.full(len(own), scan.time),
             self._logic.begun(len(own), None if existence is None else existence[own]),
             at.detections.column[own],
-            np.full(len(own), NONE) if origin is None else origin[own],
+            none if origin is None else origin[own],
         )
 
     def _stated_probability(self, scan: Scan) -> float:
