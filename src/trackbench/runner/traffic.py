@@ -249,15 +249,10 @@ class _Passage:
 
 def reused(ids: Indices) -> int:
     """How many ids ``(T, K)`` come back after an instant without them."""
-    seen: set[int] = set()
-    before: set[int] = set()
-    again = 0
-    for row in ids:
-        now = set(row[row != NO_TRACK].tolist())
-        again += len((now - before) & seen)
-        seen |= now
-        before = now
-    return again
+    instant, column = np.nonzero(ids != NO_TRACK)
+    own = ids[instant, column]
+    order = np.lexsort((instant, own))
+    return int(np.sum((np.diff(own[order]) == 0) & (np.diff(instant[order]) > 1)))
 
 
 def _stacked(instants: Sequence[Tracks]) -> Tracks:
