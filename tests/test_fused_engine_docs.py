@@ -19,6 +19,7 @@ from trackbench.engine.arithmetic import ERROR
 from trackbench.engine.choice import WORTH_COMPILING
 from trackbench.engine.equations import Equations
 from trackbench.engine.graph import LARGEST, Untraceable
+from trackbench.engine.kernels import LEAST_GROUP
 from trackbench.engine.layout import Input
 from trackbench.engine.machine import unavailable
 from trackbench.engine.numpy_functions import FUNCTIONS
@@ -79,6 +80,7 @@ def test_the_numbers_are_those_of_the_code() -> None:
     assert {name: float(error) for name, error in errors} == ERROR
     assert f"from {WORTH_COMPILING:,} steps of single objects" in TEXT
     assert f"More than {LARGEST:,} operations" in TEXT
+    assert f"a group of at least {LEAST_GROUP}," in TEXT
 
 
 def test_a_motion_model_that_is_started_can_be_traced(

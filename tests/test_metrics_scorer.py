@@ -1,5 +1,6 @@
 """Scores of hand-made estimates, and of blocks that are merged."""
 
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -137,9 +138,12 @@ def test_the_course_error_goes_the_short_way_round():
 
 def test_percentiles_are_those_of_numpy_over_what_is_in_use():
     random = np.random.default_rng(0)
-    values, use = random.normal(size=(5, 40)), random.random((5, 40)) < np.array([1.0, 0.8, 0.3, 0.05, 0.0])[:, None]
+    values, use = (
+        np.abs(random.normal(size=(5, 40))),
+        random.random((5, 40)) < np.array([1.0, 0.8, 0.3, 0.05, 0.0])[:, None],
+    )
     use[3] = np.arange(40) == 7
-    found = percentiles((0.1, 0.9), values, use)
+    found = percentiles((0.1, 0.9), values**2, use)
     for k in range(4):
         np.testing.assert_allclose(found[:, k], np.percentile(values[k][use[k]], [10, 90]))
     assert np.isnan(found[:, 4]).all()
@@ -207,11 +211,12 @@ def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
         scored(target(np.zeros((4, 1, 1)), 1), [([], estimate(np.full((4, 1), np.inf)))])
 
 
-def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(monkeypatch):
+@pytest.mark.parametrize("batch", [1, 15], ids=["one by one", "in threes"])
+def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, monkeypatch):
     of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
     whole = work(of, SENSORS, TWO, 5)
     expected = block_of(whole, range(5)).scores
-    monkeypatch.setattr(scorer, "BATCH", 15)
+    monkeypatch.setattr(scorer, "BATCH", batch)
     for name, found in block_of(whole, range(5)).scores.items():
         for field in ("due", "diverged", "repaired", "spread"):
             a, b = getattr(found, field), getattr(expected[name], field)
@@ -220,6 +225,19 @@ def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(monkeypatc
         for sensor in SENSORS:
             a, b = found.nis[sensor].per_run, expected[name].nis[sensor].per_run
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
+
+
+def test_of_what_a_step_computed_no_more_is_kept_than_is_scored():
+    of = target(np.zeros((4, 3, 1)), 2)
+    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3})
+    computed = np.zeros((9, 2))
+    left = weakref.ref(computed)
+    given = estimate(computed[:4], whitened_innovation=computed[4:6])
+    waits.scan(0, scan("lidar", 0.0, np.zeros((2, 2))), given)
+    waits.estimate(given)
+    del computed, given
+    assert left() is None
+    assert not waits.full
 
 
 def test_innovations_by_hand():

@@ -1,7 +1,7 @@
 """Kernels over batches of every form: what they compute, and what they leave to NumPy."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from tests.fused.compared import compared, equations_of
 
-from trackbench.engine.equations import Values
-from trackbench.engine.kernels import Kernels
+from trackbench.engine import kernels as engine
+from trackbench.engine.equations import Equations, Values
+from trackbench.engine.kernels import LEAST_GROUP, Kernels
+from trackbench.engine.layout import Input
+from trackbench.engine.trace import Trace
 from trackbench.engine.vector_code import WIDTH
 
 RANKS = {"x": 1, "p": 2, "dt": 0, "valid": 0, "sigma": 1}
@@ -81,6 +84,35 @@ def test_batch_axes_that_broadcast(kernels: Kernels) -> None:
     np.testing.assert_allclose(found["y"], moved(values)["y"], rtol=1e-14)
     # All batch axes, as the contract has it.
     np.testing.assert_array_equal(found["late"], np.broadcast_to(values["t"] > 1.0, (4, 3, 5)))
+
+
+def scaled(values: Values) -> Values:
+    """A branch on what may be the same for a group."""
+    t = values["t"]
+    if np.any(t > 1.0):
+        t = np.where(t > 1.0, 1.0, t)
+    return {"y": values["x"] * t, "late": np.broadcast_to(t > 0.5, values["x"][0].shape)}
+
+
+@pytest.mark.parametrize(("size", "shared"), [(LEAST_GROUP - 1, False), (LEAST_GROUP, True), (LEAST_GROUP + 9, True)])
+@pytest.mark.parametrize("way", ["as it is", "of two groups", "a slice"])
+def test_what_a_group_shares(
+    kernels: Kernels, size: int, shared: bool, way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: dict[str, bool] = {}
+    trace = engine.trace
+
+    def seen(equations: Equations, inputs: Sequence[Input]) -> Trace:
+        read.update((item.name, item.shared) for item in inputs)
+        return trace(equations, inputs)
+
+    monkeypatch.setattr(engine, "trace", seen)
+    t = np.array([[0.3, 0.7], [1.5, -0.2], [0.1, 0.9]])[..., None]
+    t = {"as it is": t, "of two groups": t[:, :1], "a slice": t.repeat(2, axis=1)[:, ::2]}[way]
+    values = {"x": np.random.default_rng(0).normal(size=(2, 3, 2, size)), "t": t}
+    by_numpy = 2 * size if way == "of two groups" else size
+    assert compared(kernels, equations_of(scaled, {"x": 1, "t": 0}), values) == by_numpy
+    assert read == {"x": False, "t": shared}
 
 
 @pytest.mark.parametrize("way", ["every other", "backwards", "columns", "read only", "other bytes", "not aligned"])

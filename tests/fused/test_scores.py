@@ -14,7 +14,8 @@ from trackbench.metrics import Scorer, Target, score_together
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.types import Array, Estimate
 
-INSTANTS, OBJECTS, RUNS = 50, 3, 40
+#: Runs enough that what they share is computed once for all.
+INSTANTS, OBJECTS, RUNS = 50, 3, 70
 BATCH = OBJECTS * RUNS
 #: Of objects and runs that are not there, or have no estimate yet.
 START = 12

@@ -110,6 +110,25 @@ def test_values_of_one_member_and_of_all_have_the_same_bits(kernels: Kernels) ->
     same_bits(kernels(EVERY, each), kernels(EVERY, values))
 
 
+@pytest.mark.parametrize("name", ["x86-64", "x86-64-v3", "x86-64-v4"])
+@pytest.mark.parametrize("batch", [(1, 64), (3, 71), (2, 2, 100)])
+def test_values_of_a_group_and_of_each_member_have_the_same_bits(
+    kernels: Kernels, name: str, batch: tuple[int, ...], tmp_path: Path
+) -> None:
+    members = int(np.prod(batch))
+    each = {key: value.reshape(batch) for key, value in values_of(members).items() if key != "t"}
+    rng = np.random.default_rng(2)
+    # Numbers and a mask, the first also the same along an axis before the last.
+    t, valid = rng.normal(size=(batch[0], *[1] * (len(batch) - 1))), rng.random((*batch[:-1], 1)) < 0.5
+    whole = {**each, "t": np.broadcast_to(t, batch).copy(), "valid": np.broadcast_to(valid, batch).copy()}
+    expected = kernels(EVERY, whole)
+    found = of_processor(name, tmp_path, kernels)
+    same_bits(found(EVERY, {**each, "t": t, "valid": valid}), expected)
+    same_bits(found(EVERY, {**each, "t": whole["t"], "valid": valid}), expected)
+    assert found.members_by_numpy == 0
+    assert not found.untraced
+
+
 def test_nothing_is_computed_twice(kernels: Kernels) -> None:
     from trackbench.engine.layout import Input
     from trackbench.engine.trace import trace
@@ -138,3 +157,21 @@ def test_what_is_the_same_for_all_is_computed_once(kernels: Kernels) -> None:
     before, _, loop = function("f", traced.layout, traced.outputs, traced.guard).partition("loop:")
     assert "fmul double" in before
     assert loop.count("fmul <8 x double>") == 1
+
+
+def test_what_is_the_same_for_a_group_is_computed_once_for_it(kernels: Kernels) -> None:
+    from trackbench.engine.layout import Input
+    from trackbench.engine.trace import trace
+    from trackbench.engine.vector_code import function
+
+    traced = trace(
+        Equations("once", lambda v: {"y": (v["t"] + v["s"] * v["s"]) * v["x"]}, {"x": 0, "t": 0, "s": 0}),
+        [Input("x", (), 2, "d"), Input("t", (), 2, "d", shared=True), Input("s", (), 0, "d")],
+    )
+    text = function("f", traced.layout, traced.outputs, traced.guard)
+    before, _, rest = text.partition("group:")
+    group, _, loop = rest.partition("loop:")
+    assert (before.count("fmul double"), group.count("fadd double")) == (1, 1)
+    # The other sum is that of the guard.
+    assert (loop.count("fmul <8 x double>"), loop.count("fadd <8 x double>")) == (1, 0)
+    assert loop.count("load") == 1

@@ -14,6 +14,9 @@ LOGICAL = frozenset({"and", "or", "not"})
 #: What tells of the bits of a number; "negative": whether the sign is set.
 OF_BITS = frozenset({"negative", "bit0", "bit1"})
 TRUTH_VALUES = COMPARISONS | LOGICAL | OF_BITS
+#: For what a number is the same: all members of a batch; a group of them, which differ along the last batch axis alone;
+#: or each member has its own.
+ALL, GROUP, MEMBER = range(3)
 #: How many operations a function may have: what is larger takes seconds to compile.
 LARGEST = 50_000
 #: What is computed at once where all arguments are known.
@@ -55,13 +58,18 @@ class Node:
     arguments: tuple[Node, ...] = ()
     value: float | bool | tuple[str, int] | None = None
     """Of a constant, or the name of an input and which of its components."""
-    uniform: bool = True
-    """Whether it is the same for all members of a batch."""
+    level: int = ALL
+    """For what it is the same: ``ALL``, ``GROUP`` or ``MEMBER``."""
     boolean: bool = False
 
     @property
     def constant(self) -> bool:
         return self.op == "constant"
+
+    @property
+    def uniform(self) -> bool:
+        """Whether it is the same for all members of a batch."""
+        return self.level == ALL
 
 
 class Graph:
@@ -92,11 +100,11 @@ class Graph:
         self.refused = self.refused or reason
         raise Untraceable(reason)
 
-    def input(self, name: str, component: int, *, uniform: bool, boolean: bool = False) -> Node:
+    def input(self, name: str, component: int, *, level: int, boolean: bool = False) -> Node:
         """A component of an input."""
         at = name, component
         if at not in self._given:
-            self._given[at] = self._node("input", (), at, uniform, boolean)
+            self._given[at] = self._node("input", (), at, level, boolean)
         return self._given[at]
 
     def given(self, name: str) -> Node | None:
@@ -110,7 +118,7 @@ class Graph:
         # The text tells 0.0 from -0.0 and from False, and finds a NaN again.
         text = repr(value)
         if text not in self._given:
-            self._given[text] = self._node("constant", (), value, True, boolean)
+            self._given[text] = self._node("constant", (), value, ALL, boolean)
         return self._given[text]
 
     def apply(self, op: str, *arguments: Node) -> Node:
@@ -138,22 +146,22 @@ class Graph:
         found = self._simplified(op, arguments)
         if found is not None:
             return found
-        uniform = all(argument.uniform for argument in arguments)
+        level = max(argument.level for argument in arguments)
         boolean = op in TRUTH_VALUES or (op == "where" and arguments[1].boolean)
-        return self._node(op, arguments, None, uniform, boolean)
+        return self._node(op, arguments, None, level, boolean)
 
     def _node(
         self,
         op: str,
         arguments: tuple[Node, ...],
         value: float | bool | tuple[str, int] | None,
-        uniform: bool,
+        level: int,
         boolean: bool,
     ) -> Node:
         if self._count >= LARGEST:
             self.refuse(f"more than {LARGEST} operations")
         self._count += 1
-        return Node(self._count, op, arguments, value, uniform, boolean)
+        return Node(self._count, op, arguments, value, level, boolean)
 
     def _simplified(self, op: str, arguments: tuple[Node, ...]) -> Node | None:
         """The same without the operation, or with a cheaper one."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from trackbench.engine import vector_code
 from trackbench.engine.equations import Equations, Values, by_numpy
-from trackbench.engine.graph import Untraceable
+from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout
 from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
 from trackbench.engine.source import packed, source_key, unpacked
@@ -21,6 +21,8 @@ from trackbench.types import Array, Indices, Mask
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
+#: From how many members on a group is computed by itself: its last vector computes some members twice.
+LEAST_GROUP = 8 * vector_code.WIDTH
 
 
 class Kernel(NamedTuple):
@@ -42,6 +44,8 @@ class Passage(NamedTuple):
     """None: NumPy computes."""
     batch: tuple[int, ...]
     members: int
+    groups: int
+    """In how many parts, one after the other, the kernel computes them."""
     inputs: list[tuple[str, Input, bool]]
     """Of each that the kernel reads; whether it is read as it is, if it lies in one piece."""
 
@@ -78,7 +82,7 @@ class Kernels:
         return self.untraced[equations.key][1] if self._plan(equations, values).kernel is None else None
 
     def code(self, text: str, arrays: int) -> MachineCode:
-        """The machine code of LLVM's text, of a function of a number and of so many arrays."""
+        """The machine code of LLVM's text, of a function of two numbers and of so many arrays."""
         return self._processor.function(self._code(text), arrays)
 
     def _plan(self, equations: Equations, values: Values) -> Passage:
@@ -96,7 +100,7 @@ class Kernels:
 
     def _planned(self, key: Hashable, equations: Equations, values: Values) -> Passage:
         batch = batch_of(equations.ranks, values)
-        inputs = tuple(_input(name, values[name], rank) for name, rank in equations.ranks.items())
+        inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
         made_for = equations.name, equations.key, inputs
         if made_for not in self._found:
             self._found[made_for] = self._made(equations, inputs)
@@ -109,7 +113,9 @@ class Kernels:
         if len(self._plans) >= PLANS:
             self._plans.clear()
         # The equations are kept, so that no others have their id.
-        plan = self._plans[key] = Passage(equations, kernel, batch, prod(batch), ways)
+        grouped = any(item.level == GROUP for _, item, _ in ways)
+        groups = prod(batch[:-1]) if grouped else 1
+        plan = self._plans[key] = Passage(equations, kernel, batch, prod(batch), groups, ways)
         return plan
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
@@ -192,15 +198,17 @@ def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:
     return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
 
-def _input(name: str, value: Any, rank: int) -> Input:
+def _input(name: str, value: Any, rank: int, batch: tuple[int, ...]) -> Input:
     array = np.asarray(value, dtype=float if type(value) is int else None)
-    return Input(name, array.shape[:rank], array.ndim - rank, array.dtype.char)
+    axes = array.ndim - rank
+    shared = axes > 0 and array.shape[-1] == 1 and batch[-1] >= LEAST_GROUP
+    return Input(name, array.shape[:rank], axes, array.dtype.char, shared)
 
 
 def _as_it_is(item: Input, value: Any, batch: tuple[int, ...]) -> bool:
     if not isinstance(value, np.ndarray) or value.dtype != (bool if item.boolean else float):
         return False
-    return bool(value.shape == (item.shape + batch if item.batched else item.shape))
+    return bool(value.shape == item.full(batch))
 
 
 def _run(plan: Passage, kernel: Kernel, values: Values) -> tuple[dict[str, Array], Mask | None]:
@@ -214,7 +222,7 @@ def _run(plan: Passage, kernel: Kernel, values: Values) -> tuple[dict[str, Array
             value = _rows(item, value, batch, padded)
         given.append(value)
     numbers, masks = np.empty((kernel.rows[0], padded)), np.empty((kernel.rows[1], padded), dtype=bool)
-    fine = kernel.code.call(padded, *map(id, given), id(numbers), id(masks))
+    fine = kernel.code.call(plan.groups, padded // plan.groups, *map(id, given), id(numbers), id(masks))
     if padded != members:
         numbers, masks = numbers[:, :members].copy(), masks[:, :members].copy()
     outputs: dict[str, Array] = {}
@@ -227,15 +235,15 @@ def _run(plan: Passage, kernel: Kernel, values: Values) -> tuple[dict[str, Array
 
 
 def _rows(item: Input, value: Any, batch: tuple[int, ...], padded: int) -> npt.NDArray[Any]:
-    """An input as the kernel reads it: rows of components, each of all members, one after the other."""
+    """An input as the kernel reads it: rows of components, each of all members or groups, one after the other."""
     kind = bool if item.boolean else float
-    if not item.batched:
+    if item.level == ALL:
         return np.ascontiguousarray(value, dtype=kind)
-    full = item.shape + batch
+    full = item.full(batch)
     array = value if value.shape == full else np.broadcast_to(value, full)
     array = np.ascontiguousarray(array, dtype=kind)
     members = prod(batch)
-    if members < padded:
+    if item.level == MEMBER and members < padded:
         whole = np.empty((array.size // members, padded), dtype=kind)
         whole[:, :members] = array.reshape(-1, members)
         whole[:, members:] = whole[:, members - 1 : members]

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.engine.graph import ALL, GROUP, MEMBER
+
 
 class Input(NamedTuple):
     """An input of equations, as a kernel is made for it."""
@@ -18,6 +20,8 @@ class Input(NamedTuple):
     """How many batch axes follow; 0: it is the same for all members."""
     kind: str
     """Its type, as NumPy has it for short: d, doubles, or ?, a mask; others are not traced."""
+    shared: bool = False
+    """Whether the last batch axis is of length one, where that of the batch is not."""
 
     @property
     def boolean(self) -> bool:
@@ -25,9 +29,17 @@ class Input(NamedTuple):
         return self.kind == "?"
 
     @property
-    def batched(self) -> bool:
-        """Whether each member of the batch has its own."""
-        return self.batch_axes > 0
+    def level(self) -> int:
+        """For what it is the same; see :class:`trackbench.engine.graph.Node`."""
+        if self.batch_axes == 0:
+            return ALL
+        return GROUP if self.shared else MEMBER
+
+    def full(self, batch: tuple[int, ...]) -> tuple[int, ...]:
+        """Its shape as a kernel reads it."""
+        if self.level == ALL:
+            return self.shape
+        return (*self.shape, *batch[:-1], 1) if self.shared else self.shape + batch
 
 
 class Output(NamedTuple):

@@ -16,7 +16,7 @@ from trackbench.engine.vector_code import HEAD, WIDTH
 from trackbench.user_cache import cache_folder, write_whole
 
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
-FORM = "3"
+FORM = "4"
 FUNCTION = "kernel"
 #: Of the checksum (SHA-256) of a kept file.
 CHECKSUM_BYTES = 32
@@ -103,7 +103,7 @@ class Processor:
         return name.encode() + b"\n" + bytes(self._target.emit_object(module))
 
     def function(self, code: bytes, arrays: int) -> MachineCode:
-        """The function of ``object_code``, of a number and of so many arrays, ready to be called."""
+        """The function of ``object_code``, of two numbers and of so many arrays, ready to be called."""
         head, _, file = code.partition(b"\n")
         name = head.decode()
         if name not in self._loaded:
@@ -120,12 +120,12 @@ class Processor:
 
 
 class MachineCode:
-    """Machine code in memory; ``call`` takes a number, and arrays by their ``id``."""
+    """Machine code in memory; ``call`` takes two numbers, and arrays by their ``id``."""
 
     def __init__(self, engine: Any, address: int, arrays: int) -> None:
         # The code lives as long as its engine.
         self._engine = engine
-        self.call = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, *[ctypes.c_void_p] * arrays)(address)
+        self.call = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 3, *[ctypes.c_void_p] * arrays)(address)
 
 
 class Kept:

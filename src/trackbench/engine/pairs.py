@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from trackbench.engine.equations import Equations, Values
-from trackbench.engine.graph import Node, ordered
+from trackbench.engine.graph import ALL, GROUP, MEMBER, Node, ordered
 from trackbench.engine.kernels import Kernels
 from trackbench.engine.layout import Input, KernelLayout
 from trackbench.engine.machine import FUNCTION
 from trackbench.engine.trace import trace
-from trackbench.engine.vector_code import WIDTH, Text
+from trackbench.engine.vector_code import WIDTH, Text, before_members
 from trackbench.types import Array, Indices
 
 
@@ -39,10 +39,12 @@ class PairSearch:
         first: Collection[str],
         second: Collection[str],
     ) -> None:
-        found = trace(equations, [Input(name, shape, int(name in second), "d") for name, shape in shapes.items()])
-        text = function(FUNCTION, found.layout, found.outputs[0], first)
+        own = {*first, *second}
+        inputs = [Input(name, shape, int(name in own), "d", name in first) for name, shape in shapes.items()]
+        found = trace(equations, inputs)
+        text = function(FUNCTION, found.layout, found.outputs[0])
         self._inputs = [(item.name, item.name in second) for item in found.layout.inputs]
-        self._code = kernels.code(text, len(self._inputs) + 5)
+        self._code = kernels.code(text, len(self._inputs) + 4)
         # Kept for the next search: to be given so much memory again takes longer than to search.
         self._found = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
@@ -74,49 +76,32 @@ def _given(value: Any, padded: bool) -> Array:
     return np.pad(found, [(0, 0)] * (found.ndim - 1) + [(0, WIDTH - found.shape[-1])]) if padded else found
 
 
-def function(name: str, layout: KernelLayout, condition: Node, first: Collection[str]) -> str:
+def function(name: str, layout: KernelLayout, condition: Node) -> str:
     """The text of a function of the sizes of both batches, of the inputs, and of the arrays that name the pairs.
 
     Behind the inputs come the group of each of the first batch, the bounds of the groups in the second, and where the
     numbers of the pairs are put. The function returns how many there are. The second batch has at least ``WIDTH``
     members, so that a vector of them that would end behind the last begins earlier.
     """
-    before, body = Text(1), Text(WIDTH)
+    numbers: dict[int, str] = {}
+    before, one = Text(1, "s", numbers, "1", "0"), Text(1, "g", numbers, "%firsts", "%i")
+    body = Text(WIDTH, "v", {}, "%seconds", "%at")
     names = [f"%a{place}" for place in range(len(layout.inputs) + 4)]
     places = [before.data_of(item) for item in names]
-    entry, before.lines = before.lines, []
     bases = {item.name: place for item, place in zip(layout.inputs, places, strict=False)}
     group, bounds, to_first, to_second = places[-4:]
-    body.continues(before)
-
-    def place(node: Node) -> str:
-        if node.op != "input":
-            return ""
-        assert isinstance(node.value, tuple)
-        base, row = bases[node.value[0]], node.value[1]
-        if not node.uniform:
-            return body.place_in_row(base, row, "double", "%seconds", "%at")
-        if node.value[0] in first:
-            return before.place_in_row(base, row, "double", "%firsts", "%i")
-        return before.place(base, row, "double")
-
-    steps = [node for node in ordered([condition]) if not node.constant]
+    steps = list(ordered([condition]))
+    before_members({ALL: before, GROUP: one, MEMBER: body}, steps, [condition], bases)
     for node in steps:
-        if node.uniform:
-            before.operation(node, place(node))
-    for node in {item.number: item for of in steps if not of.uniform for item in of.arguments}.values():
-        if node.uniform and not node.constant:
-            before.lines += body.spread(node)
-    for node in steps:
-        if not node.uniform:
-            body.operation(node, place(node))
+        if node.level == MEMBER:
+            body.operation(node, bases)
     lines = "\n".join
-    return f"""{lines(sorted(before.declared | body.declared))}
+    return f"""{lines(sorted(before.declared | one.declared | body.declared))}
 declare i64 @llvm.smin.i64(i64, i64)
 declare i64 @llvm.cttz.i64(i64, i1)
 define i64 @{name}(i64 %firsts, i64 %seconds, {", ".join(f"ptr {item}" for item in names)}) {{
 entry:
-{lines(entry)}
+{lines(before.lines)}
   %furthest = sub i64 %seconds, {WIDTH}
   br label %one
 one:
@@ -128,7 +113,7 @@ one:
   %to = getelementptr i64, ptr %from, i64 1
   %begin = load i64, ptr %from, align 8
   %end = load i64, ptr %to, align 8
-{lines(before.lines)}
+{lines(one.lines)}
   %none = icmp sge i64 %begin, %end
   br i1 %none, label %past, label %part
 part:

@@ -67,7 +67,7 @@ def unpacked(data: bytes) -> tuple[KernelLayout, bytes]:
     head, _, code = data.partition(b"\n")
     inputs, outputs, same = json.loads(head)
     return KernelLayout(
-        tuple(Input(name, tuple(shape), axes, kind) for name, shape, axes, kind in inputs),
+        tuple(Input(name, tuple(shape), *more) for name, shape, *more in inputs),
         tuple(Output(name, tuple(shape), boolean) for name, shape, boolean in outputs),
         same,
     ), code

@@ -60,7 +60,7 @@ def trace(equations: Equations, inputs: Sequence[Input]) -> Trace:
 def _symbol(graph: Graph, equations: Equations, item: Input) -> Symbol:
     nodes = np.empty(item.shape, dtype=object)
     for number, place in enumerate(np.ndindex(item.shape)):
-        nodes[place] = graph.input(item.name, number, uniform=not item.batched, boolean=item.boolean)
+        nodes[place] = graph.input(item.name, number, level=item.level, boolean=item.boolean)
     if item.name in equations.symmetric:
         for i, j in np.ndindex(item.shape):
             nodes[i, j] = nodes[max(i, j), min(i, j)]

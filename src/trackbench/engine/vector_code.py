@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from trackbench.engine.graph import COMPARISONS, LOGICAL, Node, ordered
+from trackbench.engine.graph import ALL, COMPARISONS, GROUP, LOGICAL, MEMBER, Node, ordered
 from trackbench.engine.layout import KernelLayout
 
 #: Members of a batch in a vector: 8 doubles are one register of AVX-512; narrower machines take two or four for it.
@@ -21,14 +21,18 @@ FRACTION_BITS, BIAS = 52, 1023
 
 
 def function(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: Node) -> str:
-    """The text of a function of the number of members, of the arrays of the inputs, and of those of the outputs.
+    """The text of a function of the number of groups and of the members of each, and of the arrays of the inputs and of
+    the outputs.
 
     The arrays are objects of NumPy, whose first field after the head of every object is the place of their data. Each
-    has rows of all members. The outputs are numbers and masks; the first row of the masks says of each member whether
-    the guard held. The function returns 1 if it held of all. There are at least ``WIDTH`` members: the last vector may
-    overlap the one before, so that outputs must not lie where inputs are.
+    has rows of all members, or of all groups. The outputs are numbers and masks; the first row of the masks says of
+    each member whether the guard held. The function returns 1 if it held of all. A group has at least ``WIDTH``
+    members: the last vector may overlap the one before, so that outputs must not lie where inputs are.
     """
-    before, body = Text(1), Text(WIDTH)
+    numbers: dict[int, str] = {}
+    before, group = Text(1, "s", numbers, "1", "0"), Text(1, "g", numbers, "%groups", "%g")
+    body = Text(WIDTH, "v", {}, "%members", "%i")
+    texts = {ALL: before, GROUP: group, MEMBER: body}
     # What the guard alone needs of an output comes next to it, so that no register keeps it until the end.
     others = ordered([guard], [node.number for node in ordered(outputs)])
     checks = {item.number: node for node in others for item in node.arguments}
@@ -37,43 +41,47 @@ def function(name: str, layout: KernelLayout, outputs: Sequence[Node], guard: No
     places = [before.data_of(name) for name in names]
     bases = {item.name: place for item, place in zip(layout.inputs, places, strict=False)}
     into = places[-2:]
-    for node in steps:
-        if node.uniform and not node.constant:
-            before.operation(node, _at(before, bases, node) if node.op == "input" else "")
-    body.continues(before)
-    needed = {item.number: item for node in steps if not node.uniform for item in node.arguments if item.uniform}
-    needed |= {node.number: node for node in (*outputs, guard) if node.uniform}
-    for node in needed.values():
-        if not node.constant:
-            before.lines += body.spread(node)
+    before_members(texts, steps, (*outputs, guard), bases)
     waiting: dict[int, list[int]] = {}
     for place, node in enumerate(outputs):
         waiting.setdefault(node.number, []).append(place)
     for node in steps:
-        if not node.uniform:
-            body.operation(node, _at(body, bases, node) if node.op == "input" else "")
+        if node.level == MEMBER:
+            body.operation(node, bases)
         for place in waiting.get(node.number, ()):
             body.store(node, into[node.boolean], layout.rows[place])
     held = body.value(guard)
     body.store_mask(held, into[True], 0)
     lines = "\n".join
     ones = _constants("true", "i1", WIDTH)
-    return f"""{lines(sorted(before.declared | body.declared))}
-define i64 @{name}(i64 %members, {", ".join(f"ptr {item}" for item in names)}) {{
+    return f"""{lines(sorted(before.declared | group.declared | body.declared))}
+define i64 @{name}(i64 %groups, i64 %size, {", ".join(f"ptr {item}" for item in names)}) {{
 entry:
+  %members = mul i64 %groups, %size
 {lines(before.lines)}
-  %last = sub i64 %members, {WIDTH}
+  br label %group
+group:
+  %g = phi i64 [0, %entry], [%following, %grouped]
+  %first = phi i64 [0, %entry], [%end, %grouped]
+  %fine = phi <{WIDTH} x i1> [{ones}, %entry], [%still, %grouped]
+  %end = add i64 %first, %size
+  %last = sub i64 %end, {WIDTH}
+{lines(group.lines)}
   br label %loop
 loop:
-  %i = phi i64 [0, %entry], [%next, %loop]
-  %good = phi <{WIDTH} x i1> [{ones}, %entry], [%still, %loop]
+  %i = phi i64 [%first, %group], [%next, %loop]
+  %good = phi <{WIDTH} x i1> [%fine, %group], [%still, %loop]
 {lines(body.lines)}
   %still = and <{WIDTH} x i1> %good, {held}
   %after = add i64 %i, {WIDTH}
   %over = icmp sgt i64 %after, %last
   %next = select i1 %over, i64 %last, i64 %after
   %more = icmp slt i64 %i, %last
-  br i1 %more, label %loop, label %done
+  br i1 %more, label %loop, label %grouped
+grouped:
+  %following = add i64 %g, 1
+  %others = icmp slt i64 %following, %groups
+  br i1 %others, label %group, label %done
 done:
   %bits = bitcast <{WIDTH} x i1> %still to i{WIDTH}
   %all = icmp eq i{WIDTH} %bits, -1
@@ -83,34 +91,42 @@ done:
 """
 
 
-def _at(text: Text, bases: dict[str, str], node: Node) -> str:
-    """Where a component of an input lies."""
-    assert isinstance(node.value, tuple)
-    name, component = node.value
-    return text.place(bases[name], component, "i8" if node.boolean else "double")
+def before_members(
+    texts: Mapping[int, Text], steps: Sequence[Node], outputs: Iterable[Node], bases: Mapping[str, str]
+) -> None:
+    """Write what is the same for members, and make vectors of what they or the outputs need of it."""
+    for node in steps:
+        if node.level != MEMBER and not node.constant:
+            texts[node.level].operation(node, bases)
+    needed = {item.number: item for node in steps if node.level == MEMBER for item in node.arguments}
+    needed |= {node.number: node for node in outputs}
+    for node in needed.values():
+        if node.level != MEMBER and not node.constant:
+            text = texts[node.level]
+            text.lines += texts[MEMBER].spread(node, text.value(node))
 
 
 class Text:
-    """Instructions on numbers (width 1) or vectors, one for each node."""
+    """Instructions on numbers (width 1) or vectors, one for each node, whose names begin with ``prefix``.
 
-    def __init__(self, width: int) -> None:
+    ``values``: by the number of a node, what stands for it. ``count``, ``at``: how long a row is, and where in it.
+    """
+
+    def __init__(self, width: int, prefix: str, values: dict[int, str], count: str, at: str) -> None:
         self.width = width
+        self._count, self._at = count, at
         self.lines: list[str] = []
         self.declared: set[str] = set()
-        self._values: dict[int, str] = {}
-        self._count = 0
-        self._prefix = "s" if width == 1 else "v"
-
-    def continues(self, before: Text) -> None:
-        """Numbers computed before can be spread over vectors."""
-        self._numbers = before._values
+        self._values = values
+        self._made = 0
+        self._prefix = prefix
 
     def _type(self, kind: str) -> str:
         return kind if self.width == 1 else f"<{self.width} x {kind}>"
 
     def _new(self, instruction: str) -> str:
-        self._count += 1
-        name = f"%{self._prefix}{self._count}"
+        self._made += 1
+        name = f"%{self._prefix}{self._made}"
         self.lines.append(f"  {name} = {instruction}")
         return name
 
@@ -130,22 +146,16 @@ class Text:
         return self._new(f"load ptr, ptr {self._new(f'getelementptr i8, ptr {array}, i64 {HEAD}')}, align 8")
 
     def place(self, base: str, row: int, kind: str) -> str:
-        """Where a row begins, or where the vector of the row is."""
-        if self.width == 1:
-            return self._new(f"getelementptr {kind}, ptr {base}, i64 {row}")
-        return self.place_in_row(base, row, kind, "%members", "%i")
-
-    def place_in_row(self, base: str, row: int, kind: str, length: str, at: str) -> str:
-        """A place in a row, of rows of this length."""
-        offset = self._new(f"add i64 {self._new(f'mul i64 {length}, {row}')}, {at}")
+        """Where the number of a row is, or the vector."""
+        offset = self._new(f"add i64 {self._new(f'mul i64 {self._count}, {row}')}, {self._at}")
         return self._new(f"getelementptr {kind}, ptr {base}, i64 {offset}")
 
-    def spread(self, node: Node) -> list[str]:
+    def spread(self, node: Node, number: str) -> list[str]:
         """Instructions that make a vector of a number computed before."""
         kind = "i1" if node.boolean else "double"
         vector, own = self._type(kind), self.lines
         self.lines = []
-        single = self._new(f"insertelement {vector} poison, {kind} {self._numbers[node.number]}, i32 0")
+        single = self._new(f"insertelement {vector} poison, {kind} {number}, i32 0")
         self._values[node.number] = self._new(
             f"shufflevector {vector} {single}, {vector} poison, <{self.width} x i32> zeroinitializer"
         )
@@ -166,8 +176,12 @@ class Text:
         wide = self._new(f"zext {self._type('i1')} {value} to {self._type('i8')}")
         self.lines.append(f"  store {self._type('i8')} {wide}, ptr {where}, align 1")
 
-    def operation(self, node: Node, where: str) -> None:
-        """The instructions of a node; ``where``: the place of an input."""
+    def operation(self, node: Node, bases: Mapping[str, str]) -> None:
+        """The instructions of a node; ``bases``: where the data of each input lie."""
+        where = ""
+        if isinstance(node.value, tuple):
+            name, component = node.value
+            where = self.place(bases[name], component, "i8" if node.boolean else "double")
         self._values[node.number] = self._instruction(node, where)
 
     def _instruction(self, node: Node, where: str) -> str:

@@ -15,6 +15,7 @@ from loky.backend import resource_tracker
 from loky.process_executor import BrokenProcessPool
 
 from trackbench.errors import TrackbenchError
+from trackbench.garbage import collect_rarely
 from trackbench.interruption import allow_termination, uninterrupted
 
 DIED = "worker processes died twice; --workers 1 may show what they died of"
@@ -107,8 +108,9 @@ def _start_resource_tracker() -> None:
 
 
 def _begin(parent: int) -> None:
-    """In a new process: end it when that which started it has ended, which no longer reads what it writes."""
+    """In a new process, which ends when that which started it has ended, which no longer reads what it writes."""
     allow_termination()
+    collect_rarely()
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 

@@ -56,7 +56,7 @@ class _Summing:
         self._repaired = np.zeros(scope.runs)
         self._spread = np.full((2, instants), np.nan)
         self._innovations = {
-            name: Innovations(count, scope.objects, scope.runs, scope.chunk, scope.compute)
+            name: Innovations(count, scope.objects, scope.runs, scope.compute)
             for name, count in scope.measurements.items()
         }
         self._seconds, self._steps = 0.0, 0
@@ -75,7 +75,7 @@ class _Summing:
         if far.any():
             self._diverged |= self._by_run(far.any(axis=0)) > 0
         if self._scope.first:
-            self._spread[:, here] = percentiles((0.1, 0.9), np.sqrt(square), scored)
+            self._spread[:, here] = percentiles((0.1, 0.9), square, scored)
         for givers, (instants, members) in chunk.agreement.partly.items():
             if self._scope.tracker in givers:
                 self._add_few(givers, here.start + instants, members, values[:, instants, members])
@@ -124,13 +124,15 @@ class _Summing:
     def _add_by_class(self, per_class: Array, values: Array, classes: Indices) -> None:
         """Add values ``(fields, instants, batch)`` to the sums of their classes ``(instants, objects, runs or 1)``."""
         runs = self._scope.runs
-        present = np.flatnonzero(np.bincount(classes.reshape(-1)))
         if classes.shape[-1] == 1:
-            member = (present[:, None] == classes.reshape(-1)).astype(float)
-            sums = member @ values.reshape(len(values), -1, runs)
+            of_row, rows = classes.reshape(-1), values.reshape(len(values), -1, runs)
+            present = np.flatnonzero(np.bincount(of_row))
+            if len(of_row) > 2 * len(present):
+                rows = (present[:, None] == of_row).astype(float) @ rows
+                of_row = present
             # Without the copy that an index of several classes makes.
-            for number, place in enumerate(present):
-                per_class[:, place] += sums[:, number]
+            for number, place in enumerate(of_row):
+                per_class[:, place] += rows[:, number]
             return
         places = (classes * runs + np.arange(runs)).reshape(-1)
         for total, value in zip(per_class, values, strict=True):
@@ -147,16 +149,16 @@ class _Summing:
             total += np.bincount(places, value, total.size).reshape(total.shape)
 
 
-def percentiles(shares: tuple[float, ...], values: Array, use: Mask) -> Array:
-    """``(shares, steps)`` values below which each share of those in use lies, interpolated; NaN where none is.
+def percentiles(shares: tuple[float, ...], squares: Array, use: Mask) -> Array:
+    """``(shares, steps)`` errors below which each share of those in use lies, interpolated; NaN where none is.
 
     Args:
         shares: 0 to 1.
-        values: ``(steps, batch)``.
+        squares: ``(steps, batch)`` of the errors.
         use: ``(steps, batch)``.
     """
     rank = np.asarray(shares)[:, None] * np.maximum(use.sum(axis=1) - 1, 0)
     ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
-    ordered = np.sort(values if use.all() else np.where(use, values, np.nan), axis=1)
-    low, high = ordered[np.arange(len(ordered)), ends]
+    ordered = np.sort(squares if use.all() else np.where(use, squares, np.nan), axis=1)
+    low, high = np.sqrt(ordered[np.arange(len(ordered)), ends])
     return np.asarray(low + (rank % 1.0) * (high - low))

@@ -10,6 +10,9 @@ from trackbench.metrics.consistency import point95
 from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS, NIS_FIELDS, OVERFLOW, NisScores
 from trackbench.types import Array, Mask
 
+#: How many measurements are summed at a time: their products with those before grow with its square.
+CHUNK = 10
+
 
 def _innovation(values: Values) -> Values:
     white, used, pair = values["white"], values["used"], values["used"] & values["used_before"]
@@ -31,24 +34,22 @@ INNOVATION = Equations(
 class Innovations:
     """Collects whitened innovations; ``scores`` gives the sums at the end.
 
-    The latest measurements are kept in a ring of as many rows as the longest lag needs, in which a chunk is never
-    broken. A row that was not written yet holds zeros, which add nothing to any sum.
+    The latest measurements are kept in a ring of as many rows as the longest lag needs, in which a chunk of them is
+    never broken. A row that was not written yet holds zeros, which add nothing to any sum.
     """
 
-    def __init__(self, measurements: int, objects: int, runs: int, chunk: int, compute: Compute = by_numpy) -> None:
-        """``measurements``: how many the sensor takes. ``chunk``: how many of them are summed at a time."""
+    def __init__(self, measurements: int, objects: int, runs: int, compute: Compute = by_numpy) -> None:
+        """``measurements``: how many the sensor takes."""
         self._shape = objects, runs
         self._compute = compute
-        # The products of a chunk with the ring grow with its square.
-        self._chunk = min(chunk, LAGS)
-        self._rows = self._chunk * (1 + -(-LAGS // self._chunk))
+        self._rows = CHUNK * (1 + -(-LAGS // CHUNK))
         self._per_step = np.zeros((len(NIS_FIELDS), measurements))
         self._per_run = np.zeros((len(NIS_FIELDS), runs))
         self._pairs = np.zeros((len(LAG_FIELDS), self._rows, self._rows))
         # The last row of the ring comes first once more, so that each row has the one before it.
         self._white: Array | None = None
         self._used = np.zeros((self._rows + 1, objects * runs), dtype=bool)
-        self._due = np.zeros((self._chunk, objects * runs), dtype=bool)
+        self._due = np.zeros((CHUNK, objects * runs), dtype=bool)
         self._measurement = self._row = self._filled = self._dof = 0
 
     def add(self, white: Array | None, used: Mask, due: Mask) -> None:
@@ -69,7 +70,7 @@ class Innovations:
         self._used[row] = used & (white is not None)
         self._due[self._filled] = due
         self._filled += 1
-        if self._filled == self._chunk:
+        if self._filled == CHUNK:
             self.flush()
 
     def flush(self) -> None:

@@ -20,7 +20,7 @@ from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE, TOO_LARGE
 from trackbench.types import Array, Estimate, Mask, Scan
 
 #: Numbers of batch and instants whose product makes one batch of scoring: large enough that NumPy's calls are few.
-BATCH = 8000
+BATCH = 16_000
 #: Tuples of arrays that a metric may look at.
 NAMED = (Target, Agreement)
 
@@ -76,8 +76,9 @@ class Scorer:
     def scan(self, instant: int, scan: Scan, estimate: Estimate, seconds: float = math.nan) -> None:
         """Take in what a tracker made of a scan, and how long it took; to be called for every scan, in order."""
         if not scan.asked:
-            used = scan.valid & self._expected[instant]
-            found = whitened_innovation(estimate), used, used & self._had
+            white, used = whitened_innovation(estimate), scan.valid & self._expected[instant]
+            # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
+            found = None if white is None else white.copy(), used, used & self._had
             self._innovations[scan.sensor].append(Innovation(instant, *map(_read_only, found)))
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._expected[instant]

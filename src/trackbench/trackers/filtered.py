@@ -145,8 +145,9 @@ class FilterTracker:
         self, state: TrackState, scan: Scan, origins: Indices | None = None
     ) -> tuple[TrackState, Estimate]:
         elapsed = scan.time - state.time
-        stepped = self._stepped(state, scan, elapsed)
-        if stepped is not None and np.all(state.started):
+        all_started = bool(np.all(state.started))
+        stepped = self._stepped(state, scan, elapsed, all_started)
+        if stepped is not None and all_started:
             return self._gone_on(state, scan, stepped)
         known, waiting, said = state.started, state.waiting, None if stepped is None else stepped.update
         if said is not None:
@@ -177,12 +178,12 @@ class FilterTracker:
             estimate = with_innovation(estimate, said, known)
         return after._replace(belief=belief._replace(repaired=None)), estimate
 
-    def _stepped(self, state: TrackState, scan: Scan, elapsed: float) -> Step[Any] | None:
+    def _stepped(self, state: TrackState, scan: Scan, elapsed: float, all_started: bool) -> Step[Any] | None:
         """The next step, where nothing but a prediction and an update is to be done of the tracks that there are."""
         reads = _named(scan, self.sensors) and bool(np.any(scan.valid))
-        if not reads or state.lost is not None or not np.any(state.started):
+        if not reads or state.lost is not None:
             return None
-        if self.prior is not None and not np.all(state.started):
+        if not all_started and (self.prior is not None or not np.any(state.started)):
             return None
         stepped = self.computed_filter.step(state.belief, elapsed, scan, self._doubt)
         doubtful = stepped.doubtful is not None and np.any(state.started & stepped.doubtful)
@@ -190,7 +191,7 @@ class FilterTracker:
 
     def _gone_on(self, state: TrackState, scan: Scan, stepped: Step[Any]) -> tuple[TrackState, Estimate]:
         said = stepped.update
-        estimate = with_innovation(_estimate(said.belief, stepped.cartesian), said, state.started)
+        estimate = with_innovation(_estimate(said.belief, stepped.cartesian), said, None)
         return state._replace(time=scan.time, belief=said.belief._replace(repaired=None)), estimate
 
     @cached_property

@@ -13,8 +13,8 @@ from trackbench.trackers.late import Taken
 from trackbench.types import Array, Estimate, Mask
 
 
-def with_innovation(estimate: Estimate, said: Update[Any], known: Mask) -> Estimate:
-    """The estimate with what the measurement said, of the tracks that were there before it."""
+def with_innovation(estimate: Estimate, said: Update[Any], known: Mask | None) -> Estimate:
+    """The estimate with what the measurement said, of the tracks that were there before it; None: of all."""
     return estimate._replace(
         innovation=where_known(known, said.innovation),
         innovation_covariance=said.innovation_covariance,
@@ -23,9 +23,9 @@ def with_innovation(estimate: Estimate, said: Update[Any], known: Mask) -> Estim
     )
 
 
-def where_known(known: Mask, values: Array) -> Array:
-    """The values, NaN where nothing is known yet."""
-    return values if np.all(known) else np.where(known, values, np.nan)
+def where_known(known: Mask | None, values: Array) -> Array:
+    """The values, NaN where nothing is known yet; None: all is."""
+    return values if known is None or np.all(known) else np.where(known, values, np.nan)
 
 
 def log_likelihood(estimate: Estimate) -> Array | None:
