@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from trackbench.filters import Measured, PredictedMeasurement
 from trackbench.multi.detections import RunDetections
 from trackbench.multi.fused_close import close_in_all
 from trackbench.multi.gate import close_in_one, gated
-from trackbench.types import Scan
+from trackbench.types import Array, Indices, Scan
 
 SHAPES: dict[str, tuple[int, ...]] = {"mean": (2,), "value": (2,), "reach": (2,)}
 
@@ -71,3 +72,20 @@ def test_no_pair_in_a_gate_is_left_out(kernels: Kernels, angular: tuple[int, ...
     assert len(expected.track) > 20
     for part, wanted in zip(found, expected, strict=True):
         np.testing.assert_array_equal(part, wanted)
+
+
+def test_threads_search_at_once(kernels: Kernels) -> None:
+    search = PairSearch(kernels, NEAR, SHAPES, {"mean"}, {"value"})
+    random, bounds, reach = np.random.default_rng(1), np.array([0, 900]), np.array([3.0, 3.0])
+    cases = [(random.uniform(-9.0, 9.0, (2, 900)), random.uniform(-9.0, 9.0, (2, 900))) for _ in range(8)]
+
+    def pairs(case: tuple[Array, Array]) -> tuple[Indices, Indices]:
+        mean, value = case
+        return search({"mean": mean, "value": value, "reach": reach}, np.zeros(900, dtype=np.int64), bounds)
+
+    expected = [pairs(case) for case in cases]
+    with ThreadPoolExecutor(4) as threads:
+        for _ in range(20):
+            for found, wanted in zip(threads.map(pairs, cases), expected, strict=True):
+                for part, same in zip(found, wanted, strict=True):
+                    np.testing.assert_array_equal(part, same)

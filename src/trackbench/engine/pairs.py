@@ -6,6 +6,7 @@ numbers are at hand where they are compared: no array has one for every pair.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -19,6 +20,12 @@ from trackbench.engine.machine import FUNCTION
 from trackbench.engine.trace import trace
 from trackbench.engine.vector_code import WIDTH, Text, before_members
 from trackbench.types import Array, Indices
+
+
+class _Memory(threading.local):
+    """Where a thread's pairs are put; it is kept, since to be given so much again takes longer than to search."""
+
+    pairs = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
 
 class PairSearch:
@@ -45,8 +52,7 @@ class PairSearch:
         text = function(FUNCTION, found.layout, found.outputs[0])
         self._inputs = [(item.name, item.name in second) for item in found.layout.inputs]
         self._code = kernels.code(text, len(self._inputs) + 4)
-        # Kept for the next search: to be given so much memory again takes longer than to search.
-        self._found = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        self._memory = _Memory()
 
     def __call__(self, values: Values, group: Indices, bounds: Indices) -> tuple[Indices, Indices]:
         """The pairs, sorted by their number in the first batch, then by that in the second.
@@ -60,11 +66,11 @@ class PairSearch:
         if not firsts or not seconds:
             return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
         given = [_given(values[name], second and seconds < WIDTH) for name, second in self._inputs]
-        if len(self._found[0]) < firsts * seconds:
+        one, other = self._memory.pairs
+        if len(one) < firsts * seconds:
             most = firsts * int((bounds[1:] - bounds[:-1]).max())
-            if len(self._found[0]) < most:
-                self._found = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-        one, other = self._found
+            if len(one) < most:
+                one, other = self._memory.pairs = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
         arrays = [*given, np.ascontiguousarray(group, dtype=np.int64), np.ascontiguousarray(bounds, dtype=np.int64)]
         count = self._code.call(firsts, max(seconds, WIDTH), *map(id, arrays), id(one), id(other))
         return one[:count].copy(), other[:count].copy()

@@ -19,14 +19,7 @@ from trackbench.engine.beliefs import (
 )
 from trackbench.engine.equations import Values
 from trackbench.engine.filters import Asked, FusedFilter, fused, prediction
-from trackbench.filters import (
-    AnyBelief,
-    Filter,
-    bare,
-    choose,
-    select,
-    selected_prediction,
-)
+from trackbench.filters import AnyBelief, Filter, bare, choose, select, selected_prediction
 from trackbench.multi.fused_close import close_in_all
 from trackbench.multi.mixture import of_slots
 from trackbench.multi.table import NONE, rank_in_run
