@@ -67,7 +67,7 @@ class Innovations:
             self._dof = len(white)
         row = 1 + self._row + self._filled
         self._white[row] = 0.0 if white is None else white
-        self._used[row] = used & (white is not None)
+        self._used[row] = False if white is None else used
         self._due[self._filled] = due
         self._filled += 1
         if self._filled == CHUNK:

@@ -79,7 +79,10 @@ class Scorer:
             white, used = whitened_innovation(estimate), scan.valid & self._expected[instant]
             # A view would keep all that the step computed, so that the next one found no memory that is in the cache.
             found = None if white is None else white.copy(), used, used & self._had
-            self._innovations[scan.sensor].append(Innovation(instant, *map(_read_only, found)))
+            for array in found:
+                if array is not None:
+                    array.setflags(write=False)
+            self._innovations[scan.sensor].append(Innovation(instant, *found))
         if estimate.repaired is not None:
             repaired = estimate.repaired & self._expected[instant]
             self._repaired += repaired.reshape(self._objects, self._runs).sum(axis=0)

@@ -94,7 +94,7 @@ class FilterTracker:
         number = position(state.history, scan)
         if scan.time < state.time or (number is not None and self.late == "replay"):
             return self._out_of_sequence(state, scan, number)
-        before = state._replace(history=())
+        before = state._replace(history=()) if state.history else state
         after, estimate = self._in_sequence(before, scan)
         if self.late not in ("replay", "retrodiction") or self.lag_s == 0.0:
             return after, estimate
