@@ -111,7 +111,7 @@ def owner_of(module: Any, path: str) -> tuple[Any, str]:
 def main(file: str, command: list[str]) -> None:
     clock = StageClock()
     clock.watch()
-    from trackbench.cli.commands import main as trackbench
+    from trackbench.cli import main as trackbench
 
     sys.argv = ["trackbench", *command]
     try:
