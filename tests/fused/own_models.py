@@ -219,6 +219,29 @@ class Swallows(Fading):
             return 0.5
 
 
+class AsksForATime(Fading):
+    """Does something else with a time that is no number."""
+
+    def left(self, x: Array, dt: float) -> Any:
+        return np.exp(-dt / self.time_constant_s) if np.isscalar(dt) else np.exp(-dt / 0.3)
+
+
+class AsksForAnArray(Fading):
+    """Does something else with a state that is no array."""
+
+    def left(self, x: Array, dt: float) -> Any:
+        return np.exp(-dt / (self.time_constant_s if isinstance(x, np.ndarray) else 0.3))
+
+
+class LooksAtTheNext(Fading):
+    """Takes an object's speed for that of another."""
+
+    linear: ClassVar[bool] = False
+
+    def transition(self, x: Array, dt: float) -> Array:
+        return super().transition(x + 0.1 * (x - x[..., ::-1]), dt)
+
+
 class ReadsModule(Fading):
     """Reads a number of its module."""
 

@@ -96,7 +96,7 @@ def test_a_member_in_trouble_gets_what_numpy_gives(name: str, trouble: str, kern
         expected = operations(tracker.filter, *alone(*troubled))
         untroubled, said = operations(fused, *sound), operations(fused, *troubled)
     if (name, trouble) not in HARMLESS and ("", trouble) not in HARMLESS:
-        assert fused.used == ("fused and numpy", "")
+        assert fused.used[:2] == ("fused and numpy", "")
     others = np.arange(BATCH) != TROUBLED
     for what, value in said.items():
         assert bits(value, others) == bits(untroubled[what], others), what

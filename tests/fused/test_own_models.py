@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from tests.scenes import member
 
 from trackbench.engine.choice import Engine
 from trackbench.engine.filters import fused
+from trackbench.engine.kernels import OTHER_NUMBERS
 from trackbench.engine.used import EngineUsed
 from trackbench.filters import Belief, ExtendedKalmanFilter, SigmaPointFilter, scaled
 from trackbench.models.motion import MotionModel
@@ -78,6 +80,9 @@ NOT_COMPILED = {
     own_models.CountsInItsClass: "keeps something from call to call",
     own_models.TakesTheLargest: "those of the batch among them",
     own_models.Swallows: "a number is asked for",
+    own_models.AsksForATime: OTHER_NUMBERS,
+    own_models.AsksForAnArray: OTHER_NUMBERS,
+    own_models.LooksAtTheNext: OTHER_NUMBERS,
 }
 
 
@@ -127,17 +132,26 @@ def test_a_trace_leaves_the_model_as_it_is() -> None:
     assert model._calls == 1
 
 
+def test_the_line_that_cannot_be_traced_is_named() -> None:
+    for model, function in ((own_models.ByLinearAlgebra, "noise_gain"), (own_models.ChangesItsInput, "transition")):
+        _, used = tracked(model(), "fused")
+        assert re.search(rf"\(.*own_models\.py:\d+, in {function}\)", used.why_numpy)
+
+
 MODULE = """
+from types import SimpleNamespace
 from typing import ClassVar
 from tests.fused.own_models import Fading, np
 
 FACTOR = 1.0
+SET = SimpleNamespace(factor=1.0)
 
 class Edited(Fading):
     linear: ClassVar[bool] = False
 
     def left(self, x, dt):
-        return FACTOR * np.exp(-{rate} * dt)
+        within = lambda value: FACTOR * value
+        return SET.factor * within(np.exp(-{rate} * dt))
 """
 
 
@@ -161,13 +175,13 @@ def test_a_model_that_is_edited_has_its_new_equations(edited: Callable[[float], 
     found = []
     for rate in (0.1, 0.9):
         module = edited(rate)
-        for factor in (1.0, 0.8):
-            module.FACTOR = factor
+        for factor, other in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.7)):
+            module.FACTOR, module.SET.factor = factor, other
             said, used = tracked(module.Edited(), "fused")
             assert used == EngineUsed("fused")
             assert difference(said, tracked(module.Edited(), "numpy")[0]) < agreement.LIMIT
             found.append(said[-1].mean[2, 0])
-    assert len(set(found)) == 4
+    assert len(set(found)) == 6
 
 
 @pytest.mark.parametrize(

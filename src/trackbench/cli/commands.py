@@ -31,7 +31,8 @@ from trackbench.cli.validate import check_command, schema_command
 from trackbench.cli.view import view_command
 from trackbench.errors import InputError, OutputError, TrackbenchError
 from trackbench.input_files import is_utf8
-from trackbench.stepping.faults import fault_of, place_of
+from trackbench.stepping.faults import fault_of
+from trackbench.user_code import place_of
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4

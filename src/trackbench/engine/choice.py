@@ -51,7 +51,17 @@ def chosen(name: EngineName, steps: int) -> Engine:
     if reason is not None:
         log.info("computed by NumPy: %s", reason)
         return "numpy"
+    log.info("computed by the fused engine: %s steps", f"{steps:,}")
     return "fused"
+
+
+def seconds_on_kernels(engine: Engine) -> float:
+    """How long this process has spent on making kernels so far."""
+    if engine == "numpy":
+        return 0.0
+    from trackbench.engine.filters import kernels
+
+    return kernels().seconds
 
 
 def compute_by(engine: Engine) -> Compute:

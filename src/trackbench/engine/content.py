@@ -7,7 +7,7 @@ import sys
 from collections import deque
 from collections.abc import Hashable, Iterable
 from functools import cached_property, partial
-from types import CellType, CodeType, FunctionType, MethodType, ModuleType
+from types import CellType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,6 +92,8 @@ class _Reader:
             return self._all((value.func, value.args, value.keywords))
         if isinstance(value, property | staticmethod | classmethod | MethodType) or hasattr(value, "__wrapped__"):
             return self._all(getattr(value, name, None) for name in ("fget", "__func__", "__self__", "__wrapped__"))
+        if isinstance(value, SimpleNamespace):
+            return self.read(vars(value))
         if isinstance(value, ModuleType) or _of_library(type(value)) or not hasattr(value, "__dict__"):
             return _Itself(value)
         return self._all((type(value), vars(value), getattr(value, "__pydantic_private__", None)))
@@ -102,13 +104,23 @@ class _Reader:
             return _Itself(function)
         code, cells = function.__code__, [cell.cell_contents for cell in function.__closure__ or () if cell != EMPTY]
         found = [code, function.__defaults__, function.__kwdefaults__, vars(function), cells]
-        for name in code.co_names:
-            value = function.__globals__.get(name)
-            if isinstance(value, ModuleType) and value.__name__.partition(".")[0] not in LIBRARIES:
-                found.append([vars(value).get(other) for other in code.co_names])
-            else:
-                found.append(value)
+        names = sorted(_names(code))
+        found += [_named(function.__globals__.get(name), names, set()) for name in names]
         return self._all(found)
+
+
+def _names(code: CodeType) -> set[str]:
+    """The names in a function and in those within it."""
+    return set(code.co_names).union(*(_names(part) for part in code.co_consts if isinstance(part, CodeType)))
+
+
+def _named(value: Any, names: list[str], modules: set[str]) -> Any:
+    """What a name stands for: of a user's module, what the names in it stand for."""
+    if not isinstance(value, ModuleType) or value.__name__.partition(".")[0] in LIBRARIES:
+        return value
+    if value.__name__ in modules:
+        return None
+    return [_named(vars(value).get(name), names, modules | {value.__name__}) for name in names]
 
 
 def _of_class(kind: type) -> list[Any]:

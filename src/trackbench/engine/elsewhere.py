@@ -30,6 +30,11 @@ def form_of(kind: type) -> Hashable:
     return Content(kind) if from_elsewhere(kind) else kind
 
 
+def of_elsewhere(key: Hashable) -> bool:
+    """Whether equations of such a key call a function that is none of the bench's own."""
+    return isinstance(key, Content) or (isinstance(key, tuple) and any(map(of_elsewhere, key)))
+
+
 def is_traced(values: Values) -> bool:
     """Whether a function is called with symbols."""
     return any(isinstance(value, Symbol) for value in values.values())

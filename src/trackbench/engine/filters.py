@@ -62,7 +62,7 @@ class FusedFilter:
         self._equations: dict[Hashable, Equations] = {}
         self._scan: Any = None
         """The one that is taken in, of which kernels know but a part."""
-        self._by_kernels = self._members_by_numpy = False
+        self._by_kernels, self._again = False, 0
         self._untraced: dict[str, str] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -75,7 +75,7 @@ class FusedFilter:
         reasons = "; ".join(f"{name}: {why}" for name, why in self._untraced.items())
         if self._untraced and not self._by_kernels:
             return EngineUsed("numpy", reasons)
-        return EngineUsed("fused and numpy" if self._untraced or self._members_by_numpy else "fused", reasons)
+        return EngineUsed("fused and numpy" if self._untraced or self._again else "fused", reasons, self._again)
 
     @property
     def motions(self) -> tuple[MotionModel, ...]:
@@ -118,6 +118,7 @@ class FusedFilter:
     def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
         """The belief once it is known what is believed ``dt`` seconds later; with several motion models, by NumPy."""
         if self.modes:
+            self._untraced.setdefault("smoothing", "several motion models are smoothed by NumPy")
             found: AnyBelief = self.filter.smooth(belief, later, dt)
             return found
         values = taken_apart(belief, without=REUSED) | taken_apart(later, LATER, REUSED) | self.time(dt)
@@ -172,7 +173,7 @@ class FusedFilter:
         before = self._kernels.members_by_numpy
         found = self._kernels(equations, values)
         self._scan = None
-        self._members_by_numpy |= self._kernels.members_by_numpy > before
+        self._again += self._kernels.members_by_numpy - before
         if equations.key in self._kernels.untraced:
             self._untraced.setdefault(*self._kernels.untraced[equations.key])
         else:

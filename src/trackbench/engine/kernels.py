@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Mapping, Sequence
+import time
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from math import prod
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.engine import vector_code
+from trackbench.engine.elsewhere import of_elsewhere
 from trackbench.engine.equations import Equations, Values, by_numpy
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Untraceable
 from trackbench.engine.layout import Input, KernelLayout
@@ -18,11 +20,15 @@ from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
 from trackbench.engine.source import packed, source_key, unpacked
 from trackbench.engine.trace import trace
 from trackbench.types import Array, Indices, Mask
+from trackbench.user_code import place_of
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096
 #: From how many members on a group is computed by itself: its last vector computes some members twice.
 LEAST_GROUP = 8 * vector_code.WIDTH
+#: How far machine code of a user's function may be from NumPy, as a share of the largest component: any rounding.
+AGREEMENT = 1e-6
+OTHER_NUMBERS = "its machine code gives other numbers than NumPy"
 
 
 class Kernel(NamedTuple):
@@ -42,6 +48,7 @@ class Passage(NamedTuple):
     equations: Equations
     kernel: Kernel | None
     """None: NumPy computes."""
+    made_for: Hashable
     batch: tuple[int, ...]
     members: int
     groups: int
@@ -62,10 +69,14 @@ class Kernels:
         self._kept = kept or Kept()
         self._found: dict[Hashable, Kernel | None] = {}
         self._plans: dict[Hashable, Passage] = {}
+        self._unproven: set[Hashable] = set()
+        """For what the kernels of a user's functions were made that have not been compared with NumPy."""
         self.untraced: dict[Hashable, tuple[str, str]] = {}
         """By the key of equations that NumPy computes, their name and why."""
         self.members_by_numpy = 0
         """How many members of batches were computed again."""
+        self.seconds = 0.0
+        """Spent on making kernels, or on loading them."""
 
     def __call__(self, equations: Equations, values: Values) -> dict[str, Array]:
         """What the equations give; see :class:`trackbench.engine.equations.Compute`."""
@@ -73,6 +84,12 @@ class Kernels:
         if plan.kernel is None or plan.members == 0:
             return by_numpy(equations, values)
         outputs, held = _run(plan, plan.kernel, values)
+        if (
+            self._unproven
+            and plan.made_for in self._unproven
+            and not self._proves(equations, plan, values, outputs, held)
+        ):
+            return by_numpy(equations, values)
         if held is not None:
             self._again(equations, plan, values, outputs, ~held)
         return outputs
@@ -103,7 +120,11 @@ class Kernels:
         inputs = tuple(_input(name, values[name], rank, batch) for name, rank in equations.ranks.items())
         made_for = equations.name, equations.key, inputs
         if made_for not in self._found:
+            begin = time.perf_counter()
             self._found[made_for] = self._made(equations, inputs)
+            self.seconds += time.perf_counter() - begin
+            if of_elsewhere(equations.key):
+                self._unproven.add(made_for)
         kernel = self._found[made_for]
         ways = (
             [(item.name, item, _as_it_is(item, values[item.name], batch)) for item in kernel.layout.inputs]
@@ -115,7 +136,7 @@ class Kernels:
         # The equations are kept, so that no others have their id.
         grouped = any(item.level == GROUP for _, item, _ in ways)
         groups = prod(batch[:-1]) if grouped else 1
-        plan = self._plans[key] = Passage(equations, kernel, batch, prod(batch), groups, ways)
+        plan = self._plans[key] = Passage(equations, kernel, made_for, batch, prod(batch), groups, ways)
         return plan
 
     def _made(self, equations: Equations, inputs: Sequence[Input]) -> Kernel | None:
@@ -127,7 +148,8 @@ class Kernels:
             try:
                 layout, code = self._traced(equations, inputs, own)
             except Untraceable as reason:
-                self.untraced[equations.key] = equations.name, str(reason)
+                where = place_of(reason) or (reason.__cause__ and place_of(reason.__cause__))
+                self.untraced[equations.key] = equations.name, f"{reason} ({where})" if where else str(reason)
                 return None
         parts, filled = [], [0, 1]
         for output in layout.outputs:
@@ -163,30 +185,58 @@ class Kernels:
     def _key(self, what: str) -> str:
         return hashlib.sha256(f"{self._processor.key}\n{what}".encode()).hexdigest()
 
+    def _proves(
+        self, equations: Equations, plan: Passage, values: Values, outputs: Mapping[str, Array], held: Mask | None
+    ) -> bool:
+        """Whether NumPy gives the same of the first and the last member, which makes sure that a user's function is one
+        of each member by itself, and does not go by the type of what it is given."""
+        good = np.arange(plan.members) if held is None else np.flatnonzero(held)
+        if not len(good):
+            return True
+        places = good[[0, -1]] if plan.batch else good
+        for name, expected in _by_numpy_alone(equations, plan, values, outputs, places):
+            found = outputs[name].reshape(*expected.shape[:-1], plan.members)[..., places]
+            scale = np.max(np.abs(expected), initial=0.0, where=np.isfinite(expected))
+            if not np.allclose(found, expected, AGREEMENT, AGREEMENT * scale, equal_nan=True):
+                self._found[plan.made_for] = None
+                self.untraced[equations.key] = equations.name, OTHER_NUMBERS
+                self._plans.clear()
+                return False
+        self._unproven.discard(plan.made_for)
+        return True
+
     def _again(
         self, equations: Equations, plan: Passage, values: Values, outputs: dict[str, Array], which: Mask
     ) -> None:
         """Compute some members by NumPy."""
-        batch, places = plan.batch, np.flatnonzero(which)
+        places = np.flatnonzero(which)
         self.members_by_numpy += len(places)
-        if batch and len(places) == 1:
+        if plan.batch and len(places) == 1:
             # Of one member alone NumPy sums in another order, so that its bits would depend on the others.
             places = places.repeat(2)
-        count = len(places)
-        chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
-        for name, said in by_numpy(equations, chosen).items():
-            if said is None:
-                continue
-            said = np.asarray(said)
+        for name, said in _by_numpy_alone(equations, plan, values, outputs, places):
+            components = said.shape[:-1]
             if name not in outputs:
                 # Of the others there is nothing to be said.
-                outputs[name] = np.zeros(said.shape[: said.ndim - len(batch)] + batch, dtype=said.dtype)
-            found = outputs[name]
-            components = found.shape[: found.ndim - len(batch)]
-            missing = found.ndim - said.ndim
-            full = said.reshape(components + (1,) * missing + said.shape[len(components) :])
-            full = np.broadcast_to(full, components + _one_axis(len(batch), count))
-            found.reshape(*components, plan.members)[..., places] = full.reshape(*components, count)
+                outputs[name] = np.zeros(components + plan.batch, dtype=said.dtype)
+            outputs[name].reshape(*components, plan.members)[..., places] = said
+
+
+def _by_numpy_alone(
+    equations: Equations, plan: Passage, values: Values, outputs: Mapping[str, Array], places: Indices
+) -> Iterator[tuple[str, Array]]:
+    """What NumPy gives of some members: of each output its name, and ``(components..., places)``."""
+    batch, count = plan.batch, len(places)
+    chosen = {name: _members(values[name], rank, batch, places) for name, rank in equations.ranks.items()}
+    for name, found in by_numpy(equations, chosen).items():
+        if found is None:
+            continue
+        said = np.asarray(found)
+        axes = (outputs[name].ndim if name in outputs else said.ndim) - len(batch)
+        components, missing = said.shape[:axes], axes + len(batch) - said.ndim
+        full = said.reshape(components + (1,) * missing + said.shape[axes:])
+        full = np.broadcast_to(full, components + _one_axis(len(batch), count))
+        yield name, full.reshape(*components, count)
 
 
 def batch_of(ranks: Mapping[str, int], values: Values) -> tuple[int, ...]:

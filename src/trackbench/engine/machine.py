@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import mmap
-from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ def unavailable() -> str | None:
         return "llvmlite is not installed: pip install 'trackbench[fast]'"
     except (ImportError, OSError) as error:
         return f"llvmlite cannot be loaded: {error}"
-    except RuntimeError:
+    except (AttributeError, RuntimeError):
         return "this llvmlite is too old: pip install 'trackbench[fast]'"
     return _other_arrays() or _no_executable_memory()
 
@@ -63,12 +63,20 @@ def _no_executable_memory() -> str | None:
     return "this machine lets no memory be made executable" if refused else None
 
 
+log = logging.getLogger(__name__)
+
+
 @cache
 def _set_option() -> None:
     """LLVM takes an option but once."""
     import llvmlite.binding as llvm
 
     llvm.set_option("trackbench", OPTION)
+
+
+@cache
+def _say_not_kept(folder: str, why: str) -> None:
+    log.info("kernels are not kept, and made anew by every process: %s cannot be written (%s)", folder, why)
 
 
 class Processor:
@@ -149,8 +157,10 @@ class Kept:
 
     def put(self, key: str, code: bytes) -> None:
         """Keep an object file under a key."""
-        with suppress(OSError):
+        try:
             write_whole(self._place(key), _checksum(key, code) + code)
+        except OSError as error:
+            _say_not_kept(str(self._folder), error.strerror or str(error))
 
     def _place(self, key: str) -> Path:
         return self._folder / f"{key}.o"

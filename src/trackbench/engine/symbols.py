@@ -107,7 +107,7 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
         if self.graph.traced:
             self.graph.refuse("a value that was kept from another call")
         if function not in FUNCTIONS:
-            self.graph.refuse(f"numpy.{function.__name__}")
+            self.graph.refuse(f"numpy.{function.__name__}, which cannot be traced")
         given = [_plain(self.graph, argument) for argument in arguments]
         chosen = {name: _plain(self.graph, value) for name, value in options.items()}
         found = FUNCTIONS[function](self.graph, *given, **chosen)

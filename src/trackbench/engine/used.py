@@ -14,6 +14,8 @@ class EngineUsed(NamedTuple):
     engine: ComputedBy
     why_numpy: str = ""
     """Why the fused engine left some or all of them to NumPy; empty where it did not, or was not asked."""
+    again: int = 0
+    """How many members of batches NumPy computed again, of which the trace did not hold."""
 
 
 def joined(parts: Iterable[EngineUsed]) -> EngineUsed | None:
@@ -23,4 +25,5 @@ def joined(parts: Iterable[EngineUsed]) -> EngineUsed | None:
         return None
     engines = {part.engine for part in known}
     reasons = dict.fromkeys(part.why_numpy for part in known if part.why_numpy)
-    return EngineUsed(engines.pop() if len(engines) == 1 else "fused and numpy", "; ".join(reasons))
+    engine = engines.pop() if len(engines) == 1 else "fused and numpy"
+    return EngineUsed(engine, "; ".join(reasons), sum(part.again for part in known))

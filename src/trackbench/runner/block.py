@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.engine.choice import compute_by
+from trackbench.engine.choice import compute_by, seconds_on_kernels
 from trackbench.engine.used import EngineUsed
 from trackbench.metrics import BlockScores, Scorer, Sums, score_together
 from trackbench.metrics.consistency import whitened_innovation
@@ -197,7 +197,7 @@ class TrackerRun:
         instant, scan = 0, scans[0]
         stepper: Stepper | None = None
         try:
-            work = self._work
+            work, engine = self._work, self._work.engine_here
             given = (scan if self._reads(scan.sensor) else masked(scan) for scan in scans)
             stepper = stepper_of(work, self._piece, work.trackers[self.name], given)
             if isinstance(stepper, Offline):
@@ -205,10 +205,11 @@ class TrackerRun:
             for instant, group in enumerate(deliveries(scans, self._reads, masked)):
                 latest = self._none
                 for scan, number, _ in group:
-                    begin = time.perf_counter()
+                    begin, making = time.perf_counter(), seconds_on_kernels(engine)
                     answer = stepper.step(scan)
+                    seconds = time.perf_counter() - begin - (seconds_on_kernels(engine) - making)
                     # A smoother does not work step by step.
-                    seconds = math.nan if isinstance(stepper, Offline) else time.perf_counter() - begin
+                    seconds = math.nan if isinstance(stepper, Offline) else seconds
                     latest = answer or self._none
                     self.scorer.scan(instant, scan, latest, seconds)
                     if number is not None:

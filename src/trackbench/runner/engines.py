@@ -11,6 +11,7 @@ from trackbench.engine.used import ComputedBy, EngineUsed, joined
 from trackbench.runner.work import Work
 from trackbench.stepping.steppers import Stepper
 from trackbench.stepping.tracks import TracksStepper
+from trackbench.words import counted
 
 if TYPE_CHECKING:
     from trackbench.runner.block import Block
@@ -44,3 +45,6 @@ def log_left_to_numpy(where: str, name: str, used: EngineUsed) -> None:
     if used.why_numpy:
         how = "computed by NumPy" if used.engine == "numpy" else "computed by NumPy in part"
         log.info("%s: %s was %s: %s", where, name, how, used.why_numpy)
+    if used.again:
+        members = counted(used.again, "member")
+        log.info("%s: %s: %s of batches computed again by NumPy, where the trace did not hold", where, name, members)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import sysconfig
-import traceback
-from collections.abc import Iterable
-from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 from trackbench.errors import TrackbenchError
 from trackbench.trackers.answers import TrackerFault
+from trackbench.user_code import Frame, last_of_user, place_of
 
 #: What it gave is no estimate; a calculation failed; it raised anything else; its process died or was ended.
 Kind = Literal["answer", "arithmetic", "raised", "died"]
@@ -74,55 +70,11 @@ def _cause(error: BaseException) -> str:
     return f"{name}: {text.strip()}" if text else name
 
 
-class _Frame(NamedTuple):
-    file: str
-    line: int
-    function: str
-
-
-def place_of(error: BaseException, *, installed: bool = True) -> str | None:
-    """The last frame of an error's traceback that is the user's code; None where none is.
-
-    Args:
-        error: what was raised.
-        installed: whether the code of an installed package may be the user's.
-    """
-    frames = traceback.extract_tb(error.__traceback__)
-    return _last_of_user([_Frame(frame.filename, frame.lineno or 0, frame.name) for frame in frames], installed)
-
-
 #: A line of what faulthandler writes, the most recent call first.
 _DUMPED = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
 
 
 def place_in_dump(text: str) -> str | None:
-    """As ``place_of``, of what Python's faulthandler wrote of a process."""
-    frames = [_Frame(file, int(line), function) for file, line, function in _DUMPED.findall(text)]
-    return _last_of_user(frames[::-1])
-
-
-def _last_of_user(frames: list[_Frame], installed: bool = True) -> str | None:
-    paths = sysconfig.get_paths()
-    bench = Path(__file__).resolve().parents[1]
-    standard: list[str | Path] = [paths["stdlib"], paths["platstdlib"], bench]
-    packages: list[str | Path] = [paths["purelib"], paths["platlib"]]
-    # A tracker may itself be an installed package.
-    arrays: list[str | Path] = [Path(place, name) for place in packages for name in ("numpy", "scipy")]
-    for others in ([*standard, *packages], [*standard, *arrays])[: 1 + installed]:
-        for frame in reversed(frames):
-            if not frame.file.startswith("<") and not _below(frame.file, others):
-                return f"{_shown(frame.file)}:{frame.line}, in {frame.function}"
-    return None
-
-
-def _below(file: str, folders: Iterable[str | Path]) -> bool:
-    path = Path(os.path.realpath(file))
-    return any(path.is_relative_to(os.path.realpath(folder)) for folder in folders)
-
-
-def _shown(file: str) -> str:
-    path = Path(file)
-    try:
-        return str(path.relative_to(Path.cwd()))
-    except (ValueError, OSError):
-        return file
+    """As :func:`trackbench.user_code.place_of`, of what Python's faulthandler wrote of a process."""
+    frames = [Frame(file, int(line), function) for file, line, function in _DUMPED.findall(text)]
+    return last_of_user(frames[::-1])
