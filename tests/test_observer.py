@@ -95,7 +95,8 @@ def test_a_tracker_that_fails_is_seen_up_to_then_and_the_others_to_the_end(tiny:
 def test_looking_changes_nothing(tiny: Path, workers: int) -> None:
     loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
     truth = truth_of(loaded)
-    alone = run(loaded, [truth])
+    with executor() as here:
+        alone = run(loaded, [truth], executor=here)
     with executor(workers) as chosen:
         seen = run(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
     assert alone.summary.fingerprint == seen.summary.fingerprint
