@@ -71,7 +71,7 @@ def test_a_run_leaves_a_result_a_report_and_a_recording(cli: Cli, tiny: Path) ->
 
 def test_only_the_result_is_on_stdout_with_json(tiny: Path, tmp_path: Path, trackbench: str) -> None:
     # A cache of its own: pygame says hello where highway-env is imported to simulate.
-    environment = {**os.environ, "TRACKBENCH_CACHE": str(tmp_path / "cache")}
+    environment = {**os.environ, "TRACKBENCH_CACHE": str(tmp_path / "cache"), "PYTHONUNBUFFERED": ""}
     code = "class T:\n    def step(self, state, scan):\n        print('noise')\n        return None, None\n"
     (tmp_path / "talks.py").write_text(code, encoding="utf-8")
     done = subprocess.run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import io
 import os
 import resource
 import signal
@@ -191,6 +192,9 @@ def _prepare(dump: int, bench: int) -> None:
         leave(0)
 
     threading.Thread(target=watch, daemon=True).start()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # What a tracker printed before its process is killed is seen.
+        sys.stdout.reconfigure(line_buffering=True)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
