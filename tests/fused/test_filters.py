@@ -45,7 +45,7 @@ def test_each_operation(name: str, kernels: Kernels, of_each_kind: dict[str, Dri
         later = by_numpy.update.belief
         assert near(fused.smooth(belief, later, 0.1), own.smooth(belief, later, 0.1))
         # Of several motion models NumPy smooths.
-        assert fused.used.engine == ("fused and numpy" if name == "ekf-imm" else "fused")
+        assert fused.used.engine == ("fused and numpy" if len(own.motions) > 1 else "fused")
 
 
 def _under_way(of: Drive, name: str) -> AnyBelief:
