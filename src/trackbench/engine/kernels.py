@@ -84,11 +84,9 @@ class Kernels:
         if plan.kernel is None or plan.members == 0:
             return by_numpy(equations, values)
         outputs, held = _run(plan, plan.kernel, values)
-        if (
-            self._unproven
-            and plan.made_for in self._unproven
-            and not self._proves(equations, plan, values, outputs, held)
-        ):
+        # The set is empty nearly always, and what a kernel was made for takes its time to hash.
+        unproven = self._unproven and plan.made_for in self._unproven
+        if unproven and not self._proves(equations, plan, values, outputs, held):
             return by_numpy(equations, values)
         if held is not None:
             self._again(equations, plan, values, outputs, ~held)
@@ -123,7 +121,7 @@ class Kernels:
             begin = time.perf_counter()
             self._found[made_for] = self._made(equations, inputs)
             self.seconds += time.perf_counter() - begin
-            if of_elsewhere(equations.key):
+            if self._found[made_for] is not None and of_elsewhere(equations.key):
                 self._unproven.add(made_for)
         kernel = self._found[made_for]
         ways = (
@@ -193,6 +191,7 @@ class Kernels:
         good = np.arange(plan.members) if held is None else np.flatnonzero(held)
         if not len(good):
             return True
+        self._unproven.discard(plan.made_for)
         places = good[[0, -1]] if plan.batch else good
         for name, expected in _by_numpy_alone(equations, plan, values, outputs, places):
             found = outputs[name].reshape(*expected.shape[:-1], plan.members)[..., places]
@@ -202,7 +201,6 @@ class Kernels:
                 self.untraced[equations.key] = equations.name, OTHER_NUMBERS
                 self._plans.clear()
                 return False
-        self._unproven.discard(plan.made_for)
         return True
 
     def _again(
