@@ -24,8 +24,8 @@ import numpy as np
 
 from doctor.faults import CORRECT, MUTANTS, ONE_SENSOR
 from doctor.traffic import rates as traffic
-from trackbench.doctor.examine import Doctor, Examination
-from trackbench.doctor.subject import SENSORS
+from trackbench.subjects.doctor.examine import Doctor, Examination
+from trackbench.subjects.doctor.subject import SENSORS
 
 PAGE = Path(__file__).parents[1] / "docs" / "doctor-rates.md"
 #: Number of seeds of the noise and the probes.

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from benchmarks.scene import DT, SENSORS, weaving
-from tests import peers
+from tests.support import peers
 
+from trackbench.base.types import Array, Gaussian, Scan, Truth
+from trackbench.driving.steppers import Direct
 from trackbench.engine.choice import Engine, compute_by
 from trackbench.metrics import BlockScores, Scorer, Target, score_together
 from trackbench.metrics.conditions import conditions
@@ -16,11 +18,9 @@ from trackbench.metrics.estimates import ESTIMATES
 from trackbench.models.motion import Kinematics
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.sensing.scans import ideal_sensors, sense
-from trackbench.stepping.steppers import Direct
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Array, Gaussian, Scan, Truth
 
 NOISE = {"acceleration_sigma_mps2": peers.ACCELERATION_SIGMA}
 YAW_NOISE = {"yaw_acceleration_sigma_radps2": peers.YAW_ACCELERATION_SIGMA}

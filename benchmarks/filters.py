@@ -16,8 +16,8 @@ from benchmarks import engines
 from benchmarks.eigen.programs import SOURCES, Missing, Program, program
 from benchmarks.goal import at_least, at_most
 
+from trackbench.base.types import Array
 from trackbench.engine.choice import Engine
-from trackbench.types import Array
 
 RUNS, STEPS = 1000, 500
 PEER_RUNS = 10

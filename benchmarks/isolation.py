@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.stepping.isolation import Isolation
-from trackbench.stepping.remote import start
+from trackbench.base.types import Scan
+from trackbench.driving.isolation import Isolation
+from trackbench.driving.remote import start
 from trackbench.trackers.config import PluginConfig
-from trackbench.types import Scan
 
 #: Members of a batch, and steps of which the median counts.
 BATCHES, STEPS = (1, 400, 2000, 8000), 300

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.base.types import Observer, Truth
 from trackbench.models.sensors import Lidar, Radar
-from trackbench.types import Observer, Truth
 
 DT = 0.05
 SENSORS = {

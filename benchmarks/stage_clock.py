@@ -37,7 +37,7 @@ STAGES = {
         "trackbench.document.markdown:to_markdown",
     ],
     "figures": ["trackbench.document.drawing:svg_in_page", "trackbench.document.drawing:svg_file"],
-    "recording": ["trackbench.recording.writer:write"],
+    "recording": ["trackbench.subjects.recording.writer:write"],
     "tracing": ["trackbench.engine.trace:trace"],
     "emitting": ["trackbench.engine.vector_code:function"],
     "compiling": ["trackbench.engine.machine:Processor.object_code"],

@@ -20,15 +20,15 @@ from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
 from stonesoup.types.state import State
 from trackeval.metrics import CLEAR, HOTA, Identity
 
-from trackbench.traffic_metrics import TrackHistory, TruthHistory, score_run
-from trackbench.traffic_metrics.assignment import nearby, similarity
-from trackbench.traffic_metrics.clear import switches, track_of_each
-from trackbench.traffic_metrics.gospa import gospa_of_sets
-from trackbench.traffic_metrics.hota import hota
-from trackbench.traffic_metrics.identity import identity
-from trackbench.traffic_metrics.ospa import ospa_of_parts
-from trackbench.traffic_metrics.run import LEAST_SIMILARITY, count_by_clear
-from trackbench.types import DUE
+from trackbench.base.types import DUE
+from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
+from trackbench.metrics.traffic.assignment import nearby, similarity
+from trackbench.metrics.traffic.clear import switches, track_of_each
+from trackbench.metrics.traffic.gospa import gospa_of_sets
+from trackbench.metrics.traffic.hota import hota
+from trackbench.metrics.traffic.identity import identity
+from trackbench.metrics.traffic.ospa import ospa_of_parts
+from trackbench.metrics.traffic.run import LEAST_SIMILARITY, count_by_clear
 
 CUTOFF = 5.0
 #: Steps of the long sequence, and those that Stone Soup takes.

@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 from benchmarks.goal import at_least
-from tests.peers import ACCELERATION_SIGMA
-from tests.traffic_peers import stonesoup_tracks
-from tests.traffic_scans import Traffic, traffic, vehicles
+from tests.support.peers import ACCELERATION_SIGMA
+from tests.support.traffic_peers import stonesoup_tracks
+from tests.support.traffic_scans import Traffic, traffic, vehicles
 
+from trackbench.base.types import Tracks, scan_of_run
 from trackbench.engine.choice import Engine
-from trackbench.multi import build_multi
 from trackbench.trackers.config import FilterConfig
-from trackbench.types import Tracks, scan_of_run
+from trackbench.trackers.multi import build_multi
 
 VEHICLES, RATE, CLUTTER, DETECTION = 20, 20.0, 10.0, 0.95
 BATCH, STEPS, PEER_STEPS, REPETITIONS = 100, 200, 5, 3

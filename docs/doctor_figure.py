@@ -4,10 +4,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from trackbench.doctor.examine import Doctor
-from trackbench.doctor.subject import subject
 from trackbench.document.drawing import svg_file
-from trackbench.report.examination.figures import innovation_figure
+from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.report.figures import innovation_figure
+from trackbench.subjects.doctor.subject import subject
 
 DOCS = Path(__file__).parent
 ALTERNATIVE = "Azimuth innovation of the radar over time, applied by the tracker and expected"

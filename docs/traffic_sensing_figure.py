@@ -7,15 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.patches import Polygon, Rectangle, Wedge
 
+from trackbench.base.types import DUE
 from trackbench.document.drawing import GRID, INK, MUTED, svg_file
 from trackbench.document.model import Figure, LegendEntry
+from trackbench.document.palette import OBSERVER_COLOUR
 from trackbench.models.sensors import Radar
-from trackbench.palette import OBSERVER_COLOUR
 from trackbench.sensing.due import find_due
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.truth.scripted import script
 from trackbench.truth.sources import ScriptedTruth
-from trackbench.types import DUE
 
 FILE = Path(__file__).parent / "images" / "traffic-due.svg"
 RADAR = Radar(

@@ -19,12 +19,12 @@ from stonesoup.models.transition.linear import (
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor, SqrtKalmanPredictor, UnscentedKalmanPredictor
 from stonesoup.types.state import GaussianState
 from stonesoup.updater.kalman import ExtendedKalmanUpdater, SqrtKalmanUpdater, UnscentedKalmanUpdater
-from tests.peers import ACCELERATION_SIGMA, TurningRadar, ctrv_noise, ctrv_step, cv_matrices, wrap
-from tests.scenes import LIDAR_NOISE, RADAR_NOISE, scan
+from tests.support.peers import ACCELERATION_SIGMA, TurningRadar, ctrv_noise, ctrv_step, cv_matrices, wrap
+from tests.support.scenes import LIDAR_NOISE, RADAR_NOISE, scan
 
+from trackbench.base.types import Array, Scan
 from trackbench.models.motion import ConstantTurnRateVelocity
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Scan
 
 #: The state of the filters below that move at constant velocity.
 STATE = ["px", "vx", "py", "vy"]

@@ -17,19 +17,21 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from tests.browser import CHROMIUM
+from tests.support.browser import CHROMIUM
 
+# How long an example takes says how busy the machine is, and nothing of the code.
+from tests.support.places import DOCS
+
+from trackbench.base.errors import InputError
+from trackbench.base.execution import executor
 from trackbench.cli import main
-from trackbench.errors import InputError
-from trackbench.execution import executor
-from trackbench.recording import viewer
+from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.stepping.isolation import ISOLATED, Isolation
+from trackbench.subjects.recording import viewer
 
-# How long an example takes says how busy the machine is, and nothing of the code.
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
 
@@ -53,7 +55,7 @@ trackers:
 monte_carlo: {runs: 4, seed: 7}
 """
 
-EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
+EXAMPLES = DOCS / "examples"
 
 Run = Callable[..., Result]
 

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import ABSENT, DUE, OPTIONAL, Array, FieldOfView, Mask, Scan, Tracks
 from trackbench.metrics.intervals import ratio
+from trackbench.metrics.traffic import TrackHistory, TruthHistory, score_run
 from trackbench.models.motion.cv import ConstantVelocity
-from trackbench.multi import build_multi
 from trackbench.trackers.config import FilterConfig
-from trackbench.traffic_metrics import TrackHistory, TruthHistory, score_run
-from trackbench.types import ABSENT, DUE, OPTIONAL, Array, FieldOfView, Mask, Scan, Tracks
+from trackbench.trackers.multi import build_multi
 
 from .claim import Claim
 

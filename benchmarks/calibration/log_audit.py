@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from tests.recorded_log import Errors, write_log
+from tests.support.recorded_log import Errors, write_log
 
-from trackbench.log_audit import LogAudit, audit_log
-from trackbench.log_audit.blocks import blocks_of
 from trackbench.scenario import load_scenario
+from trackbench.subjects.log_audit.audit import LogAudit, audit_log
+from trackbench.subjects.log_audit.blocks import blocks_of
 
 from .claim import Claim, rate
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 import trackbench as tb
+from trackbench.base.types import Array
 from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.types import Array
 
 from .claim import Claim, rate
 

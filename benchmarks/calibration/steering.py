@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from highway_env.vehicle.controller import ControlledVehicle
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.truth import highway
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.differences import EQUIVALENT, differences
 from trackbench.metrics.intervals import Interval, paired
+from trackbench.metrics.traffic import METRICS
 from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
-from trackbench.traffic_metrics import METRICS
-from trackbench.types import Array, Indices
 
 from . import traffic_pool
 from .claim import Claim, rate

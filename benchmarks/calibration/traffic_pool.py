@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 import trackbench as tb
-from trackbench.execution import InProcess
+from trackbench.base.execution import InProcess
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.stored import from_sums
+from trackbench.metrics.traffic import METRICS
 from trackbench.runner.traffic import TrafficScores, run_traffic_block
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import work_of
 from trackbench.scenario.truth import PendingTruths
-from trackbench.traffic_metrics import METRICS
-from trackbench.types import Array, Indices
 
 TRACKERS = ("gnn", "jpda", "pmb")
 RUNS = 1000

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import trackbench as tb
 from trackbench.api.listener import Listener
-from trackbench.api.tune import TunePlan, tune_trackers
-from trackbench.execution import InProcess
-from trackbench.tuning.objectives import OBJECTIVES
-from trackbench.tuning.tune import Tuning
+from trackbench.base.execution import InProcess
+from trackbench.subjects.tuning.api import TunePlan, tune_trackers
+from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.tune import Tuning
 
 from .claim import Claim, rate
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.types import Array
+from trackbench.base import linalg
+from trackbench.base.types import Array
 
 SAMPLES = 200
 

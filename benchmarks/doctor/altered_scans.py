@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from trackbench.types import Array, Scan
-from trackbench.units import wrap_angle
+from trackbench.base.types import Array, Scan
+from trackbench.base.units import wrap_angle
 
 Alter = Callable[[Scan], Scan]
 

@@ -7,16 +7,16 @@ from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
 
+from trackbench.base.types import Scan
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Sensor
 from trackbench.trackers import builtin
 from trackbench.trackers.filtered import FilterTracker
-from trackbench.types import Scan
 
 from . import builtin_models as wrong
 from .jacobian_faults import RadarRow
 from .method_faults import JACOBIANS
-from .mutant import Mutant, Subject
+from .mutant import ExaminedTracker, Mutant
 
 
 def _initial(start: str, velocity_sigma: float) -> dict[str, Any]:
@@ -52,9 +52,9 @@ def ukf_ctrv(
     )
 
 
-EKF = Subject("builtin_ekf", ekf_cv)
-UKF = Subject("builtin_ukf", ukf_ctrv, turning=True)
-KF = Subject("builtin_kf", kf_cv, uses_rate=False)
+EKF = ExaminedTracker("builtin_ekf", ekf_cv)
+UKF = ExaminedTracker("builtin_ukf", ukf_ctrv, turning=True)
+KF = ExaminedTracker("builtin_kf", kf_cv, uses_rate=False)
 
 
 class SeenBy:
@@ -87,7 +87,7 @@ def _certain(tracker: FilterTracker) -> FilterTracker:
     return replace(tracker, initial=tracker.initial.model_copy(update={"covariance_diag": variances}))
 
 
-def any_filter(subject: Subject) -> Iterator[Mutant]:
+def any_filter(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.behind("overconfident_start", "all", _certain)
     start = {"start": "first_reading"}
     polar = wrong.RadarPolarStart
@@ -108,7 +108,7 @@ def any_filter(subject: Subject) -> Iterator[Mutant]:
     yield subject.behind("nonfinite", "dt_in_noise", _with_motion, noise)
 
 
-def predictions(subject: Subject) -> Iterator[Mutant]:
+def predictions(subject: ExaminedTracker) -> Iterator[Mutant]:
     models = [
         ("azimuth_not_wrapped", "residual", wrong.RadarNotWrapped),
         ("arctan_quadrant", "prediction", wrong.RadarByArctan),
@@ -119,7 +119,7 @@ def predictions(subject: Subject) -> Iterator[Mutant]:
         yield subject.behind(fault, variant, SeenBy, model, sensor="radar")
 
 
-def linearised(subject: Subject) -> Iterator[Mutant]:
+def linearised(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.behind("doppler_sign", "prediction", SeenBy, wrong.RadarRateNegated, sensor="radar")
     for variant, fault, kind in JACOBIANS:
         model = wrong.radar_with_jacobian(fault) if issubclass(fault, RadarRow) else wrong.LidarNotTurned
@@ -128,7 +128,7 @@ def linearised(subject: Subject) -> Iterator[Mutant]:
     yield subject.behind("nonfinite", "range", SeenBy, wrong.RadarWithoutGuard)
 
 
-def turning(subject: Subject) -> Iterator[Mutant]:
+def turning(subject: ExaminedTracker) -> Iterator[Mutant]:
     start = {"start": "two_readings"}
     yield subject.behind("arctan_quadrant", "first_course", _with_motion, wrong.CourseByArctan, options=start)
     subtracting = wrong.subtracts_too_much

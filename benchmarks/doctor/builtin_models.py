@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Scan
+from trackbench.base.units import wrap_angle
 from trackbench.filters import Belief, Measured, PredictedMeasurement, SingleModelFilter, Update
 from trackbench.models.motion import InitialSigmas
 from trackbench.models.motion.ctrv import ConstantTurnRateVelocity
 from trackbench.models.motion.cv import ConstantVelocity
 from trackbench.models.sensors import SENSOR_MODELS, Lidar, Radar, SpeedRadar
-from trackbench.types import Array, Gaussian, Scan
-from trackbench.units import wrap_angle
 
 from .jacobian_faults import RadarRow
 

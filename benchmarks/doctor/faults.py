@@ -9,19 +9,19 @@ from . import method_faults as methods
 from .cholesky_ukf import CholeskyUkf
 from .correct import CORRECT, ONE_SENSOR
 from .filterpy_ekf import FilterPyEkf, FilterPyUkf
-from .mutant import Mutant, Subject
+from .mutant import ExaminedTracker, Mutant
 from .plain_ekf import PlainEkf
 from .plain_kf import PlainKf
 from .plain_ukf import PlainUkf
 
 __all__ = ["CORRECT", "MUTANTS", "ONE_SENSOR", "Mutant"]
 
-PLAIN_EKF = Subject("plain_ekf", PlainEkf)
-PLAIN_UKF = Subject("plain_ukf", PlainUkf, turning=True)
-PLAIN_KF = Subject("plain_kf", PlainKf, uses_rate=False)
-CHOLESKY_UKF = Subject("cholesky_ukf", CholeskyUkf)
-FILTERPY_EKF = Subject("filterpy_ekf", FilterPyEkf)
-FILTERPY_UKF = Subject("filterpy_ukf", FilterPyUkf, turning=True)
+PLAIN_EKF = ExaminedTracker("plain_ekf", PlainEkf)
+PLAIN_UKF = ExaminedTracker("plain_ukf", PlainUkf, turning=True)
+PLAIN_KF = ExaminedTracker("plain_kf", PlainKf, uses_rate=False)
+CHOLESKY_UKF = ExaminedTracker("cholesky_ukf", CholeskyUkf)
+FILTERPY_EKF = ExaminedTracker("filterpy_ekf", FilterPyEkf)
+FILTERPY_UKF = ExaminedTracker("filterpy_ukf", FilterPyUkf, turning=True)
 
 SUBJECTS = {
     PLAIN_EKF: (

@@ -8,7 +8,7 @@ from . import filter_faults as filtering
 from . import jacobian_faults as jacobian
 from . import sensor_faults as sensing
 from . import sigma_point_faults as points
-from .mutant import Mutant, Subject
+from .mutant import ExaminedTracker, Mutant
 
 PREDICTIONS = [
     ("azimuth_not_wrapped", "residual", sensing.BareResidual),
@@ -56,31 +56,31 @@ CORRECTIONS = [
 ]
 
 
-def predictions(subject: Subject) -> Iterator[Mutant]:
+def predictions(subject: ExaminedTracker) -> Iterator[Mutant]:
     for fault, variant, mixin in PREDICTIONS:
         yield subject.mixed(fault, variant, mixin, "radar")
 
 
-def linearised(subject: Subject) -> Iterator[Mutant]:
+def linearised(subject: ExaminedTracker) -> Iterator[Mutant]:
     # Without a Jacobian this is the same as a negated measurement.
     yield subject.mixed("doppler_sign", "prediction", sensing.RateNegated, "radar")
     for variant, mixin, kind in JACOBIANS:
         yield subject.mixed("jacobian_wrong", variant, mixin, kind)
 
 
-def motion_jacobians(subject: Subject) -> Iterator[Mutant]:
+def motion_jacobians(subject: ExaminedTracker) -> Iterator[Mutant]:
     for variant, mixin in MOTION_JACOBIANS:
         yield subject.mixed("jacobian_wrong", variant, mixin)
 
 
-def starts(subject: Subject) -> Iterator[Mutant]:
+def starts(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed("overconfident_start", "all", filtering.CertainStart)
     for variant, mixin in (("position", filtering.PolarStart), ("with_rate", filtering.PolarStartWithRate)):
         yield subject.mixed("polar_start", variant, mixin, "radar", start="first_reading")
     yield subject.mixed("nonfinite", "dt_in_start", filtering.StartAtOneInstant, start="two_readings")
 
 
-def corrections(subject: Subject) -> Iterator[Mutant]:
+def corrections(subject: ExaminedTracker) -> Iterator[Mutant]:
     for fault, variant, mixin, kind in CORRECTIONS:
         yield subject.mixed(fault, variant, mixin, kind)
     yield Mutant(
@@ -88,7 +88,7 @@ def corrections(subject: Subject) -> Iterator[Mutant]:
     )
 
 
-def divisions(subject: Subject) -> Iterator[Mutant]:
+def divisions(subject: ExaminedTracker) -> Iterator[Mutant]:
     """Divisions by values that can be zero."""
     fault = "nonfinite"
     yield subject.mixed(fault, "dt_in_noise", filtering.NoisePerSecond)
@@ -101,22 +101,22 @@ def divisions(subject: Subject) -> Iterator[Mutant]:
         yield subject.mixed(fault, "range", filtering.UnguardedRange)
 
 
-def unscented(subject: Subject) -> Iterator[Mutant]:
+def unscented(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed("angle_mean_not_circular", "spread", sensing.BareSpread, "radar")
     yield subject.mixed("angle_mean_not_circular", "mean", sensing.BareMean, "radar")
     yield subject.mixed("arctan_quadrant", "first_course", filtering.ArctanCourse, start="two_readings")
 
 
-def innovation(subject: Subject) -> Iterator[Mutant]:
+def innovation(subject: ExaminedTracker) -> Iterator[Mutant]:
     yield subject.mixed("azimuth_not_wrapped", "innovation", sensing.BareInnovation, "radar")
 
 
-def raising(subject: Subject) -> Mutant:
+def raising(subject: ExaminedTracker) -> Mutant:
     """Its Cholesky factor fails after an update at the azimuth pi."""
     return subject.mixed("angle_mean_not_circular", "cross_covariance", sensing.BareCross, "radar")
 
 
-def sigma_points(subject: Subject) -> Iterator[Mutant]:
+def sigma_points(subject: ExaminedTracker) -> Iterator[Mutant]:
     for fault, variant, mixin, kind in SIGMA_POINTS:
         yield subject.mixed(fault, variant, mixin, kind)
     yield subject.mixed("sigma_points_not_redrawn", "update", points.NotRedrawn)

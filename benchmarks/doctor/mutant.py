@@ -33,7 +33,7 @@ class Mutant:
 
 
 @dataclass(frozen=True)
-class Subject:
+class ExaminedTracker:
     """A correct tracker that takes ``start``, ``velocity_sigma``, ``acceleration_sigma`` and, where it turns,
     ``yaw_acceleration_sigma``."""
 

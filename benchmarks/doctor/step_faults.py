@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .mutant import Mutant, Subject
+from .mutant import ExaminedTracker, Mutant
 from .plain import Array, Belief, Track, wrap
 
 
@@ -237,7 +237,7 @@ COURSES = [("spread", BareCourse), ("mean", MeanOfCourses), ("mean_wrapped_first
 DELAYS = [("predicted_later", PredictsTheFuture), ("predicted_earlier", PredictsThePast)]
 
 
-def steps(subject: Subject) -> Iterator[Mutant]:
+def steps(subject: ExaminedTracker) -> Iterator[Mutant]:
     for fault, variant, mixin, kind in STEPS:
         yield subject.mixed(fault, variant, mixin, kind)
     if subject.turning:

@@ -10,19 +10,19 @@ import numpy as np
 from . import altered_estimates as estimates
 from . import altered_scans as scans
 from .altered_scans import AZIMUTH, RANGE, RATE, YAW, X, Y
-from .mutant import Mutant, Subject
+from .mutant import ExaminedTracker, Mutant
 from .wrappers import AlteredEstimates, AlteredScans, MissedSkipped, SecondDropped, WrongClock
 
 ACCELERATION_SIGMA, YAW_ACCELERATION_SIGMA = 3.0, 0.5
 DEGREE = pi / 180
 
 
-def mutants(subject: Subject) -> Iterator[Mutant]:
+def mutants(subject: ExaminedTracker) -> Iterator[Mutant]:
     for part in (measurements, noise, timing, start, chance, answers):
         yield from part(subject)
 
 
-def measurements(subject: Subject) -> Iterator[Mutant]:
+def measurements(subject: ExaminedTracker) -> Iterator[Mutant]:
     def mutant(fault: str, variant: str, alter: scans.Alter, sensor: str | None = None) -> Mutant:
         return subject.behind(fault, variant, AlteredScans, alter, sensor=sensor)
 
@@ -60,7 +60,7 @@ def measurements(subject: Subject) -> Iterator[Mutant]:
     yield mutant("nonfinite", "missed_measurement", scans.missed_used_as_valid)
 
 
-def noise(subject: Subject) -> Iterator[Mutant]:
+def noise(subject: ExaminedTracker) -> Iterator[Mutant]:
     for fault, scales in (("q_too_small", (1e-2, 1e-3, 1e-4)), ("q_too_large", (1e2, 1e3, 1e4))):
         for scale in scales:
             options = {"acceleration_sigma": ACCELERATION_SIGMA * scale**0.5}
@@ -75,7 +75,7 @@ def noise(subject: Subject) -> Iterator[Mutant]:
             yield subject.behind(fault, variant, AlteredScans, alter, sensor=kind, factor=factor)
 
 
-def timing(subject: Subject) -> Iterator[Mutant]:
+def timing(subject: ExaminedTracker) -> Iterator[Mutant]:
     clocks = {
         "stale": lambda _now, before, _time: before,
         "fixed_0.1": lambda now, _before, _time: now + 0.1,
@@ -93,20 +93,20 @@ def timing(subject: Subject) -> Iterator[Mutant]:
         yield subject.behind("missed_scan_not_predicted", variant, MissedSkipped, lost)
 
 
-def start(subject: Subject) -> Iterator[Mutant]:
+def start(subject: ExaminedTracker) -> Iterator[Mutant]:
     for sigma in (0.1, 0.3, 1.0):
         start = {"start": "first_reading"}
         yield subject.optioned("overconfident_start", f"velocity_{sigma}", start, velocity_sigma=sigma)
 
 
-def chance(subject: Subject) -> Iterator[Mutant]:
+def chance(subject: ExaminedTracker) -> Iterator[Mutant]:
     fault = "not_deterministic"
     yield subject.behind(fault, "drawn_start", AlteredScans, scans.drawn(1.0), "starting")
     yield subject.behind(fault, "perturbed_measurements", AlteredScans, scans.drawn(0.2), "started")
     yield subject.behind(fault, "sampled_output", AlteredEstimates, estimates.sampled)
 
 
-def answers(subject: Subject) -> Iterator[Mutant]:
+def answers(subject: ExaminedTracker) -> Iterator[Mutant]:
     alterations = [
         ("velocity_unit", "kmh", estimates.velocity_in_kmh),
         ("axis_swapped", "output_order", estimates.velocity_beside_position),

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from trackbench.types import Estimate, Scan
+from trackbench.base.types import Estimate, Scan
 
 When = Literal["always", "starting", "started"]
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from benchmarks.engines import Problem, first_belief
 from benchmarks.scene import DT
-from tests import peers
+from tests.support import peers
 
-from trackbench.types import Array
+from trackbench.base.types import Array
 
 HERE = Path(__file__).parent
 #: By problem, the source of its filter.

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from trackbench.metrics.verdicts import ABOVE, BELOW, SMALLEST_SHARE, TOLERANCE
-from trackbench.tuning.objectives import PRICE
-from trackbench.tuning.parameters import Parameter
+from trackbench.subjects.tuning.objectives import PRICE
+from trackbench.subjects.tuning.parameters import Parameter
 
 from .protocol import Protocol
 from .trust import DOF, Scores, believable, by_distance, described, furthest, reasons, undecided

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from trackbench.tuning.entry import plain
+from trackbench.subjects.tuning.entry import plain
 
 from .protocol import SCENARIOS, Protocol
 

@@ -9,18 +9,18 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
-from trackbench.execution import InProcess
+from trackbench.base.execution import InProcess
+from trackbench.base.types import no_progress
 from trackbench.scenario.truth import PendingTruths
-from trackbench.tuning.evaluation import Bench, Evaluator, Outcome
-from trackbench.tuning.measures import Sums
-from trackbench.tuning.objectives import OBJECTIVES
-from trackbench.tuning.parameters import Values
-from trackbench.tuning.ranges import start_values
-from trackbench.tuning.search import Proposals, search
-from trackbench.tuning.split import Split, halved
-from trackbench.tuning.study import Study
-from trackbench.tuning.trials import TuningTrial, best_of, trial_of
-from trackbench.types import no_progress
+from trackbench.subjects.tuning.evaluation import Bench, Evaluator, Outcome
+from trackbench.subjects.tuning.measures import Sums
+from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.parameters import Values
+from trackbench.subjects.tuning.ranges import start_values
+from trackbench.subjects.tuning.search import Proposals, search
+from trackbench.subjects.tuning.split import Split, halved
+from trackbench.subjects.tuning.study import Study
+from trackbench.subjects.tuning.trials import TuningTrial, best_of, trial_of
 
 from .protocol import Protocol
 

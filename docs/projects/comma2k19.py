@@ -11,7 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from tables import fill, markdown
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Scan
+from trackbench.base.units import cos_sin
 from trackbench.models.sensors import Radar
 from trackbench.results import Result
 from trackbench.runner.run import run
@@ -20,8 +22,6 @@ from trackbench.scenario.truth import truths_of
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
 from trackbench.sensing.scans import ideal_sensors
 from trackbench.trackers.builtin import ekf
-from trackbench.types import Array, Scan
-from trackbench.units import cos_sin
 
 HERE = Path(__file__).resolve().parent
 REAL = HERE.parent.parent / "scenarios" / "recorded" / "comma2k19.yaml"

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 from tables import fill, markdown
 
+from trackbench.base.types import Array
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
 from trackbench.scenario.select import select_trackers
 from trackbench.scenario.truth import truths_of
-from trackbench.types import Array
 
 HERE = Path(__file__).resolve().parent
 SCENARIOS = HERE.parent.parent / "scenarios" / "published"

@@ -15,85 +15,91 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trackbench.api.audit import ReportableAudit as LogAudit
-    from trackbench.api.audit import audit
     from trackbench.api.compare import ReportableComparison as Comparison
     from trackbench.api.compare import compare
     from trackbench.api.result import ReportableResult as Result
     from trackbench.api.run import run
     from trackbench.api.scenario import load
     from trackbench.api.scene import sense, truth
-    from trackbench.api.tuned import tune
-    from trackbench.errors import InputError, TrackbenchError
+    from trackbench.base.errors import InputError, TrackbenchError
+    from trackbench.base.types import Estimate, Scan, Tracks, Truth
     from trackbench.scenario import Scenario
+    from trackbench.subjects.log_audit.api import ReportableAudit as LogAudit
+    from trackbench.subjects.log_audit.api import audit
+    from trackbench.subjects.tuning.tuned import tune
     from trackbench.testing import check_tracker
-    from trackbench.types import Estimate, Scan, Tracks, Truth
 
     __version__: str
+    __all__ = [
+        "Comparison",
+        "Estimate",
+        "InputError",
+        "LogAudit",
+        "Result",
+        "Scan",
+        "Scenario",
+        "TrackbenchError",
+        "Tracks",
+        "Truth",
+        "audit",
+        "check_tracker",
+        "compare",
+        "load",
+        "run",
+        "sense",
+        "truth",
+        "tune",
+    ]
 
 #: When the first of the package was read, seconds since 1970.
 STARTED = time.time()
 
-#: Where each name comes from.
-_HOMES = {
-    "Comparison": ("api.compare", "ReportableComparison"),
-    "Estimate": ("types", "Estimate"),
-    "LogAudit": ("api.audit", "ReportableAudit"),
-    "InputError": ("errors", "InputError"),
-    "Result": ("api.result", "ReportableResult"),
-    "Scan": ("types", "Scan"),
-    "Scenario": ("scenario", "Scenario"),
-    "TrackbenchError": ("errors", "TrackbenchError"),
-    "Tracks": ("types", "Tracks"),
-    "Truth": ("types", "Truth"),
-    "audit": ("api.audit", "audit"),
-    "check_tracker": ("testing", "check_tracker"),
-    "compare": ("api.compare", "compare"),
-    "load": ("api.scenario", "load"),
-    "run": ("api.run", "run"),
-    "sense": ("api.scene", "sense"),
-    "truth": ("api.scene", "truth"),
-    "tune": ("api.tuned", "tune"),
+#: Where each name of the core comes from; the subjects name theirs themselves.
+_CORE = {
+    "Comparison": "api.compare:ReportableComparison",
+    "Estimate": "base.types:Estimate",
+    "InputError": "base.errors:InputError",
+    "Result": "api.result:ReportableResult",
+    "Scan": "base.types:Scan",
+    "Scenario": "scenario:Scenario",
+    "TrackbenchError": "base.errors:TrackbenchError",
+    "Tracks": "base.types:Tracks",
+    "Truth": "base.types:Truth",
+    "check_tracker": "testing:check_tracker",
+    "compare": "api.compare:compare",
+    "load": "api.scenario:load",
+    "run": "api.run:run",
+    "sense": "api.scene:sense",
+    "truth": "api.scene:truth",
 }
 
-__all__ = [
-    "Comparison",
-    "Estimate",
-    "InputError",
-    "LogAudit",
-    "Result",
-    "Scan",
-    "Scenario",
-    "TrackbenchError",
-    "Tracks",
-    "Truth",
-    "audit",
-    "check_tracker",
-    "compare",
-    "load",
-    "run",
-    "sense",
-    "truth",
-    "tune",
-]
+
+def _homes() -> dict[str, str]:
+    """``module:attribute`` of every public name."""
+    from trackbench.base.subjects import offered
+
+    return {**{name: f"trackbench.{target}" for name, target in _CORE.items()}, **dict(offered("api"))}
 
 
 def __getattr__(name: str) -> Any:
+    value: Any
     if name == "__version__":
         from importlib.metadata import version
 
-        found: Any = version("trackbench")
-    elif name in _HOMES:
-        module, own_name = _HOMES[name]
-        found = getattr(import_module(f"trackbench.{module}"), own_name)
+        value = version("trackbench")
+    elif name == "__all__":
+        value = sorted(_homes())
+    elif not name.startswith("_") and (target := _homes().get(name)):
+        module, attribute = target.split(":")
+        value = getattr(import_module(module), attribute)
     else:
         raise AttributeError(f"module 'trackbench' has no attribute {name!r}")
-    globals()[name] = found
-    return found
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, "__version__"})
+    return sorted([*_homes(), "__version__"])
 
 
 class _Package(ModuleType):
@@ -101,7 +107,7 @@ class _Package(ModuleType):
 
     def __setattr__(self, name: str, value: object) -> None:
         # Importing a subpackage puts it here under its name, where the function would then be gone.
-        if name not in __all__ or not isinstance(value, ModuleType):
+        if name not in _CORE or not isinstance(value, ModuleType):
             super().__setattr__(name, value)
 
 

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 import trackbench as tb
+from trackbench.base.errors import InputError
 from trackbench.engine import choice
 from trackbench.engine.choice import chosen
 from trackbench.engine.used import EngineUsed, joined
-from trackbench.errors import InputError
 from trackbench.results import Result
 from trackbench.runner import until, work
 from trackbench.runner.block import run_block

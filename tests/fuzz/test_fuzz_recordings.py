@@ -16,7 +16,7 @@ import pytest
 import yaml
 from tests.fuzz.conftest import Tried
 from tests.fuzz.mutations import EXTREMES, cases, edited_bytes, edited_table, edited_text
-from tests.udacity import synthetic_lines
+from tests.support.udacity import synthetic_lines
 
 HEAD = ["t", "who", "x", "y", "vx", "vy", "r", "az", "rr"]
 ROWS = [

@@ -12,7 +12,7 @@ import pytest
 from tests.fuzz.conftest import Tried
 from tests.fuzz.mutations import cases, edited_bytes, edited_table, edited_text, edited_tree
 
-from trackbench.recording import viewer
+from trackbench.subjects.recording import viewer
 
 FORMATS = ["terminal", "html", "markdown", "latex", "csv", "svg"]
 

@@ -8,10 +8,10 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from trackbench.config import NonNegative
+from trackbench.base.config import NonNegative
+from trackbench.base.types import Array
 from trackbench.metrics import Chunk, Interval, OwnMetric, Scope, ratio
 from trackbench.metrics.protocol import Direction
-from trackbench.types import Array
 
 
 class LargestError(OwnMetric):

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from trackbench.config import Positive
+from trackbench.base.config import Positive
+from trackbench.base.types import Array
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array
 
 
 class Singer(MotionModel):

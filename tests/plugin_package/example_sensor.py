@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.sensors import Sensor
-from trackbench.types import Array, Gaussian, Scan
 
 
 class Sonar(Sensor):

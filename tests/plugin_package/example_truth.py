@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from trackbench.config import Positive
+from trackbench.base.config import Positive
+from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.truth import Draw, LoadedTruth, SteppedTruth
-from trackbench.types import Observer, Progress, Truth, no_progress
 
 
 class Weave(SteppedTruth):

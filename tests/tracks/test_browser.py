@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.browser import look
+from tests.support.browser import look
 
 from trackbench.document.html import to_html
 from trackbench.report.result import result_document

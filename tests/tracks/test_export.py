@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.support.places import ROOT
 from trackeval.datasets import MotChallenge2DBox
 from trackeval.metrics import CLEAR, HOTA
 
@@ -69,7 +70,7 @@ def test_trackeval_reads_it(exported: Path, traffic_result: Result) -> None:
 
 
 def test_the_figures_of_the_tour(cli: Callable[..., Any], tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs/traffic.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/traffic.md").read_text(encoding="utf-8")
     (tmp_path / "motorway.yaml").write_text(page.split("```yaml\n")[1].split("```")[0], encoding="utf-8")
     result = tb.run(tmp_path / "motorway.yaml", out=tmp_path, recording=False)
     assert cli("report", tmp_path / "motorway", "--format", "mot", "--out", tmp_path / "out").status == 0

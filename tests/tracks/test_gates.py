@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Outline
 
+from trackbench.base.types import Scan
 from trackbench.results import Result
 from trackbench.runner.recorded_gates import CORNERS, outlines
-from trackbench.types import Scan
 
 
 def test_the_edge_is_where_the_distance_is_the_threshold() -> None:

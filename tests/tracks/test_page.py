@@ -6,8 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.support.places import DOCS
 
-PAGE = Path(__file__).parents[2] / "docs" / "traffic.md"
+PAGE = DOCS / "traffic.md"
 
 
 @pytest.mark.docs_pages

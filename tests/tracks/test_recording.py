@@ -14,20 +14,20 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.recording.chunks import read_chunks
-from trackbench.recording.contents import contents_of
-from trackbench.recording.focus import Focus, Opening, focus_of
-from trackbench.recording.reader import read
-from trackbench.recording.stream import Stream
-from trackbench.recording.track_text import ranking
-from trackbench.recording.tracks.charts import charts_of_tracks
-from trackbench.recording.tracks.layout import blueprint
-from trackbench.recording.tracks.scene import send_gates, send_marks
-from trackbench.recording.views import wide_window
-from trackbench.recording.writer import write_recording
 from trackbench.results import Result
+from trackbench.subjects.recording.chunks import read_chunks
+from trackbench.subjects.recording.contents import contents_of
+from trackbench.subjects.recording.focus import Focus, Opening, focus_of
+from trackbench.subjects.recording.reader import read
+from trackbench.subjects.recording.stream import Stream
+from trackbench.subjects.recording.track_text import ranking
+from trackbench.subjects.recording.tracks.charts import charts_of_tracks
+from trackbench.subjects.recording.tracks.layout import blueprint
+from trackbench.subjects.recording.tracks.scene import send_gates, send_marks
+from trackbench.subjects.recording.views import wide_window
+from trackbench.subjects.recording.writer import write_recording
 
 
 @pytest.fixture(scope="module")

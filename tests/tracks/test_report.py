@@ -11,11 +11,11 @@ from matplotlib.text import Annotation
 from rich.console import Console
 
 import trackbench as tb
+from trackbench.base.errors import InputError
 from trackbench.document.drawing import svg_file
 from trackbench.document.files import text
 from trackbench.document.html import to_html
 from trackbench.document.model import Document, Figure, Section, every
-from trackbench.errors import InputError
 from trackbench.metrics.track_events import events_of
 from trackbench.report.console import print_summary
 from trackbench.report.result import ranking_table, result_document

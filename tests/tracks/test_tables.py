@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import trackbench as tb
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import events_of
 from trackbench.results import Result
 from trackbench.results.table_check import HIDDEN_COLUMNS

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.multi import build_multi
-from trackbench.types import Scan, Tracks
+from trackbench.base.types import Scan, Tracks
+from trackbench.trackers.multi import build_multi
 
 from .subject import BOTH, TrafficSubject, built_in, config, looped
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.multi import build_multi
-from trackbench.stepping.tracks import BatchedTracks
+from trackbench.driving.tracks import BatchedTracks
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.multi import build_multi
 
 from . import sort_like, stonesoup_gnn
 from .builtin_faults import Changed

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.doctor.subject import SENSORS
-from trackbench.doctor.traffic.examine import TrafficDoctor
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
 
 from .faults import FAULTY
 from .held_out import HELD_OUT

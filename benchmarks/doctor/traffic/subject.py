@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from trackbench.multi import build_multi
-from trackbench.stepping.tracks import BatchedTracks, LoopedTracks, TracksStepper
+from trackbench.driving.tracks import BatchedTracks, LoopedTracks, TracksStepper
 from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.multi import build_multi
 
 Make = Callable[[], TracksStepper]
 BOTH = ("lidar", "radar")

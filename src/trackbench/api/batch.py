@@ -11,8 +11,8 @@ from typing import NamedTuple
 from trackbench.api.files import pages, save
 from trackbench.api.listener import Listener, Prepared
 from trackbench.api.plan import Plan, command_of
-from trackbench.execution import InProcess, Task
-from trackbench.palette import tracker_colours
+from trackbench.base.execution import InProcess, Task
+from trackbench.document.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.runner.run import PendingRun
 from trackbench.runner.until import run_until

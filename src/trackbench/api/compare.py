@@ -8,11 +8,11 @@ from pathlib import Path
 from trackbench import results
 from trackbench.api.display import Report
 from trackbench.api.scenario import listed
+from trackbench.base.errors import InputError
+from trackbench.base.words import counted
 from trackbench.compare import Limit, ResultSet, comparison, find
 from trackbench.compare import compare as compare_sets
-from trackbench.errors import InputError
 from trackbench.report.comparison import document
-from trackbench.words import counted
 
 #: A result, or the folder of one or of several.
 Compared = results.Result | Path | str

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackbench import results
+from trackbench.base.subjects import offered, resolve
+from trackbench.base.types import Progress
 from trackbench.results import Result
-from trackbench.types import Progress
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
@@ -57,11 +58,9 @@ def save(
     Raises:
         TrackbenchError: the folder cannot be written; nothing is left under its name.
     """
-    from trackbench import recording as rerun
-
     artifacts: dict[str, Writer] = {name: partial(results.write_file, text) for name, text in pages.items()}
     if recording:
-        artifacts["recording.rrd"] = partial(rerun.write, result, colours=colours)
+        artifacts |= {file: partial(resolve(write), result, colours=colours) for file, write in offered("artifacts")}
     files = (*artifacts, *(f"{table}.parquet" for table in result.tables))
     result = result.updated(artifacts={"markdown" if file == "report.md" else Path(file).stem: file for file in files})
     result.save(folder, _counted(artifacts, progress))

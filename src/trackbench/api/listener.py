@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from trackbench.base.types import Progress, no_progress
 from trackbench.results import Result
 from trackbench.scenario import Scenario
 from trackbench.truth import LoadedTruth
-from trackbench.types import Progress, no_progress
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison

@@ -6,11 +6,11 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
+from trackbench.base.errors import InputError
+from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName, require_engine
-from trackbench.errors import InputError
 from trackbench.scenario import Scenario
 from trackbench.scenario.shipped import shown_name
-from trackbench.stepping.isolation import ISOLATED, Isolation
 
 #: Where a run that goes on until its precision is reached stops even so.
 MAX_RUNS = 10_000

@@ -6,8 +6,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 from trackbench import results
-from trackbench.errors import InputError, nearest
-from trackbench.words import counted
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.words import counted
 
 if TYPE_CHECKING:
     from trackbench.api.display import Report, ReportFigure

@@ -11,13 +11,13 @@ from trackbench.api.listener import Counter
 from trackbench.api.plan import Plan
 from trackbench.api.result import ReportableResult
 from trackbench.api.scenario import Named, loaded_scenario
+from trackbench.base.errors import InputError
+from trackbench.base.execution import executor
+from trackbench.base.types import Progress, no_progress
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.wire import INSIDE
 from trackbench.engine.choice import EngineName
-from trackbench.errors import InputError
-from trackbench.execution import executor
 from trackbench.scenario import Scenario
-from trackbench.stepping.isolation import ISOLATED, Isolation
-from trackbench.stepping.wire import INSIDE
-from trackbench.types import Progress, no_progress
 
 Several = list[Scenario | Named] | tuple[Scenario | Named, ...]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.scenario import Scenario, load_scenario
 from trackbench.scenario.load import scenario_of
 from trackbench.scenario.recorded_checks import same_every_run

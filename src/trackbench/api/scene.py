@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from trackbench.api.scenario import Named, loaded_scenario
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
+from trackbench.base.types import Scan, Truth, scan_of_run
 from trackbench.runner.work import work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truth_of
 from trackbench.sensing import scans
 from trackbench.sensing.detections import sense_hidden
-from trackbench.types import Scan, Truth, scan_of_run
 
 
 def truth(scenario: Scenario | Named) -> Truth:

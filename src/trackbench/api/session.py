@@ -10,7 +10,7 @@ from trackbench import results
 from trackbench.api.files import save_comparison
 from trackbench.api.listener import Listener, Prepared
 from trackbench.api.plan import Plan
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.results import Result
 from trackbench.scenario import Scenario
 from trackbench.scenario.check import check_plugins

@@ -9,30 +9,19 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import click
 
 from trackbench import __version__
+from trackbench.base.errors import InputError, OutputError, TrackbenchError
+from trackbench.base.input_files import is_utf8
+from trackbench.base.interruption import INTERRUPTED
+from trackbench.base.subjects import Command, offered, resolve
+from trackbench.base.user_code import place_of
 from trackbench.cli import standard_streams
-from trackbench.cli.audit import audit_command
-from trackbench.cli.compare import compare_command
-from trackbench.cli.completion import completion_command
-from trackbench.cli.doctor import doctor_command
-from trackbench.cli.inspect import inspect_command
-from trackbench.cli.listing import list_command
-from trackbench.cli.new import new_command
-from trackbench.cli.report import report_command
-from trackbench.cli.run import run_command
-from trackbench.cli.serve import INTERRUPTED, serve_command
-from trackbench.cli.snapshot import snapshot_command
-from trackbench.cli.tune import tune_command
-from trackbench.cli.validate import check_command, schema_command
-from trackbench.cli.view import view_command
-from trackbench.errors import InputError, OutputError, TrackbenchError
-from trackbench.input_files import is_utf8
-from trackbench.stepping.faults import fault_of
-from trackbench.user_code import place_of
+from trackbench.driving.faults import fault_of
 
 BAD_INPUT = 2
 CANNOT_WRITE = 4
@@ -42,14 +31,53 @@ FAULT = 70
 UNREAD = 141
 
 
+COMMANDS = {
+    "run": Command("trackbench.cli.run:run_command", "Score every tracker; write a result, a report and a recording."),
+    "compare": Command(
+        "trackbench.cli.compare:compare_command", "Compare the trackers of finished runs, or versions of them."
+    ),
+    "report": Command("trackbench.cli.report:report_command", "Write the report of a saved result in any format."),
+    "list": Command("trackbench.cli.listing:list_command", "Show what a scenario or an option can name."),
+    "check": Command("trackbench.cli.validate:check_command", "Validate scenario files without running them."),
+    "schema": Command(
+        "trackbench.cli.validate:schema_command", "Print the JSON Schema of a scenario file, for editors."
+    ),
+    "completion": Command(
+        "trackbench.cli.completion:completion_command", "Print the script that lets a shell complete trackbench."
+    ),
+    **dict(offered("commands")),
+}
+
+
 class Commands(click.Group):
-    """The commands; one that is interrupted says so in one line, before which Click would print an empty one."""
+    """The commands, each imported when it is called."""
 
     def invoke(self, ctx: click.Context) -> Any:
+        # One that is interrupted says so in one line, before which Click would print an empty one.
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise click.exceptions.Exit(_interrupted()) from None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
+            close = get_close_matches(args[0], COMMANDS, n=1)
+            raise click.UsageError(
+                f"No such command {args[0]!r}.{f' Did you mean {close[0]!r}?' if close else ''}", ctx
+            )
+        return super().resolve_command(ctx, args)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        return resolve(COMMANDS[cmd_name].target) if cmd_name in COMMANDS else None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name].summary) for name in self.list_commands(ctx)])
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -59,26 +87,6 @@ def cli() -> None:
     \b
     Example:  trackbench run highway    # trackers, on the same truth and noise
     """
-
-
-for _command in (
-    run_command,
-    compare_command,
-    tune_command,
-    report_command,
-    doctor_command,
-    audit_command,
-    list_command,
-    new_command,
-    check_command,
-    schema_command,
-    serve_command,
-    view_command,
-    inspect_command,
-    snapshot_command,
-    completion_command,
-):
-    cli.add_command(_command)
 
 
 def main() -> None:

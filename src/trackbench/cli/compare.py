@@ -11,9 +11,9 @@ import click
 from rich.console import Console
 
 from trackbench import results
+from trackbench.base.errors import InputError
+from trackbench.base.words import counted
 from trackbench.cli.run import FAILED_EXPECTATION
-from trackbench.errors import InputError
-from trackbench.words import counted
 
 
 @click.command("compare")

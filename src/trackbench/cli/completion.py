@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
+from trackbench.base.errors import InputError
 from trackbench.cli.choices import NearestChoice
-from trackbench.errors import InputError
 from trackbench.scenario import load_scenario
 from trackbench.scenario.shipped import PATTERN, at_hand
 

@@ -52,7 +52,8 @@ def _commands(command: click.Command, context: click.Context) -> Iterator[str]:
     yield f"```text\n{command.get_help(context)}\n```"
     if isinstance(command, click.Group):
         for name in command.list_commands(context):
-            inner = command.commands[name]
+            inner = command.get_command(context, name)
+            assert inner is not None
             yield from _commands(inner, click.Context(inner, info_name=name, parent=context))
 
 

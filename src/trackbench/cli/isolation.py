@@ -10,7 +10,7 @@ import click
 
 
 def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options, and give the command ``isolation``, an :class:`trackbench.stepping.Isolation`."""
+    """Add the options, and give the command ``isolation``, an :class:`trackbench.driving.Isolation`."""
 
     @click.option(
         "--tracker-timeout",
@@ -23,7 +23,7 @@ def isolation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @click.option("--in-process", is_flag=True, help="Run it in this process, without a timeout, for a debugger.")
     @functools.wraps(command)
     def wrapped(*arguments: Any, tracker_timeout: float, in_process: bool, **options: Any) -> Any:
-        from trackbench.stepping.isolation import Isolation
+        from trackbench.driving.isolation import Isolation
 
         return command(*arguments, isolation=Isolation(in_process, tracker_timeout), **options)
 

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from trackbench.base.errors import InputError
+from trackbench.base.plugins import Registry
+from trackbench.base.subjects import offered, resolve
 from trackbench.cli.choices import NearestChoice
-from trackbench.errors import InputError
-from trackbench.plugins import Registry
 
 if TYPE_CHECKING:
     from trackbench.metrics.registry import MetricPath
@@ -83,7 +84,7 @@ def _plugins(registry: Registry[Any], told: Callable[[Any], str]) -> Iterator[Ro
 
 def _options(found: Any, beyond: Any = None, without: Sequence[str] = ()) -> str:
     """The options of a class with their units, those of a base class left out."""
-    from trackbench.config.key_units import split_key
+    from trackbench.base.config.key_units import split_key
 
     names = [
         field.alias or name
@@ -119,14 +120,7 @@ def _envs() -> Iterable[Row]:
     return ((name, "") for name in list_envs())
 
 
-def _checks() -> Iterable[Row]:
-    from trackbench.doctor.check_list import checks
-
-    for name, check in checks().items():
-        yield name, check.asks + (" For each sensor." if check.each_sensor else "")
-
-
-LISTS: dict[str, Callable[[], Iterable[Row]]] = {
+_CORE: dict[str, Callable[[], Iterable[Row]]] = {
     "scenarios": _scenarios,
     "trackers": _trackers,
     "filters": _filters,
@@ -135,8 +129,11 @@ LISTS: dict[str, Callable[[], Iterable[Row]]] = {
     "truth-sources": _truth_sources,
     "metrics": _metrics,
     "envs": _envs,
-    "checks": _checks,
 }
+
+
+#: Of the core by function, of the subjects by its ``module:attribute``.
+LISTS: dict[str, Callable[[], Iterable[Row]] | str] = {**_CORE, **dict(offered("lists"))}
 
 
 @click.command("list")
@@ -153,5 +150,6 @@ def list_command(what: str) -> None:
       trackbench list motion-models
     """
     table = click.HelpFormatter(width=shutil.get_terminal_size().columns)
-    table.write_dl(LISTS[what]())
+    source = LISTS[what]
+    table.write_dl((resolve(source) if isinstance(source, str) else source)())
     click.echo(table.getvalue(), nl=False)

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.table import Column
 from rich.text import Text
 
-from trackbench import types
+from trackbench.base import types
 
 
 class _Left(ProgressColumn):

@@ -10,10 +10,11 @@ import click
 from rich.console import Console
 
 from trackbench import results
+from trackbench.base.errors import InputError
+from trackbench.base.subjects import offered, resolve
+from trackbench.base.words import counted
 from trackbench.cli.choices import NearestChoice
-from trackbench.errors import InputError
-from trackbench.palette import tracker_colours
-from trackbench.words import counted
+from trackbench.document.palette import tracker_colours
 
 if TYPE_CHECKING:
     from trackbench.document import Document
@@ -85,11 +86,10 @@ def _document(run: Path) -> Document:
     from trackbench.report.comparison import document
     from trackbench.report.result import result_document
 
-    if (run / results.EXAMINATION).is_file():
-        from trackbench.doctor.examine import Examination
-        from trackbench.report.examination import examination_document
-
-        return examination_document(Examination.load(run / results.EXAMINATION))
+    for file, document_of in offered("documents"):
+        if (run / file).is_file():
+            saved: Document = resolve(document_of)(run / file)
+            return saved
     if run.suffix == ".json" and run.name != results.SUMMARY:
         return document(load(run))
     found = find(run)

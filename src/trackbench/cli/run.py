@@ -14,18 +14,18 @@ from trackbench import results
 from trackbench.api.plan import MAX_RUNS, Plan
 from trackbench.api.scenario import load_several
 from trackbench.api.session import prepare, run
+from trackbench.base.errors import InputError
+from trackbench.base.execution import executor
 from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
 from trackbench.cli.engine import engine_option
 from trackbench.cli.isolation import isolation_options
-from trackbench.cli.live import live_options, require_known, showing
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
+from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.errors import InputError
-from trackbench.execution import executor
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
-from trackbench.stepping.isolation import Isolation
+from trackbench.subjects.recording.commands.live import live_options, require_known, showing
 from trackbench.truth import MAX_SCENES
 
 FAILED_EXPECTATION = 1

@@ -13,14 +13,14 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.listener import Listener, Prepared
+from trackbench.base.types import Progress
 from trackbench.cli.progress import progress
 from trackbench.results import Result
-from trackbench.types import Progress
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
-    from trackbench.recording.live import Live
     from trackbench.runner.block import OnRecordedRun
+    from trackbench.subjects.recording.live import Live
 
 
 class RunOutput(Listener):

@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import suppress
 
-from trackbench.errors import InputError, OutputError
+from trackbench.base.errors import InputError, OutputError
 
 #: Characters of the tables.
 PRINTED = "±²µ°é"

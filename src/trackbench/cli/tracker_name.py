@@ -5,8 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-from trackbench import input_files
-from trackbench.errors import InputError
+from trackbench.base import input_files
+from trackbench.base.errors import InputError
 
 
 def require_tracker(named: str) -> None:

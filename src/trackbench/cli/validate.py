@@ -10,11 +10,11 @@ import click
 from trackbench.cli.completion import scenarios_argument
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.verbosity import quiet_option
+from trackbench.driving.isolation import Isolation
 from trackbench.scenario import load_scenario
 from trackbench.scenario.check import check
 from trackbench.scenario.schema import json_schema
 from trackbench.scenario.shipped import scenario_files, shown_name
-from trackbench.stepping.isolation import Isolation
 
 
 @click.command("check")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.execution import one_blas_thread
 from trackbench.compare.comparability import Comparability, comparability, engine_notes, require_same_metric
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, Comparison, Entrant, PairDifference
 from trackbench.compare.differences import Match, coverage_notes, differences, overall, same_tracker, within
@@ -12,8 +14,6 @@ from trackbench.compare.groups import Group, ScenarioResults, cells_of, groups_o
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
 from trackbench.compare.metrics import ComparedMetric
 from trackbench.compare.ranking import Pairings, ranking, scores
-from trackbench.errors import InputError, nearest
-from trackbench.execution import one_blas_thread
 from trackbench.results import Result
 
 

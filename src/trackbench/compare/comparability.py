@@ -11,11 +11,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from trackbench.base.errors import InputError
+from trackbench.base.words import counted
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.groups import ScenarioResults
-from trackbench.errors import InputError
 from trackbench.scenario.config import ScenarioConfig
-from trackbench.words import counted
 
 IntArray = NDArray[np.intp]
 

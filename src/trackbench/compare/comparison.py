@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from trackbench.errors import InputError
-from trackbench.input_files import read_bytes
+from trackbench.base.errors import InputError
+from trackbench.base.input_files import read_bytes
 from trackbench.metrics.intervals import ROUNDING
 from trackbench.results import MetricValue
 from trackbench.results.metric_value import Part

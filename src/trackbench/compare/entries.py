@@ -12,13 +12,13 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from trackbench import results
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array
 from trackbench.compare.metrics import ComparedMetric
-from trackbench.errors import InputError
 from trackbench.metrics import Interval, clustered
 from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
-from trackbench.types import Array
 
 #: What a comparison does not read of a scenario, and may be code that is not here.
 LEFT_OUT = ("score.metrics=[]", "expect=[]")

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trackbench import results
+from trackbench.base.errors import InputError
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.errors import InputError
 from trackbench.results import Result
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from trackbench.base.errors import InputError
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.metrics import ComparedMetric, compared_metrics
-from trackbench.errors import InputError
 
 
 @dataclass(frozen=True)

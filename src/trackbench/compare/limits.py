@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from trackbench.base.errors import InputError
 from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
 from trackbench.compare.metrics import ComparedMetric
-from trackbench.errors import InputError
 from trackbench.metrics.differences import SILENCE
 
 OPTION = "--fail-on-regression"

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.distributions import t_quantile
+from trackbench.base.distributions import t_quantile
+from trackbench.base.types import Array
 from trackbench.metrics.differences import LEVEL
-from trackbench.types import Array
 
 #: Of a scenario, in which every tracker has the middle rank, that is added for the interval.
 PSEUDO = 0.5

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.metrics import registry, stored
 from trackbench.metrics.intervals import Interval, ratio, root
 from trackbench.metrics.protocol import Direction
+from trackbench.metrics.traffic import METRICS, TrafficMetric
 from trackbench.results.score_summary import OwnMetricSummary
-from trackbench.traffic_metrics import METRICS, TrafficMetric
-from trackbench.types import Array
 
 #: Metrics that are another one over that of the reference, and the column of the reference.
 _OVER = {

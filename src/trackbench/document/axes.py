@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
+from trackbench.base.types import Array
 from trackbench.document.drawing import GRID
 from trackbench.document.margins import shortened
-from trackbench.types import Array
 
 #: Values that differ by more than this factor are drawn on a logarithmic axis.
 LOG_ABOVE = 15.0

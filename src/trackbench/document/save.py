@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from trackbench.base.errors import InputError
 from trackbench.document.files import Format, files, text
 from trackbench.document.html import to_html
 from trackbench.document.latex import to_latex
 from trackbench.document.markdown import to_markdown
 from trackbench.document.model import Document
-from trackbench.errors import InputError
 
 ENDINGS = (".md", ".html", ".txt", ".tex", ".csv", ".svg", ".pdf")
 

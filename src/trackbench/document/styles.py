@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from trackbench.document.model import LegendEntry, TrackerStyle
-from trackbench.palette import TRACKER_COLOURS
+from trackbench.document.palette import TRACKER_COLOURS
 
 _LINES = ("solid", (0, (6, 1.5, 1.5, 1.5)), (0, (1.5, 1.5)))
 
 
 def tracker_styles(colours: Mapping[str, str]) -> dict[str, TrackerStyle]:
-    """By name, from :func:`trackbench.palette.tracker_colours`; where colours repeat, they do with another line."""
+    """By name, from :func:`~trackbench.document.palette.tracker_colours`; a repeated colour has another line."""
     return {
         name: TrackerStyle(f"t{i}", name, colour, _LINES[i // len(TRACKER_COLOURS) % len(_LINES)])
         for i, (name, colour) in enumerate(colours.items())

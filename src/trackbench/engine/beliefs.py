@@ -7,10 +7,10 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from trackbench.base.types import Scan
 from trackbench.engine.equations import Values
 from trackbench.engine.graph import Untraceable
 from trackbench.filters import AnyBelief, Belief, MultiModelBelief, PredictedMeasurement
-from trackbench.types import Scan
 
 #: What a filter can make again of the rest of a belief.
 REUSED = ("factor", "points")

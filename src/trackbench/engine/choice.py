@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 from typing import Any, Literal, get_args
 
+from trackbench.base.errors import InputError, nearest
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.engine.machine import unavailable
 from trackbench.engine.used import EngineUsed
-from trackbench.errors import InputError, nearest
 from trackbench.filters import Filter
 
 Engine = Literal["numpy", "fused"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-from trackbench.types import Array
+from trackbench.base.types import Array
 
 #: Arrays by name; inside a function each is ``(components..., batch...)``, or without batch axes the same for all.
 Values = Mapping[str, Any]

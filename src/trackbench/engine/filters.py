@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.engine import options
 from trackbench.engine.beliefs import (
     REUSED,
@@ -39,7 +40,6 @@ from trackbench.filters import (
 )
 from trackbench.models.motion import MotionModel
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Gaussian, Scan
 
 #: What of an update and of what a tracker says of it means nothing where there is no measurement.
 OF_MEASUREMENT = ("innovation", "whitened", "log_likelihood")

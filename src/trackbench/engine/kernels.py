@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.user_code import place_of
 from trackbench.engine import vector_code
 from trackbench.engine.elsewhere import of_elsewhere
 from trackbench.engine.equations import Equations, Values, by_numpy
@@ -19,8 +21,6 @@ from trackbench.engine.layout import Input, KernelLayout
 from trackbench.engine.machine import FUNCTION, Kept, MachineCode, Processor
 from trackbench.engine.source import packed, source_key, unpacked
 from trackbench.engine.trace import trace
-from trackbench.types import Array, Indices, Mask
-from trackbench.user_code import place_of
 
 #: Shapes of inputs that are remembered.
 PLANS = 4096

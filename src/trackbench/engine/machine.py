@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.user_cache import cache_folder, write_whole
 from trackbench.engine.vector_code import HEAD, WIDTH
-from trackbench.user_cache import cache_folder, write_whole
 
 #: In every name of a kept file, so that a change of the code's own form finds none of before.
 FORM = "4"

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.graph import ALL, GROUP, MEMBER, Node, ordered
 from trackbench.engine.kernels import Kernels
@@ -19,7 +20,6 @@ from trackbench.engine.layout import Input, KernelLayout
 from trackbench.engine.machine import FUNCTION
 from trackbench.engine.trace import trace
 from trackbench.engine.vector_code import WIDTH, Text, before_members
-from trackbench.types import Array, Indices
 
 
 class _Memory(threading.local):

@@ -9,10 +9,10 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Mask, Scan
+from trackbench.base.units import difference
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array, Gaussian, Mask, Scan
-from trackbench.units import difference
 
 
 class Belief(NamedTuple):

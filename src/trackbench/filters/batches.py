@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices, Mask, indices
 from trackbench.filters.base import AnyBelief, Belief, MultiModelBelief, PredictedMeasurement
-from trackbench.types import Array, Indices, Mask, indices
 
 
 def mapped(function: Callable[..., Array], *beliefs: AnyBelief) -> AnyBelief:

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Mask
+from trackbench.base.units import difference
 from trackbench.filters.base import wrap_components
-from trackbench.types import Array, Gaussian, Mask
-from trackbench.units import difference
 
 #: What differs by no more is the same, relative to the variances before.
 ROUNDING = 1e-9

@@ -8,7 +8,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan
 from trackbench.filters.base import (
     Belief,
     Doubt,
@@ -24,7 +25,6 @@ from trackbench.filters.base import (
 from trackbench.filters.future import future
 from trackbench.filters.mixing import in_state_of, moment_matched
 from trackbench.models.motion import MotionModel
-from trackbench.types import Array, Gaussian, Indices, Mask, Scan
 
 #: The least probability of a mode: one that underflowed to zero could never come back where modes do not switch.
 LEAST = 1e-300

@@ -7,7 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Scan
+from trackbench.base.units import difference
 from trackbench.filters.base import (
     Belief,
     Measured,
@@ -21,8 +23,6 @@ from trackbench.filters.base import (
 )
 from trackbench.models.motion import MotionModel, process_noise
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.types import Array, Scan
-from trackbench.units import difference
 
 
 def predict_linearised(motion: MotionModel, belief: Belief, dt: float) -> Belief:

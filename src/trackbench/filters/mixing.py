@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian
+from trackbench.base.units import cos_sin, difference, wrap_angle
 from trackbench.filters.base import wrap_components
 from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, UNKNOWN_ANGLE, VELOCITY, YAW
-from trackbench.types import Array, Gaussian
-from trackbench.units import cos_sin, difference, wrap_angle
 
 #: What position and velocity determine.
 DETERMINED = {*POSITION, *VELOCITY, *YAW}

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Scan
+from trackbench.base.units import difference
 from trackbench.filters.base import (
     Belief,
     Measured,
@@ -20,8 +22,6 @@ from trackbench.filters.base import (
 from trackbench.filters.kalman import as_measured
 from trackbench.models.motion import process_noise
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Scan
-from trackbench.units import difference
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.conditions import AGES, BAND_EDGES, BANDS, JUMPS, MANOEUVRES, SHAPE
 from trackbench.metrics.intervals import TOO_SHORT, positive_ends, reach_of_ratio
 from trackbench.metrics.sums import ERROR_FIELDS, Cells, ClassSums
 from trackbench.results import Breakdown, ConditionScores, MetricValue
-from trackbench.types import Array, Indices
 
 #: What is kept of each class of estimates, and the sums of errors that each is made of.
 FIELDS = {

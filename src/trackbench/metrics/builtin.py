@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.consistency import mean_bounds
 from trackbench.metrics.estimates import ESTIMATES
@@ -25,7 +26,6 @@ from trackbench.metrics.verdicts import (
     whiteness_verdict,
 )
 from trackbench.results import MetricValue
-from trackbench.types import Array
 
 
 class BuiltInMetric(Metric):

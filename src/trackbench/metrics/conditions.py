@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from trackbench.base.types import Array, Indices, Mask, Truth, of_runs
 from trackbench.sensing.scans import IdealSensor
 from trackbench.truth.jumps import after_jump
-from trackbench.types import Array, Indices, Mask, Truth, of_runs
 
 #: An object is in one of these at each instant: the last that applies.
 MANOEUVRES = ("straight", "accelerating", "braking", "turning", "sensor gap")

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.distributions import chi_square_quantile
-from trackbench.types import Array, Estimate, Mask
+from trackbench.base import linalg
+from trackbench.base.distributions import chi_square_quantile
+from trackbench.base.types import Array, Estimate, Mask
 
 
 def normalised_square(error: Array, covariance: Array) -> tuple[Array, Array, Mask]:

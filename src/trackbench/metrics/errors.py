@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array
+from trackbench.base.units import wrap_angle
 from trackbench.engine.equations import Equations, Values
 from trackbench.metrics.sums import OVERFLOW
-from trackbench.types import Array
-from trackbench.units import wrap_angle
 
 #: Below this true speed the course means nothing, m/s.
 MOVING = 1.0

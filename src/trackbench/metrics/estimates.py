@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.metrics.breakdown import combined
 from trackbench.metrics.innovations import Innovations
 from trackbench.metrics.parts import stretches
 from trackbench.metrics.protocol import Chunk, Scope
 from trackbench.metrics.sums import ERROR_FIELDS, BlockScores, Cells, ErrorSums, Givers, merge
-from trackbench.types import Array, Indices, Mask
 
 
 class EstimateSums:

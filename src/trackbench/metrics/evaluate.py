@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from trackbench.base.plugins import one_line
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.parts import scores_of
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
 from trackbench.metrics.sums import BlockScores, Givers, Scores
-from trackbench.plugins import one_line
 from trackbench.results import Health, MetricValue
-from trackbench.types import Array, Indices
 
 #: By accumulator, what is kept of a tracker's estimates.
 Sums = dict[str, Any]

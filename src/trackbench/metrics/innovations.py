@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Mask
 from trackbench.engine.equations import Compute, Equations, Values, by_numpy
 from trackbench.metrics.consistency import point95
 from trackbench.metrics.sums import LAG_FIELDS, LAGS, NIS, NIS_FIELDS, OVERFLOW, NisScores
-from trackbench.types import Array, Mask
 
 #: How many measurements are summed at a time: their products with those before grow with its square.
 CHUNK = 10

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trackbench.distributions import t_probability, t_quantile
+from trackbench.base.distributions import t_probability, t_quantile
+from trackbench.base.types import Array, Mask
 from trackbench.results import MetricValue
-from trackbench.types import Array, Mask
 
 #: Relative difference of two values below which it is one of arithmetic, not of what was measured.
 ROUNDING = 1e-9

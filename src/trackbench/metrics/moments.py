@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Array
 from trackbench.metrics.recorded_run import STATE, RecordedRun
 from trackbench.results import Result
 from trackbench.results.columns import Columns, split
-from trackbench.types import Array
 
 #: Two moments of one object are told apart if they lie farther apart than this, s.
 APART = 1.0

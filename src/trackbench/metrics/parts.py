@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices
 from trackbench.metrics.breakdown import class_sums
 from trackbench.metrics.sums import SHORTEST, STRETCHES, BlockScores, Givers, Scores
-from trackbench.types import Array, Indices
 
 
 def scores_of(merged: BlockScores, givers: Givers, scene: Indices) -> Scores:

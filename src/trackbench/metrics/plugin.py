@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from trackbench.base.plugins import Registry
 from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.protocol import Field, Metric
-from trackbench.plugins import Registry
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 

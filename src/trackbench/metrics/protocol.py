@@ -10,15 +10,15 @@ from typing import Any, ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.config import Config
+from trackbench.base import linalg
+from trackbench.base.config import Config
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.errors import course_error
 from trackbench.metrics.intervals import Interval
 from trackbench.metrics.sums import ERROR, Givers
 from trackbench.results import MetricValue
-from trackbench.types import Array, Indices, Mask
 
 Direction = Literal["smaller", "larger"]
 #: What ``finish`` may give for one path; None where there is no value.

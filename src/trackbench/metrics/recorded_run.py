@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.base.types import Array, Mask
 from trackbench.metrics import Target
 from trackbench.results import Result
 from trackbench.results.columns import Columns, columns, split
-from trackbench.types import Array, Mask
 
 STATE = ("px_m", "py_m", "vx_mps", "vy_mps")
 

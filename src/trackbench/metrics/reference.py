@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Indices, Mask, Truth
 from trackbench.models.motion import ConstantVelocity, process_noise
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.sensing.scans import IdealSensor
-from trackbench.types import Array, Indices, Mask, Truth
 
 #: Standard deviation of the position before the first measurement, m: no information.
 UNKNOWN_POSITION = 1e4

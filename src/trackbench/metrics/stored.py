@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.metrics.builtin import BUILT_IN, RootMeanSquare
 from trackbench.metrics.intervals import Interval, ratio, root
-from trackbench.types import Array
 
 
 class SummedMetric(Protocol):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.types import Array, Indices
+from trackbench.base.types import Array, Indices
 
 #: Where a squared error, a NEES or a NIS is beyond this, sums of them would overflow.
 OVERFLOW = 1e100

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import pyarrow.compute as pc
 
+from trackbench.base.types import Array
 from trackbench.results import Result, Tables
-from trackbench.types import Array
 
 #: A time in a reason, which tells events of one cause apart.
 _TIME = re.compile(r"^[\d.]+ s ")

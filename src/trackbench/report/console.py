@@ -9,6 +9,7 @@ from functools import cached_property
 from rich.console import Console
 from rich.text import Text
 
+from trackbench.base.words import counted
 from trackbench.document.terminal import STYLE
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import conditions_off, mean_text
@@ -28,7 +29,6 @@ from trackbench.report.run.sentences import (
 from trackbench.report.run.tables import found
 from trackbench.report.traffic import console as traffic
 from trackbench.results import ExpectationResult, MetricValue, Result, TrackerResult
-from trackbench.words import counted
 
 #: From here on a number is written with its power of ten.
 _HUGE = 1e4

@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from trackbench.errors import InputError, OutputError, TrackbenchError
+from trackbench.base.errors import InputError, OutputError, TrackbenchError
 
 SUMMARY = "result.json"
 #: The same of an examination.

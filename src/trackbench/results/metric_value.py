@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
 
 Json = dict[str, Any]
 

@@ -13,8 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic import ValidationError
 
-from trackbench.errors import InputError, nearest
-from trackbench.input_files import read_bytes
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.input_files import read_bytes
 from trackbench.results.folder import EXAMINATION, SUMMARY, save_files, to_json, write_file
 from trackbench.results.summary import SCHEMA_VERSION, Summary
 from trackbench.results.tables import Tables

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from trackbench.base.words import counted
 from trackbench.results.metric_value import Part
 from trackbench.results.truth_audit import TruthAudit
-from trackbench.words import counted
 
 #: None where a truth was not audited; such a ``Truth`` has an empty mapping.
 Audit = Annotated[TruthAudit | None, BeforeValidator(lambda value: value or None)]

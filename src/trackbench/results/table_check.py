@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
 from trackbench.results.columns import split
 
 STATE = ("px_m", "py_m", "vx_mps", "vy_mps")

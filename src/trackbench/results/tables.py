@@ -8,8 +8,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from trackbench.errors import InputError
-from trackbench.input_files import require_regular
+from trackbench.base.errors import InputError
+from trackbench.base.input_files import require_regular
 from trackbench.results.table_check import TableLayout, require_table
 
 

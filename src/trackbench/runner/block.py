@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.base.types import Array, Estimate, Gaussian, Progress, Scan, no_progress
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.steppers import Offline, Stepper, masked
 from trackbench.engine.choice import compute_by, seconds_on_kernels
 from trackbench.engine.used import EngineUsed
 from trackbench.metrics import BlockScores, Scorer, Sums, score_together
@@ -24,9 +27,6 @@ from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
 from trackbench.runner.targets import Targets
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.scans import Measurements, sense
-from trackbench.stepping.faults import TrackFault, fault_of
-from trackbench.stepping.steppers import Offline, Stepper, masked
-from trackbench.types import Array, Estimate, Gaussian, Progress, Scan, no_progress
 
 #: Called with the recorded run while it is made: with its scans first, then with the estimates at each instant.
 OnRecordedRun = Callable[[list[Scan] | RecordedInstant], None]

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
-from trackbench.execution import Here, InProcess, Task
+from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.types import Progress, Scan, no_progress
 from trackbench.runner.block import OnRecordedRun, run_block
 from trackbench.runner.recorded import RecordedInstant
 from trackbench.runner.traffic import run_traffic_block
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.scenario import Scenario
 from trackbench.scenario.modules import own_folder
-from trackbench.types import Progress, Scan, no_progress
 
 
 class PendingBlocks:

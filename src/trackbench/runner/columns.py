@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pyarrow as pa
 
+from trackbench.base.types import Array, Scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Scan
 
 Columns = dict[str, Array | list[str]]
 

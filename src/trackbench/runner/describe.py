@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import Any
 
-from trackbench.config.key_units import in_words
+from trackbench.base.config.key_units import in_words
 from trackbench.trackers.config import ONE_DETECTION, FilterConfig, PluginConfig
 from trackbench.trackers.initial_config import InitialConfig
 

@@ -6,12 +6,12 @@ import logging
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from trackbench.base.words import counted
+from trackbench.driving.steppers import Stepper
+from trackbench.driving.tracks import TracksStepper
 from trackbench.engine.machine import unavailable
 from trackbench.engine.used import ComputedBy, EngineUsed, joined
 from trackbench.runner.work import Work
-from trackbench.stepping.steppers import Stepper
-from trackbench.stepping.tracks import TracksStepper
-from trackbench.words import counted
 
 if TYPE_CHECKING:
     from trackbench.runner.block import Block

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices
 from trackbench.metrics import BlockScores, Evaluation, Sums, evaluate, merge_sums, ratio, variance_shares
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.sums import ERROR
 from trackbench.results import Failure
 from trackbench.runner.block import Block
 from trackbench.runner.work import Work
-from trackbench.types import Array, Indices
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from itertools import product
 import numpy as np
 import pyarrow as pa
 
+from trackbench.base.types import Array
 from trackbench.runner.block import Block
 from trackbench.runner.columns import Columns, stacked
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.imm import ImmConfig
-from trackbench.types import Array
 
 AnyConfig = FilterConfig | PluginConfig
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.metrics.protocol import Target
 from trackbench.trackers.answers import TrackerFault
-from trackbench.types import Array
 
 
 class ModeSums:

@@ -8,16 +8,16 @@ from functools import partial
 
 import numpy as np
 
+from trackbench.base.streams import stream
+from trackbench.base.types import Array, Scan, of_runs
+from trackbench.driving.remote import start
+from trackbench.driving.steppers import Offline, Stepper
 from trackbench.models.motion import Kinematics
 from trackbench.runner.work import BlockRuns, Work
-from trackbench.stepping.remote import start
-from trackbench.stepping.steppers import Offline, Stepper
-from trackbench.streams import stream
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.smoothed import SmoothedTracker
-from trackbench.types import Array, Scan, of_runs
 
 
 def stepper_of(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from trackbench.types import Array, Gaussian, Mask
+from trackbench.base.types import Array, Gaussian, Mask
 
 
 @dataclass

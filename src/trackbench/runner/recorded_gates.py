@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 
-from trackbench.distributions import chi_square_quantile
+from trackbench.base.distributions import chi_square_quantile
+from trackbench.base.types import Array, Scan, Tracks
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.runner.columns import Columns, stacked
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.types import Array, Scan, Tracks
 
 #: Points of an outline, of which the last is the first.
 CORNERS = 17

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pyarrow as pa
 
+from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.metrics.consistency import normalised_square
 from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
 from trackbench.runner.recorded import RecordedEstimates
-from trackbench.types import Array, Indices, Scan, Truth
 
 
 def truth_table(truth: Truth, run: int) -> pa.Table:

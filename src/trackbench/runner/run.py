@@ -8,8 +8,11 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from typing import Any
 
+from trackbench.base.execution import InProcess
+from trackbench.base.types import Progress, no_progress
+from trackbench.base.words import counted
+from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.execution import InProcess
 from trackbench.results import Failure, Result
 from trackbench.runner.assemble import assemble
 from trackbench.runner.block import OnRecordedRun
@@ -17,10 +20,7 @@ from trackbench.runner.blocks import PendingBlocks
 from trackbench.runner.traffic_results import assemble_traffic
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
-from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
-from trackbench.types import Progress, no_progress
-from trackbench.words import counted
 
 log = logging.getLogger(__name__)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.engine.used import ComputedBy
 from trackbench.models.sensors import Sensor
 from trackbench.results import Summary, TrackerResult
@@ -28,7 +29,6 @@ from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.sensing.scans import IdealSensor, scan_rate
 from trackbench.truth import LoadedTruth, TruthSource
-from trackbench.types import Array
 
 if TYPE_CHECKING:
     from trackbench.runner.block import Block

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pyarrow as pa
 
+from trackbench.base.types import Array, Indices
 from trackbench.metrics import Evaluation
 from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds
@@ -14,7 +15,6 @@ from trackbench.metrics.stored import run_column
 from trackbench.metrics.sums import ERROR, NIS, BlockScores, Scores
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.evaluated import Evaluated
-from trackbench.types import Array, Indices
 
 
 def steps_table(evaluations: Mapping[str, Evaluation], time: Array) -> pa.Table:

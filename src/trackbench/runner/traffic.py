@@ -9,7 +9,20 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from trackbench.base.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.remote import start_tracks
+from trackbench.driving.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
 from trackbench.engine.used import EngineUsed
+from trackbench.metrics.traffic import (
+    Associations,
+    TrackHistory,
+    TrafficScoreOptions,
+    TruthHistory,
+    score_run,
+)
+from trackbench.metrics.traffic.histories import NO_DETECTION
+from trackbench.metrics.traffic.without_truth import UnlabelledScan, score_without_truth, without_truth
 from trackbench.results import Failure
 from trackbench.runner.allocation import keep_freed_memory
 from trackbench.runner.delivery import deliveries
@@ -19,20 +32,7 @@ from trackbench.runner.unlabelled import judged_scan
 from trackbench.runner.work import BlockRuns, Work
 from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
 from trackbench.sensing.due import Due
-from trackbench.stepping.faults import TrackFault, fault_of
-from trackbench.stepping.remote import start_tracks
-from trackbench.stepping.tracks import NO_TRACK, BatchedTracks, TracksStepper, tracks_of_run, unread
 from trackbench.trackers.config import FilterConfig
-from trackbench.traffic_metrics import (
-    Associations,
-    TrackHistory,
-    TrafficScoreOptions,
-    TruthHistory,
-    score_run,
-)
-from trackbench.traffic_metrics.histories import NO_DETECTION
-from trackbench.traffic_metrics.without_truth import UnlabelledScan, score_without_truth, without_truth
-from trackbench.types import FALSE_ALARM, Array, Indices, Progress, Scan, Tracks, no_progress, of_runs, scan_of_run
 
 #: Share of the scans in which a tracker may still load what it needs: of these the time is not counted.
 UNTIMED = 0.1

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
+from trackbench.base.types import Array
+from trackbench.metrics.traffic.existence import BINS
+from trackbench.metrics.traffic.strips import STATES
 from trackbench.results.table_check import NO_OBJECT
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.traffic_sums import dearest, summed
 from trackbench.runner.work import Work
-from trackbench.traffic_metrics.existence import BINS
-from trackbench.traffic_metrics.strips import STATES
-from trackbench.types import Array
 
 if TYPE_CHECKING:
     from trackbench.runner.traffic_results import TrafficEvaluation

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.engine.used import ComputedBy
 from trackbench.metrics.differences import differences
 from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
 from trackbench.metrics.stored import from_sums
+from trackbench.metrics.traffic import METRICS, TrafficMetric
+from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
 from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
 from trackbench.runner import traffic_tables
@@ -22,10 +25,7 @@ from trackbench.runner.traffic import TrafficBlock, TrafficScores
 from trackbench.runner.traffic_sums import PATHS, TrafficSums
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
-from trackbench.traffic_metrics import METRICS, TrafficMetric
-from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.truth import LoadedTruth
-from trackbench.types import Array
 
 HEADLINE = "gospa"
 NOT_ASKED = "only built-in trackers are asked what they predict"

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from trackbench.traffic_metrics import METRICS, RunScores
-from trackbench.traffic_metrics.events import TrafficEvent
-from trackbench.traffic_metrics.existence import ExistenceBins
-from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
-from trackbench.types import Array
+from trackbench.base.types import Array
+from trackbench.metrics.traffic import METRICS, RunScores
+from trackbench.metrics.traffic.events import TrafficEvent
+from trackbench.metrics.traffic.existence import ExistenceBins
+from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
 
 #: Every metric that a run may have.
 PATHS = tuple(dict.fromkeys([*METRICS, *METRICS_WITHOUT_TRUTH]))

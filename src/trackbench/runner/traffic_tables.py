@@ -9,7 +9,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from trackbench.base.types import Array, Indices, Scan, Truth
+from trackbench.driving.tracks import NO_TRACK
 from trackbench.metrics.stored import sum_columns
+from trackbench.metrics.traffic import TrackHistory
 from trackbench.results import Failure
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
@@ -18,9 +21,6 @@ from trackbench.runner.recorded_tables import roads_table, truth_table
 from trackbench.runner.traffic import TrafficBlock
 from trackbench.runner.traffic_events import association_table, events_table, existence_table, objects_table
 from trackbench.runner.work import Work
-from trackbench.stepping.tracks import NO_TRACK
-from trackbench.traffic_metrics import TrackHistory
-from trackbench.types import Array, Indices, Scan, Truth
 
 if TYPE_CHECKING:
     from trackbench.runner.traffic_results import TrafficEvaluation

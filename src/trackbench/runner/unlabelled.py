@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Indices, Scan, Tracks
+from trackbench.base.units import difference
+from trackbench.driving.tracks import NO_TRACK
+from trackbench.metrics.traffic.without_truth import UnlabelledScan
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.multi.gate import in_view
-from trackbench.stepping.tracks import NO_TRACK
-from trackbench.traffic_metrics.without_truth import UnlabelledScan
-from trackbench.types import Array, Indices, Scan, Tracks
-from trackbench.units import difference
+from trackbench.trackers.multi.gate import in_view
 
 #: Detections a scan that no track predicts, as they are expected of every tracker alike: uniform in the field of view.
 UNPREDICTED = 1.0

@@ -7,9 +7,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
+from trackbench.base.errors import InputError
+from trackbench.base.execution import InProcess
+from trackbench.base.types import Progress, no_progress
+from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import EngineName
-from trackbench.errors import InputError
-from trackbench.execution import InProcess
 from trackbench.metrics.intervals import paired
 from trackbench.results import PrecisionReached, Result
 from trackbench.runner.assemble import assemble
@@ -19,9 +21,7 @@ from trackbench.runner.evaluated import evaluated
 from trackbench.runner.work import Work, work_of
 from trackbench.scenario import Scenario
 from trackbench.scenario.truth import truths_of
-from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.truth import LoadedTruth
-from trackbench.types import Progress, no_progress
 
 #: Fewer runs do not show their own spread well enough to stop by it.
 FIRST_RUNS = 50

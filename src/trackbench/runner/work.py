@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Indices, Truth
+from trackbench.driving.faults import TrackFault
+from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.engine.choice import Engine, EngineName, chosen
 from trackbench.engine.machine import unavailable
 from trackbench.metrics import BUILT_IN, Metric
@@ -18,11 +21,8 @@ from trackbench.results import Failure
 from trackbench.scenario import Scenario
 from trackbench.sensing.due import Due, find_due
 from trackbench.sensing.scans import IdealSensor, ideal_sensors
-from trackbench.stepping.faults import TrackFault
-from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.truth import LoadedTruth
-from trackbench.types import Indices, Truth
 
 #: Objects times runs of the first block of a scene, so that two processes share a small run; and of the largest: the
 #: step of an extended Kalman filter takes a third less for each of 8,000 than of 2,000, and no less for each of 16,000.

@@ -8,14 +8,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trackbench.errors import InputError, InputErrors
+from trackbench.base.errors import InputError, InputErrors
+from trackbench.driving.faults import TrackFault
+from trackbench.driving.isolation import ISOLATED, Isolation
 from trackbench.scenario.load import Scenario
-from trackbench.stepping.faults import TrackFault
-from trackbench.stepping.isolation import ISOLATED, Isolation
 from trackbench.trackers.config import PluginConfig
 
 if TYPE_CHECKING:
-    from trackbench.stepping.remote import TrackerTrial
+    from trackbench.driving.remote import TrackerTrial
 
 Step = Callable[[], object]
 
@@ -63,7 +63,7 @@ def _trackers(loaded: Scenario, isolation: Isolation, *, started: bool) -> Itera
 
 def _try(name: str, tracker: PluginConfig, folder: Path, isolation: Isolation, started: bool) -> None:
     # Few scenarios have a plug-in, and what steps trackers takes its time to import.
-    from trackbench.stepping.remote import TrackerTrial
+    from trackbench.driving.remote import TrackerTrial
 
     with closing(TrackerTrial(tracker, folder, isolation)) as trial:
         _look_at(trial, name, tracker.use)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from trackbench.config import Config, Name, NonNegative, Plugin, Positive, Problem
+from trackbench.base.config import Config, Name, NonNegative, Plugin, Positive, Problem
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.scenario import cross_checks
 from trackbench.scenario.own_metrics import AnyMetric

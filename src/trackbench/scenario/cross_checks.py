@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from trackbench.config import Problem
-from trackbench.errors import nearest
+from trackbench.base.config import Problem
+from trackbench.base.errors import nearest
 from trackbench.metrics.registry import MetricPath, by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from trackbench.config.key_units import show, split_key
+from trackbench.base.config.key_units import show, split_key
 from trackbench.metrics.plugin import METRICS
 from trackbench.metrics.registry import MetricPath, known
 from trackbench.models.motion import MOTION_MODELS

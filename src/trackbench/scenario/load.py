@@ -8,16 +8,16 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from trackbench import input_files
-from trackbench.config import KeyPath
-from trackbench.config.explain import explain
-from trackbench.errors import InputError, InputErrors
+from trackbench.base import input_files
+from trackbench.base.config import KeyPath
+from trackbench.base.config.explain import explain
+from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.words import counted
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.overrides import apply_overrides
 from trackbench.scenario.shipped import find_scenario
 from trackbench.scenario.source import YamlDocument, dotted, parse
 from trackbench.scenario.sweep import expand_sweeps
-from trackbench.words import counted
 
 
 @dataclass(frozen=True, repr=False)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from trackbench.config import KeyPath
-from trackbench.errors import InputError, nearest
+from trackbench.base.config import KeyPath
+from trackbench.base.errors import InputError, nearest
 from trackbench.scenario.source import Origin, YamlDocument, dotted, parse
 
 

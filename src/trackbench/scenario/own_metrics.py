@@ -7,13 +7,13 @@ from typing import Annotated, Any
 from pydantic import GetJsonSchemaHandler, PlainValidator, ValidationError, ValidationInfo
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
-from trackbench.config import PROBLEM, KeyPath
-from trackbench.config.explain import explain
-from trackbench.config.plugin import PluginName
-from trackbench.errors import InputError, nearest
+from trackbench.base.config import PROBLEM, KeyPath
+from trackbench.base.config.explain import explain
+from trackbench.base.config.plugin import PluginName
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.plugins import one_line
 from trackbench.metrics import Metric
 from trackbench.metrics.plugin import METRICS
-from trackbench.plugins import one_line
 
 KEYS = ("use", "options")
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from trackbench.config import Problem
-from trackbench.errors import nearest
+from trackbench.base.config import Problem
+from trackbench.base.errors import nearest
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.trackers.config import FilterConfig

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from trackbench.config import OptionsBeside
-from trackbench.config.plugin import beside
+from trackbench.base.config import OptionsBeside
+from trackbench.base.config.plugin import beside
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.config import ScenarioConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
 from trackbench.scenario.load import Scenario
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 
 FOLDER = Path(__file__).parents[1] / "scenarios"
 #: Endings ``.yaml`` and ``.yml``.

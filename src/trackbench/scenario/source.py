@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from trackbench.config import KeyPath
-from trackbench.errors import InputError, InputErrors
+from trackbench.base.config import KeyPath
+from trackbench.base.errors import InputError, InputErrors
 
 #: Aliases can make a short file expand without end; no scenario comes near this.
 MAX_VALUES = 100_000

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from trackbench.config import KeyPath
-from trackbench.errors import InputError
+from trackbench.base.config import KeyPath
+from trackbench.base.errors import InputError
 from trackbench.scenario.overrides import set_value
 from trackbench.scenario.source import YamlDocument, dotted
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from trackbench.metrics.registry import HEALTH, MetricPath
-from trackbench.traffic_metrics import METRICS
-from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
 
 
 def traffic_paths(truth: bool) -> dict[str, MetricPath]:

@@ -6,14 +6,14 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from pathlib import Path
 
-from trackbench.errors import InputError
-from trackbench.execution import Here, InProcess, Task
+from trackbench.base.errors import InputError
+from trackbench.base.execution import Here, InProcess, Task
+from trackbench.base.types import Progress, no_progress
 from trackbench.scenario.load import Scenario
 from trackbench.scenario.modules import own_folder
 from trackbench.sensing.view import reach
 from trackbench.truth import Draw, LoadedTruth, TruthSource
 from trackbench.truth.limits import LARGEST
-from trackbench.types import Progress, no_progress
 
 
 def truth_of(loaded: Scenario, progress: Progress = no_progress) -> LoadedTruth:

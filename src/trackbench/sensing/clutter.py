@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.streams import stream
+from trackbench.base.types import Array, Indices, Mask
 from trackbench.models.sensors import Radar
 from trackbench.models.sensors.detection import ClutterPlace
 from trackbench.sensing.scans import IdealSensor, with_noise
 from trackbench.sensing.schedule import silent
 from trackbench.sensing.view import field_of_view
-from trackbench.streams import stream
-from trackbench.types import Array, Indices, Mask
 
 
 class FalseAlarms(NamedTuple):

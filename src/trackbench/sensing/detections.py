@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.streams import stream
+from trackbench.base.types import FALSE_ALARM, Array, Indices, Mask, Scan
 from trackbench.models.sensors import Sensor
 from trackbench.sensing.clutter import false_alarms
 from trackbench.sensing.resolution import resolve
 from trackbench.sensing.scans import IdealSensor, arrivals, measured
 from trackbench.sensing.schedule import silent
 from trackbench.sensing.view import field_of_view
-from trackbench.streams import stream
-from trackbench.types import FALSE_ALARM, Array, Indices, Mask, Scan
 
 #: In place of an object's number: a column without a detection, and a recorded detection of which nobody says what
 #: caused it.

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Observer
 from trackbench.models.sensors import Mount
-from trackbench.types import Array, Observer
 
 
 class SensorMotion(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.types import Array, Indices, Mask, Truth
+from trackbench.base.types import Array, Indices, Mask, Truth
 
 #: Lines of sight that are held at a time.
 CHUNK = 200_000

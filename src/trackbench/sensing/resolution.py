@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Indices, Mask
+from trackbench.base.units import difference, wrap_angle
 from trackbench.sensing.scans import IdealSensor
-from trackbench.types import Array, Indices, Mask
-from trackbench.units import difference, wrap_angle
 
 
 class Resolved(NamedTuple):

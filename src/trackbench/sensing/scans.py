@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from trackbench.base.streams import stream
+from trackbench.base.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
+from trackbench.base.units import difference
 from trackbench.models.sensors import Sensor
 from trackbench.sensing.geometry import SensorMotion, sensor_motion
 from trackbench.sensing.schedule import firing_steps, silent
 from trackbench.sensing.view import detection_probability, in_view, polar
-from trackbench.streams import stream
 from trackbench.truth.base import Recorded
-from trackbench.types import Array, Indices, Mask, RecordedDetections, RecordedMeasurements, Scan, Truth
-from trackbench.units import difference
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from trackbench.base.types import Array, Mask
 from trackbench.models.sensors import Sensor
-from trackbench.types import Array, Mask
 
 #: Instants are multiples of a step that is not exact in binary, s.
 TOLERANCE = 5e-7

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from trackbench.base.types import Array, FieldOfView, Indices, Mask, Truth
+from trackbench.base.units import wrap_angle
 from trackbench.models.sensors import Radar, Sensor
 from trackbench.sensing.geometry import SensorMotion
 from trackbench.sensing.occlusion import occluded
-from trackbench.types import Array, FieldOfView, Indices, Mask, Truth
-from trackbench.units import wrap_angle
 
 #: Probability of a false alarm in a cell of the radar, to which ``half_range_m`` refers.
 FALSE_ALARM_PROBABILITY = 1e-6

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
 from typing import Literal
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
 
 Identities = Literal["known", "hidden"]
 #: So many scans show it.

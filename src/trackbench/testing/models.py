@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
+from trackbench.base.types import Array, Gaussian, Scan
+from trackbench.base.units import difference
 from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.registry import MOTION_MODELS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.types import Array, Gaussian, Scan
-from trackbench.units import difference
 
 #: Half the distance over which a central difference is taken, and how far a derivative may be from it.
 STEP, CLOSE = 1e-5, 1e-6

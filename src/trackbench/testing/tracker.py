@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate, Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
 from trackbench.testing.kinds import OF_OTHER_KIND, Identities, answers, require_known
@@ -17,7 +18,6 @@ from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
 from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
 from trackbench.trackers.base import Tracker
 from trackbench.trackers.published import create
-from trackbench.types import Array, Estimate, Scan
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.types import Array, FieldOfView, Scan, Tracks
+from trackbench.driving.tracks import TRACKS, checked_tracks
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.stepping.tracks import TRACKS, checked_tracks
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
 from trackbench.trackers.answers import unpack
-from trackbench.types import Array, FieldOfView, Scan, Tracks
 
 Make = Callable[[], Any]
 POSE = np.array([4.0, -3.0, 0.4])

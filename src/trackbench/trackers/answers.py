@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from trackbench.types import Array, Estimate, Scan
+from trackbench.base.types import Array, Estimate, Scan
 
 NOT_FINITE = "the estimate is not finite"
 NOT_DEFINITE = "the covariance is not positive definite"

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from trackbench.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem
+from trackbench.base.config import PROBLEM, Config, NonNegative, Positive, Probability, Problem
 
 AssociationMethod = Literal["gnn", "jpda", "jipda", "pmb", "oracle", "naive"]
 Fraction = Annotated[float, Field(gt=0, lt=1)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Scan
 
 
 @dataclass(frozen=True)

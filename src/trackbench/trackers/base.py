@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
+from trackbench.base.types import Array, Estimate, Scan
 from trackbench.filters import AnyBelief
-from trackbench.types import Array, Estimate, Scan
 
 
 class Tracker(Protocol):

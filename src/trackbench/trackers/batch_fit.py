@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Mask
+from trackbench.base.units import difference
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.models.motion import ConstantVelocity, InitialSigmas, MotionModel
 from trackbench.trackers.first_measurements import FirstMeasurements
 from trackbench.trackers.fit_equations import BACK, first_state, forth, own_numbers
 from trackbench.trackers.fit_search import About, Fit, Unknowns, searched
-from trackbench.types import Array, Gaussian, Mask
-from trackbench.units import difference
 
 
 class BatchPrior(NamedTuple):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Gaussian, Mask, some
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.filters.mixing import moment_matched
 from trackbench.models.motion import MotionModel
@@ -13,7 +14,6 @@ from trackbench.trackers.batch_fit import BatchPrior, fit_from
 from trackbench.trackers.first_measurements import FirstMeasurements
 from trackbench.trackers.fit_search import Fit, put
 from trackbench.trackers.line_fit import fit_line
-from trackbench.types import Array, Gaussian, Mask, some
 
 #: Of two motions whose costs differ by more, the other one has odds of less than 1 to 99.
 SURE = 2.0 * float(np.log(99.0))

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from trackbench.config import PROBLEM, Config, NonNegative, OptionsBeside, PluginName, Positive, Problem
-from trackbench.config.key_units import in_words
+from trackbench.base.config import PROBLEM, Config, NonNegative, OptionsBeside, PluginName, Positive, Problem
+from trackbench.base.config.key_units import in_words
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS

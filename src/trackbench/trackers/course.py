@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Gaussian, Mask
 from trackbench.filters import (
     AnyBelief,
     Belief,
@@ -20,7 +21,6 @@ from trackbench.filters import (
 from trackbench.filters.mixing import moment_matched
 from trackbench.models.motion import ConstantVelocity, MotionModel
 from trackbench.models.motion.base import YAW
-from trackbench.types import Array, Gaussian, Mask
 
 #: Standard deviation of a yaw above which a state with it is no longer taken to be Gaussian, rad.
 COURSE_LOST = 0.5

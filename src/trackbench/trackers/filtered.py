@@ -9,7 +9,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate, Gaussian, Indices, Mask, Scan
 from trackbench.engine.choice import Engine, compute_by, filter_by, used
 from trackbench.engine.used import EngineUsed
 from trackbench.filters import (
@@ -34,7 +35,6 @@ from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.innovations import total_log_likelihood, where_known, with_innovation
 from trackbench.trackers.late import LateMethod, Taken, inserted, kept, position, replayed, up_to_date
 from trackbench.trackers.retrodiction import Retrodiction, retrodicted
-from trackbench.types import Array, Estimate, Gaussian, Indices, Mask, Scan
 
 
 class TrackState(NamedTuple):

@@ -7,11 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from trackbench.base.types import Mask, Scan
 from trackbench.engine.equations import Compute
 from trackbench.trackers.batch_fit import BatchPrior
 from trackbench.trackers.batch_start import StraightLine, straight_line
 from trackbench.trackers.first_measurements import FirstMeasurements, collect, kinds_of
-from trackbench.types import Mask, Scan
 
 
 def first_line(

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Mask, Scan, some
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
-from trackbench.types import Array, Mask, Scan, some
 
 #: Those before the latest so many are not used.
 MOST_MEASUREMENTS = 30

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array
+from trackbench.base.units import difference
 from trackbench.engine.elsewhere import form_of, is_traced, settled
 from trackbench.engine.equations import Equations, Values
 from trackbench.engine.options import form, numbers, with_numbers, within
@@ -15,8 +17,6 @@ from trackbench.models.motion import InitialSigmas, MotionModel
 from trackbench.models.motion.base import POSITION, VELOCITY, YAW, first_sigma
 from trackbench.models.sensors import Sensor
 from trackbench.trackers.fit_search import index
-from trackbench.types import Array
-from trackbench.units import difference
 
 Kinds = Sequence[type[Sensor]]
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from trackbench.types import Array, Gaussian, Mask, some
+from trackbench.base.types import Array, Gaussian, Mask, some
 
 #: Steps after which a fit that still moves counts as not converged.
 MOST_STEPS = 12

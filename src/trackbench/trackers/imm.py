@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.config import Config, Plugin, Positive, Probability, Problem
+from trackbench.base.config import Config, Plugin, Positive, Probability, Problem
 from trackbench.models.motion import MOTION_MODELS, MotionModel
 
 Motion = Annotated[MotionModel, Plugin(MOTION_MODELS, "model", word=True)]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian, Mask, Scan
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
@@ -18,7 +19,6 @@ from trackbench.trackers.batch_start import start_state
 from trackbench.trackers.course import course_known, has_yaw
 from trackbench.trackers.first_line import first_line
 from trackbench.trackers.initial_config import ALONG_SIGHT, InitialConfig
-from trackbench.types import Array, Gaussian, Mask, Scan
 
 #: Standard deviation of the yaw where it is drawn from the truth and the scenario does not say, rad.
 TRUE_YAW_SIGMA = 0.1

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from trackbench.config import Config, Positive, Problem
+from trackbench.base.config import Config, Positive, Problem
 
 InitialSource = Literal["first_reading", "two_readings", "batch", "truth"]
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate, Mask
 from trackbench.filters import Update
 from trackbench.trackers.late import Taken
-from trackbench.types import Array, Estimate, Mask
 
 
 def with_innovation(estimate: Estimate, said: Update[Any], known: Mask | None) -> Estimate:

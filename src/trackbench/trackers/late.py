@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 from typing import Any, Generic, Literal, NamedTuple, Protocol, TypeVar
 
-from trackbench.types import Indices, Scan
+from trackbench.base.types import Indices, Scan
 
 LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
 

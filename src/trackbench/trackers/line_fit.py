@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackbench.base.types import Array, Gaussian, Mask, some
 from trackbench.engine.equations import Compute
 from trackbench.trackers.first_measurements import FirstMeasurements
 from trackbench.trackers.fit_equations import ALONG, LOWER, on_line
 from trackbench.trackers.fit_search import About, Fit, Unknowns, searched
-from trackbench.types import Array, Gaussian, Mask, some
 
 
 def fit_line(first: Array, measurements: FirstMeasurements, velocity_sigma: float, compute: Compute) -> Fit:

@@ -10,10 +10,10 @@ from typing import Any, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
-from trackbench.config.explain import explain
-from trackbench.errors import InputError, InputErrors
-from trackbench.plugins import Registry, searched
-from trackbench.plugins.imports import one_line
+from trackbench.base.config.explain import explain
+from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.plugins import Registry, searched
+from trackbench.base.plugins.imports import one_line
 from trackbench.trackers.base import Tracker
 
 Factory = Callable[..., Tracker]

@@ -6,9 +6,9 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate, Mask, Scan
 from trackbench.models.sensors import SENSOR_MODELS
-from trackbench.types import Array, Estimate, Mask, Scan
 
 
 class PositionFix(NamedTuple):

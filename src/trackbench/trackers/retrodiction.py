@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Scan
+from trackbench.base.units import difference
 from trackbench.filters import Belief, SingleModelFilter, Update
 from trackbench.filters.base import correct, guarded
 from trackbench.models.motion import MotionModel, process_noise
-from trackbench.types import Array, Scan
-from trackbench.units import difference
 
 
 class Retrodiction(NamedTuple):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import NamedTuple
 
+from trackbench.base.types import Estimate, Scan
 from trackbench.filters import bare, choose
 from trackbench.trackers.filtered import FilterTracker, TrackState
-from trackbench.types import Estimate, Scan
 
 
 class _Instant(NamedTuple):

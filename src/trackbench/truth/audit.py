@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Mask, Truth
+from trackbench.base.units import wrap_angle
 from trackbench.results.truth_audit import EndedEarly, PositionJump, Repairs, TruthAudit, VelocityMismatch
 from trackbench.truth import jumps
 from trackbench.truth.jumps import IMPOSSIBLE_MPS2
-from trackbench.types import Array, Mask, Truth
-from trackbench.units import wrap_angle
 
 #: Largest velocity error that passes, m/s: half the range-rate sigma of a good automotive radar.
 TOLERANCE_MPS = 0.05

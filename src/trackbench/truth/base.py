@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from trackbench.config import Config
-from trackbench.plugins import Registry, lacks_class
-from trackbench.types import Progress, RecordedDetections, RecordedMeasurements, Truth, no_progress
+from trackbench.base.config import Config
+from trackbench.base.plugins import Registry, lacks_class
+from trackbench.base.types import Progress, RecordedDetections, RecordedMeasurements, Truth, no_progress
 
 #: What a sensor has measured: of known objects, or of nobody knows what.
 Recorded = RecordedMeasurements | RecordedDetections

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Array, Observer
 from trackbench.truth.config import HighwayOptions, IdTargets, NearestTargets
 from trackbench.truth.frames import Frames
-from trackbench.types import Array, Observer
 
 
 def target_bodies(config: HighwayOptions, frames: Frames, observer: Observer) -> list[int]:

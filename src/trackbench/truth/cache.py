@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.types import Observer, Truth
+from trackbench.base.user_cache import cache_folder, write_whole
 from trackbench.truth.config import HighwayOptions
-from trackbench.types import Observer, Truth
-from trackbench.user_cache import cache_folder, write_whole
 
 #: To be raised whenever the same configuration leads to another truth, or is stored in another way.
 FORMAT = 4

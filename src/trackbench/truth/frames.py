@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackbench.types import Array, Mask, Observer, Truth
-from trackbench.units import wrap_angle
+from trackbench.base.types import Array, Mask, Observer, Truth
+from trackbench.base.units import wrap_angle
 
 
 @dataclass(frozen=True)

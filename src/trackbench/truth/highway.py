@@ -15,7 +15,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Observer, Progress, Truth, no_progress
 from trackbench.results.truth_audit import EndedEarly
 from trackbench.truth.audit import Reported, audit, by_euler
 from trackbench.truth.bodies import target_bodies, truth_bodies
@@ -27,7 +28,6 @@ from trackbench.truth.recorder import Recorder
 from trackbench.truth.roads import lane_edges
 from trackbench.truth.settings import complete
 from trackbench.truth.sizes import with_sizes
-from trackbench.types import Observer, Progress, Truth, no_progress
 
 with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
     warnings.simplefilter("ignore")

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackbench.types import Array, Mask, Truth
-from trackbench.units import wrap_angle
+from trackbench.base.types import Array, Mask, Truth
+from trackbench.base.units import wrap_angle
 
 
 def at_instants(truth: Truth, stepped: Mask) -> Truth:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackbench.base.types import Array, Mask, Truth
 from trackbench.results.truth_audit import VelocityJumps
-from trackbench.types import Array, Mask, Truth
 
 #: No vehicle on wheels accelerates like this, m/s^2: twice the grip of a tyre, whose coefficient of friction on dry
 #: asphalt is 0.8 to 0.9 (Wong, Theory of Ground Vehicles, section 1.3). One grip would also count the cars that a

@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from trackbench.errors import InputError
-from trackbench.types import Truth
+from trackbench.base.errors import InputError
+from trackbench.base.types import Truth
 
 #: By quantity, in SI units and radians.
 LARGEST = {"length": 1e8, "speed": 1e5, "angle": 1e6}

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from trackbench.base.types import Array
 from trackbench.truth.frames import Frames
-from trackbench.types import Array
 
 
 class Recorder:

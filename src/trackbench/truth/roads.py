@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from trackbench.types import Array, Mask
+from trackbench.base.types import Array, Mask
 
 MARGIN_M = 100.0
 SPACING_M = 2.0

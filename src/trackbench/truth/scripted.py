@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.errors import InputError
+from trackbench.base import linalg
+from trackbench.base.errors import InputError
+from trackbench.base.streams import stream
+from trackbench.base.types import Array, Observer, Truth
+from trackbench.base.units import wrap_angle
 from trackbench.models.motion import ConstantTurnRateAcceleration, ConstantVelocity, Kinematics, MotionModel
-from trackbench.streams import stream
 from trackbench.truth.audit import exact
 from trackbench.truth.config import MovingObserver, ScriptedOptions
 from trackbench.truth.config.scripted import Piece, ScriptedObject, ScriptedStart
 from trackbench.truth.limits import require_possible
-from trackbench.types import Array, Observer, Truth
-from trackbench.units import wrap_angle
 
 Generators = Sequence[np.random.Generator]
 

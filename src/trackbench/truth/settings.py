@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
 
 #: For ``action`` and ``observation``: the keys that each of their types takes.
 Variants = Mapping[str, Mapping[str, Collection[str]]]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import time
 
+from trackbench.base.types import Progress
 from trackbench.truth import cache as store
 from trackbench.truth.base import LoadedTruth
 from trackbench.truth.config import HighwayOptions
-from trackbench.types import Progress
 
 OWN_CLASSES = "highway_env."
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from trackbench.streams import stream
+from trackbench.base.streams import stream
 from trackbench.truth.config import VehicleSizes
 from trackbench.truth.frames import Frames
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from trackbench.base.types import Progress, no_progress
 from trackbench.truth import recorded, scripted, simulated
 from trackbench.truth.base import Draw, LoadedTruth
 from trackbench.truth.config import HighwayOptions, RecordingOptions, ScriptedOptions
-from trackbench.types import Progress, no_progress
 
 
 class HighwayTruth(HighwayOptions):

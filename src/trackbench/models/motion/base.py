@@ -8,9 +8,9 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from trackbench import linalg
-from trackbench.config import Config
-from trackbench.types import Array, Gaussian, Indices, Mask
+from trackbench.base import linalg
+from trackbench.base.config import Config
+from trackbench.base.types import Array, Gaussian, Indices, Mask
 
 
 class Kinematics(NamedTuple):

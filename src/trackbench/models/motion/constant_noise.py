@@ -6,8 +6,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from trackbench.base.types import Array, Gaussian, Indices, Mask
 from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel
-from trackbench.types import Array, Gaussian, Indices, Mask
 
 
 class ConstantProcessNoise(MotionModel):

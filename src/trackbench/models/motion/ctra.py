@@ -6,11 +6,11 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from trackbench import linalg
-from trackbench.config import Positive
+from trackbench.base import linalg
+from trackbench.base.config import Positive
+from trackbench.base.types import Array
+from trackbench.base.units import cos_sin
 from trackbench.models.motion import turning
-from trackbench.types import Array
-from trackbench.units import cos_sin
 
 
 class ConstantTurnRateAcceleration(turning.SpeedAndYaw):

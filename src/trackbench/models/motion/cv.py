@@ -7,10 +7,10 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from trackbench import linalg
-from trackbench.config import Positive
+from trackbench.base import linalg
+from trackbench.base.config import Positive
+from trackbench.base.types import Array
 from trackbench.models.motion.base import MotionModel
-from trackbench.types import Array
 
 
 class ConstantVelocity(MotionModel):

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from trackbench.base.plugins import Registry, lacks_class
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE, MotionModel
-from trackbench.plugins import Registry, lacks_class
 
 KNOWN = (*POSITION, *VELOCITY, *ACCELERATION, *YAW, *YAW_RATE)
 

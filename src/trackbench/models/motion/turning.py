@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Gaussian
+from trackbench.base.units import cos_sin
 from trackbench.models.motion.base import InitialSigmas, Kinematics, MotionModel, extended
-from trackbench.types import Array, Gaussian
-from trackbench.units import cos_sin
 
 #: Below this half turn (rad) the series of the spherical Bessel functions are exact to double precision.
 SMALL = 0.5

@@ -9,14 +9,14 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from trackbench import linalg
-from trackbench.config import PROBLEM, Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
-from trackbench.config.key_units import in_si, split_key
-from trackbench.errors import nearest
+from trackbench.base import linalg
+from trackbench.base.config import PROBLEM, Angle, Config, KeyPath, NonNegative, Positive, Probability, Problem, reject
+from trackbench.base.config.key_units import in_si, split_key
+from trackbench.base.errors import nearest
+from trackbench.base.plugins import Registry, lacks_class
+from trackbench.base.types import Array, Gaussian, Scan
 from trackbench.models.sensors.detection import Clutter, DetectionFactors, Resolution, StatedDetection
 from trackbench.models.sensors.presets import presets
-from trackbench.plugins import Registry, lacks_class
-from trackbench.types import Array, Gaussian, Scan
 
 #: A time for which a measurement is on its way, s.
 Delay = Annotated[float, Field(ge=0, le=60)]

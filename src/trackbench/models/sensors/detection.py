@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from trackbench.config import Config, NonNegative, Positive, Probability, Problem
+from trackbench.base.config import Config, NonNegative, Positive, Probability, Problem
 
 Row = Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
 Point = Annotated[list[float], Field(min_length=2, max_length=2)]

@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from trackbench import linalg
-from trackbench.config import Angle
+from trackbench.base import linalg
+from trackbench.base.config import Angle
+from trackbench.base.types import Array, Gaussian, Scan
+from trackbench.base.units import cos_sin
 from trackbench.models.sensors.base import Sensor
-from trackbench.types import Array, Gaussian, Scan
-from trackbench.units import cos_sin
 
 #: Range below which the direction to a target is not defined, m; keeps Jacobians finite on the sensor itself.
 MIN_RANGE = 1e-6

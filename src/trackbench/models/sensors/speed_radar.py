@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Scan
 from trackbench.models.sensors.radar import Polar, Radar, along_sight
-from trackbench.types import Array, Scan
 
 #: Speed below which the direction of motion is not defined, m/s; keeps the Jacobian finite at rest.
 MIN_SPEED = 1e-6

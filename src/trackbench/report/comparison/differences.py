@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from trackbench.base.words import counted
 from trackbench.compare import Comparison, Entrant, PairDifference
 from trackbench.compare.comparison import ComparedResult, ComparedScenario, GateResult, OverallChange
 from trackbench.document import Block, Cell, Column, Item, Items, Paragraph, Section, Status, Table, Tone
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED, VERDICTS
 from trackbench.report.comparison.figures import difference_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed
-from trackbench.words import counted
 
 TONES: Mapping[str, Tone] = {"better": "good", "worse": "bad"}
 _GATE_TONES: Mapping[str, Tone] = {"failed": "bad", "error": "bad", "undecided": "warn"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
+from trackbench.base.words import counted
 from trackbench.compare import Comparison
 from trackbench.compare.comparison import EntrantScore, RankedTracker
 from trackbench.compare.mean_ranks import FEWEST_SCENARIOS, FEWEST_TRACKERS, fewest_scenarios
@@ -13,7 +14,6 @@ from trackbench.report.comparison.competitors import competitors, label
 from trackbench.report.comparison.figures import reference_figure
 from trackbench.report.comparison.rank_figure import rank_figure
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, interval
-from trackbench.words import counted
 
 #: A verdict's colour.
 _TONES: Mapping[str, Tone] = {"consistent": "good", "optimistic": "bad", "pessimistic": "warn", "mixed": "warn"}

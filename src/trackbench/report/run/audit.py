@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from trackbench.base.words import counted
 from trackbench.report.numbers import decimals, fixed, joined
 from trackbench.results import TruthAudit, TruthSummary
-from trackbench.words import counted
 
 #: m/s or m; what is smaller is not worth its digits.
 _NEGLIGIBLE = 0.001

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+from trackbench.base.words import counted
 from trackbench.document import Block, Code, Document, Item, Items, Paragraph, Section, Status, TrackerStyle
+from trackbench.document.palette import tracker_colours
 from trackbench.document.styles import tracker_styles
-from trackbench.palette import tracker_colours
 from trackbench.report.numbers import joined
 from trackbench.report.run import tables
 from trackbench.report.run.audit import audit_sentences
 from trackbench.report.run.breakdown import after_jumps
 from trackbench.report.run.sentences import expectations_met, facts, failure
 from trackbench.results import Result
-from trackbench.words import counted
 
 _Sections = Callable[[Mapping[str, TrackerStyle], Sequence[TrackerStyle]], Iterable[Section]]
 

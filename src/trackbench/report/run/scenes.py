@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from trackbench.base.words import counted
 from trackbench.document import Block, Cell, Column, Paragraph, Table
 from trackbench.report.numbers import NOT_AVAILABLE, decimals, fixed, joined, percent
 from trackbench.results import Result
 from trackbench.results.scenario_summary import SceneSummary
-from trackbench.words import counted
 
 
 def runs_in_words(result: Result) -> str:

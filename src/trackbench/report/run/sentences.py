@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trackbench.base.words import counted
 from trackbench.metrics.differences import SILENCE
 from trackbench.metrics.verdict_words import MEANING, conditions_off, mean_text
 from trackbench.report.calibration import calibration_clauses
@@ -12,7 +13,6 @@ from trackbench.report.numbers import decimals, fixed, half_width, interval, joi
 from trackbench.report.run.pairs import Pairs
 from trackbench.report.run.scenes import runs_in_words
 from trackbench.results import MOST_DRAWN, ExpectationResult, Health, PrecisionReached, Result, TrackerResult
-from trackbench.words import counted
 
 
 def facts(result: Result) -> tuple[str, ...]:

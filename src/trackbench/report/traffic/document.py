@@ -19,6 +19,7 @@ from trackbench.document import (
     Table,
     TrackerStyle,
 )
+from trackbench.metrics.traffic import METRICS
 from trackbench.report.margin import margin_words
 from trackbench.report.run import tables
 from trackbench.report.run.cells import INTERVAL, TRACKER, names, values
@@ -35,7 +36,6 @@ from trackbench.report.traffic.map import map_of_tracks
 from trackbench.report.traffic.sentences import association_against_filtering, censored, reused_identities, verdict
 from trackbench.report.traffic.strips import strip_chart
 from trackbench.results import Result, TrackerResult
-from trackbench.traffic_metrics import METRICS
 
 RANKING = ("gospa", "gospa_localisation", "gospa_missed", "gospa_false", "hota", "idf1", "mota")
 #: The other tables: title, and the metrics that are their columns.

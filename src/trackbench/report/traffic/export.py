@@ -12,11 +12,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
+from trackbench.base.types import DUE, OPTIONAL, Array
 from trackbench.metrics.track_events import instants
 from trackbench.results import Result
 from trackbench.results.columns import split
-from trackbench.types import DUE, OPTIONAL, Array
 
 ExportFormat = Literal["mot", "events"]
 FORMATS: tuple[ExportFormat, ...] = get_args(ExportFormat)

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import TIME_LABEL, panel_title
 from trackbench.document.drawing import DASHED, INK, WIDTH
@@ -15,7 +16,6 @@ from trackbench.document.styles import legend_of, tooltips_of
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, where
 from trackbench.report.run.figures.lines import draw_lines, end_of, last_values, smooth_lines, styles_of
-from trackbench.words import counted
 
 PARTS = {
     "gospa_m": "GOSPA",

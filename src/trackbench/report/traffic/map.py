@@ -9,17 +9,17 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import panel_title
 from trackbench.document.drawing import INK, MUTED, WIDTH
+from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.track_events import TrackEvent, events_of
-from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, names, where
 from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
 from trackbench.report.run.figures.map import mapped
 from trackbench.results import Result
-from trackbench.words import counted
 
 _LOST, _FALSE = ERROR_COLOURS[4], "#B42D00"
 #: Marks of events, each with its colour and whether it is filled.

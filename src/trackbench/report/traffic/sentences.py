@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from trackbench.base.words import counted
 from trackbench.report.margin import margin_words
 from trackbench.report.numbers import decimals, fixed, interval, percent
 from trackbench.report.run.pairs import Pair, Pairs
 from trackbench.results import Result, TrackerResult
 from trackbench.results.tracker_result import ORACLE
 from trackbench.trackers.associate import COUNTING
-from trackbench.words import counted
 
 #: The parts of GOSPA, in words.
 PARTS = {"gospa_localisation": "localisation", "gospa_missed": "missed objects", "gospa_false": "false tracks"}

@@ -9,14 +9,14 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
 from trackbench.document.drawing import GRID, INK, WIDTH
 from trackbench.document.margins import shortened
-from trackbench.palette import ERROR_COLOURS
+from trackbench.document.palette import ERROR_COLOURS
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, names, where
-from trackbench.words import counted
 
 #: The trackers and the objects that are drawn.
 PANELS, OBJECTS = 4, 24

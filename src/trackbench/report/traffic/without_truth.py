@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.document import Column, Paragraph, Section, Table
+from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
 from trackbench.report.run.cells import TRACKER, names, values
 from trackbench.results import Result
-from trackbench.traffic_metrics import METRICS
-from trackbench.traffic_metrics.without_truth import METRICS_WITHOUT_TRUTH
 
 #: The tables: title, what to know of it, and the metrics that are its columns.
 GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {

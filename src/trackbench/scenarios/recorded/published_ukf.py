@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from trackbench import linalg
+from trackbench.base import linalg
+from trackbench.base.types import Array, Estimate, Scan
+from trackbench.base.units import difference
 from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic
 from trackbench.filters.base import take_in
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
 from trackbench.trackers.config import FilterConfig
 from trackbench.trackers.filtered import FilterTracker, TrackState
-from trackbench.types import Array, Estimate, Scan
-from trackbench.units import difference
 
 
 @dataclass(frozen=True)

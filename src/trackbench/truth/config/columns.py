@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from trackbench.config import Config, Positive, Problem
-from trackbench.errors import nearest
+from trackbench.base.config import Config, Positive, Problem
+from trackbench.base.errors import nearest
 
 #: The units that columns may have, in SI units and radians.
 UNITS: dict[str, dict[str, float]] = {

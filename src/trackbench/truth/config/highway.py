@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag
 
-from trackbench.config import MAPPING, PROBLEM, WORD, Config, Positive, Problem, shape
+from trackbench.base.config import MAPPING, PROBLEM, WORD, Config, Positive, Problem, shape
 from trackbench.truth.base import MAX_SCENES, SteppedTruth
 from trackbench.truth.config.observer import FixedObserver
 

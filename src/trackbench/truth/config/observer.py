@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from trackbench.config import Angle, Config
+from trackbench.base.config import Angle, Config
 from trackbench.truth.limits import Position, Velocity
 
 

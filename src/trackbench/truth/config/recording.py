@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from trackbench.config import Name, Positive, Problem
+from trackbench.base.config import Name, Positive, Problem
 from trackbench.truth.base import TruthSource
 from trackbench.truth.config.columns import MeasurementColumns, ObserverColumns, TruthColumns, Units
 from trackbench.truth.config.observer import FixedObserver

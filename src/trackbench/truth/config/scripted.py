@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from trackbench.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
+from trackbench.base.config import Angle, Config, Name, NonNegative, OptionsBeside, Plugin, Positive, Problem
 from trackbench.models.motion import MOTION_MODELS, ConstantVelocity, MotionModel
 from trackbench.truth.base import SteppedTruth
 from trackbench.truth.config.observer import MovingObserver

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from trackbench.base.types import Truth
 from trackbench.truth.base import Recorded
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded.drive import Drive
-from trackbench.types import Truth
 
 __all__ = ["Drive", "Recording", "load", "read"]
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.types import Array, Indices
+from trackbench.base.types import Array, Indices
 
 #: Of the intervals between two detections of one object this share is not longer than one period, even where
 #: detections are few.

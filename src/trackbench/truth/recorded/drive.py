@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.types import Array, Indices
+from trackbench.base.types import Array, Indices
 
 
 class Motion(NamedTuple):

@@ -6,8 +6,8 @@ import os
 import re
 from pathlib import Path
 
-from trackbench import input_files
-from trackbench.errors import InputError, nearest
+from trackbench.base import input_files
+from trackbench.base.errors import InputError, nearest
 
 _VARIABLE = re.compile(r"\$(\w+|\{[^}]*\})")
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Array
 from trackbench.truth import limits
 from trackbench.truth.recorded.files import read_text
-from trackbench.types import Array
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Of times: nanoseconds since 1970 are 2e18.

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trackbench.errors import InputError, nearest
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Array, Indices
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
@@ -23,7 +24,6 @@ from trackbench.truth.config.columns import (
 from trackbench.truth.recorded import files, rows
 from trackbench.truth.recorded.drive import Drive, Log, Motion, RowOrder, row_order
 from trackbench.truth.recorded.rows import Rows
-from trackbench.types import Array, Indices
 
 #: What the object is called where the file does not name it.
 OBJECT = "object"

@@ -10,7 +10,7 @@ import math
 import re
 from typing import NamedTuple
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.truth.limits import why_too_large
 
 #: The sensor that each letter stands for, and the components of its measurement.

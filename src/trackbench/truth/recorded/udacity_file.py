@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
 from trackbench.truth import limits
 from trackbench.truth.config import RecordingOptions
 from trackbench.truth.recorded import files

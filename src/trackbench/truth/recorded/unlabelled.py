@@ -9,7 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackbench.errors import InputError
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array, Indices, Mask, Observer, RecordedDetections, Truth
+from trackbench.base.units import wrap_angle
+from trackbench.base.words import counted
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.truth import limits
 from trackbench.truth.base import Recorded
@@ -21,9 +24,6 @@ from trackbench.truth.recorded.cycles import cycles
 from trackbench.truth.recorded.drive import Motion, row_order
 from trackbench.truth.recorded.rows import Rows
 from trackbench.truth.recorded.table import measured, observer_motion, seconds_from, time_stamps
-from trackbench.types import Array, Indices, Mask, Observer, RecordedDetections, Truth
-from trackbench.units import wrap_angle
-from trackbench.words import counted
 
 #: A slot that was empty for longer has another object afterwards, s.
 EMPTY_SLOT = 1.0

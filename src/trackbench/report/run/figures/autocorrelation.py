@@ -9,12 +9,12 @@ import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import MaxNLocator
 
+from trackbench.base.types import Array
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.drawing import MUTED
 from trackbench.document.styles import legend_of, tooltips_of
 from trackbench.metrics.verdicts import WHITENESS_TOLERANCE
 from trackbench.report.run.figures.columns import column, where
-from trackbench.types import Array
 
 
 def autocorrelation(table: pa.Table, sensor: str, styles: Sequence[TrackerStyle], number: int) -> Figure | None:

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from trackbench.types import Array
+from trackbench.base.types import Array
 
 
 def where(table: pa.Table, **keys: str) -> pa.Table:

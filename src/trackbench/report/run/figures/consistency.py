@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import TIME_LABEL, fit_value_axis
 from trackbench.document.drawing import DASHED, INK, MUTED
@@ -16,7 +17,6 @@ from trackbench.metrics.consistency import point95
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.columns import column, where
 from trackbench.report.run.figures.lines import Line, draw_lines, end_of, last_values, lines, styles_of
-from trackbench.words import counted
 
 _HEIGHT = 250.0
 

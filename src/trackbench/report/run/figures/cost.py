@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.types import Array
 from trackbench.document import Figure, TrackerStyle
 from trackbench.document.axes import logarithmic
 from trackbench.document.margins import fit_margins, shortened, text_width
 from trackbench.document.styles import legend_of, tooltips_of
 from trackbench.results import TrackerResult
-from trackbench.types import Array
 
 #: The widest name beside a point, in points: one side of it has room.
 _NAME = 150.0

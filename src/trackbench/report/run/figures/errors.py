@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import TIME_LABEL, fit_value_axis, panel_title, time_axis
 from trackbench.document.drawing import DASHED, INK, MUTED, WIDTH
@@ -17,7 +18,6 @@ from trackbench.report.conditions import UNIT
 from trackbench.report.numbers import joined
 from trackbench.report.run.figures.lines import Line, draw_lines, end_of, last_values, smooth_lines, styles_of
 from trackbench.results.scenario_summary import ReferenceSummary
-from trackbench.words import counted
 
 _HEIGHT = 250.0
 _PANEL = 125.0

@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.axes import Axes
 
+from trackbench.base.types import Array
 from trackbench.document.drawing import GRID, INK, MUTED
 from trackbench.document.margins import shortened
 from trackbench.report.run.figures.columns import column, where
-from trackbench.types import Array
 
 #: A scene longer than this many times its width (a straight road) is drawn stretched across.
 ELONGATED = 4.0

@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.axes import Axes
 
+from trackbench.base.types import Array
 from trackbench.document import TrackerStyle
 from trackbench.document.axes import time_axis
 from trackbench.report.run.figures.columns import column, where
-from trackbench.types import Array
 
 #: Errors are averaged over time to about so many points, or a sensor that alternates with another fills the figure.
 _POINTS = 100

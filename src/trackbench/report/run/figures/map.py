@@ -11,19 +11,19 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry, TrackerStyle
 from trackbench.document.axes import panel_title
 from trackbench.document.drawing import INK, MUTED, WIDTH
-from trackbench.errors import InputError
+from trackbench.document.palette import ERROR_COLOURS
 from trackbench.metrics.moments import EstimateMoment
-from trackbench.palette import ERROR_COLOURS
 from trackbench.report.numbers import fixed
 from trackbench.report.run.figures.columns import column, names, where
 from trackbench.report.run.figures.ground import alive_path, box_around, draw_surroundings
 from trackbench.report.run.moments import say
 from trackbench.results import Tables
-from trackbench.types import Array
-from trackbench.words import counted
 
 #: Round numbers among which the limits of the colours are chosen, m.
 _ROUND = np.array([step * 10.0**power for power in range(-3, 4) for step in (1, 2, 5)])

@@ -9,14 +9,14 @@ import numpy as np
 import pyarrow as pa
 from matplotlib.figure import Figure as Canvas
 
+from trackbench.base.types import Array
+from trackbench.base.words import counted
 from trackbench.document import Figure, LegendEntry
 from trackbench.document.axes import TIME_LABEL, panel_title, time_axis
 from trackbench.document.drawing import WIDTH
-from trackbench.palette import mode_colours
+from trackbench.document.palette import mode_colours
 from trackbench.report.run.figures.columns import column, names, where
 from trackbench.results import Result
-from trackbench.types import Array
-from trackbench.words import counted
 
 _PANEL = 125.0
 #: Of the recorded run, for each tracker.

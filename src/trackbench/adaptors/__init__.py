@@ -1,1 +1,0 @@
-"""Filters of other libraries as trackers. Nothing here is imported but by the names under which it is published."""

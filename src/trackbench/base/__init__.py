@@ -1,0 +1,1 @@
+"""The ground floor: types, units, linear algebra, errors, random streams, options, plug-ins, executors."""

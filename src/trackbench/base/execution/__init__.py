@@ -1,0 +1,8 @@
+"""Where the work of a command runs: in this process, in several of this machine, or on a Dask cluster."""
+
+from trackbench.base.execution.blas import one_blas_thread
+from trackbench.base.execution.choice import executor
+from trackbench.base.execution.serial import InProcess
+from trackbench.base.execution.task import Here, Task
+
+__all__ = ["Here", "InProcess", "Task", "executor", "one_blas_thread"]

@@ -1,0 +1,161 @@
+"""Work on a Dask cluster. The only importer of distributed."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack, suppress
+from functools import partial
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.base.execution.task import Task
+from trackbench.base.interruption import uninterrupted
+
+try:
+    import dask
+    import distributed
+    from distributed.scheduler import KilledWorker
+except ImportError as missing:
+    raise InputError(
+        'needs Dask, which is not installed: pip install "trackbench[cluster]"', key="--cluster"
+    ) from missing
+
+#: How long a scheduler or its workers may take to answer, s.
+PATIENCE = 20
+#: How long the workers of this machine may take to start, s.
+START = 60
+#: How long a worker that is told to end may take, s.
+FAREWELL = 1
+LOCAL = re.compile(r"local:([1-9]\d{0,3})")
+REMOTE = re.compile(r"(tcp|tls|ucx|ws|wss)://.+:\d+")
+SETTINGS = {
+    # A scene of random motion may be large; it is sent once to each worker.
+    "distributed.admin.large-graph-warning-threshold": "1TB",
+    "distributed.comm.timeouts.connect": f"{PATIENCE}s",
+}
+#: The log of a worker on this machine, which would stand among the messages of the run.
+QUIET = {"DASK_LOGGING__DISTRIBUTED": "critical"}
+DIED = "workers of the cluster died several times of the same work; --workers 1 may show what they died of"
+LOST = "the connection to the Dask scheduler was lost"
+
+
+class Cluster(Executor):
+    """The workers of a Dask cluster; the scheduler gives to others what one that dies leaves undone.
+
+    Args:
+        address: of the scheduler, as the user wrote it.
+        client: connected to it.
+        started: what was started for it, and ends with it.
+    """
+
+    def __init__(self, address: str, client: distributed.Client, started: ExitStack) -> None:
+        self._address, self._client, self._started = address, client, started
+        self._executor = client.get_executor(pure=False)
+        self._sent: dict[int, tuple[Task, distributed.Future[Any]]] = {}
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """A future of the call; a task is sent once to each worker that makes one of its calls."""
+        sent: Any = call
+        if isinstance(call, Task):
+            if id(call) not in self._sent:
+                self._sent[id(call)] = call, self._client.submit(_same, call, pure=False)
+            sent = self._sent[id(call)][1]
+        outcome: Future[Any] = Future()
+        self._executor.submit(_call, sent, *args, **kwargs).add_done_callback(partial(_pass_on, outcome))
+        return outcome
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take back what is not done, and let the cluster go."""
+        self._executor.shutdown(wait=False)
+        self._sent.clear()
+        self._started.close()
+
+    def __str__(self) -> str:
+        workers = self._client.scheduler_info()["workers"]
+        return f"on the Dask cluster {self._address} ({len(workers)} workers)"
+
+
+def connected(address: str) -> Cluster:
+    """The cluster at an address.
+
+    Args:
+        address: ``tcp://HOST:PORT`` of a scheduler, or ``local:N`` for N workers on this machine.
+
+    Raises:
+        InputError: it is no such address, or no scheduler or no worker answers there.
+    """
+    here = LOCAL.fullmatch(address)
+    if here is None and REMOTE.fullmatch(address) is None:
+        raise InputError(f"write tcp://HOST:PORT or local:4, not {address!r}", key="--cluster")
+    dask.config.set(SETTINGS)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with ExitStack() as stack:
+        if here is not None:
+            scheduler = distributed.LocalCluster(
+                n_workers=0, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL
+            )
+            stack.callback(_close, scheduler)
+            scratch = stack.enter_context(TemporaryDirectory(prefix="trackbench-", ignore_cleanup_errors=True))
+            for _ in range(int(here[1])):
+                stack.callback(_kill, _start_worker(scheduler.scheduler_address, scratch))
+        try:
+            client = distributed.Client(address if here is None else scheduler.scheduler_address, timeout=PATIENCE)
+            stack.callback(_close, client)
+            if here is None:
+                client.wait_for_workers(1, timeout=PATIENCE)
+            else:
+                client.wait_for_workers(int(here[1]), timeout=START)
+        except TimeoutError as error:
+            raise InputError(f"no Dask scheduler with workers answers at {address}", key="--cluster") from error
+        except OSError as error:
+            raise InputError(f"no Dask scheduler answers at {address}", key="--cluster") from error
+        return Cluster(address, client, stack.pop_all())
+
+
+def _start_worker(address: str, scratch: str) -> subprocess.Popen[bytes]:
+    """A worker on this machine; it ends when the scheduler does, or when it is killed.
+
+    It is a plain process, since Dask's nanny takes seconds to end one.
+    """
+    options = ["--no-nanny", "--nthreads", "1", "--memory-limit", "0", "--no-dashboard", "--host", "127.0.0.1"]
+    options += ["--local-directory", scratch]
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, *options]
+    with uninterrupted():
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **QUIET})
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    process.kill()
+    process.wait()
+
+
+def _close(connection: distributed.Client | distributed.LocalCluster) -> None:
+    with suppress(TimeoutError):
+        connection.close(timeout=FAREWELL)
+
+
+def _pass_on(outcome: Future[Any], future: Future[Any]) -> None:
+    if future.cancelled():
+        outcome.set_exception(TrackbenchError(LOST))
+    elif isinstance(future.exception(), KilledWorker):
+        outcome.set_exception(TrackbenchError(DIED))
+    elif future.exception() is not None:
+        outcome.set_exception(future.exception())
+    else:
+        outcome.set_result(future.result())
+
+
+def _same(task: Callable[..., Any]) -> Callable[..., Any]:
+    return task
+
+
+def _call(task: Callable[..., Any], *args: Any) -> Any:
+    return task(*args)

@@ -1,0 +1,120 @@
+"""Work in several processes of this machine."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from functools import partial
+from typing import Any
+
+from loky import ProcessPoolExecutor
+from loky.backend import resource_tracker
+from loky.process_executor import BrokenProcessPool
+
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.garbage import collect_rarely
+from trackbench.base.interruption import allow_termination, uninterrupted
+
+DIED = "worker processes died twice; --workers 1 may show what they died of"
+#: Between two looks whether the process that started a worker is still there, s.
+INTERVAL = 0.5
+#: Loky would restart a worker that has grown by 300 MB, as one does whose blocks differ in size.
+ENVIRONMENT = {"LOKY_MAX_MEMORY_LEAK_SIZE": "1e15"}
+
+
+class LocalProcesses(Executor):
+    """Processes of this machine; what is lost when one of them dies is done once more by fresh ones.
+
+    Args:
+        number: of processes.
+    """
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._deaths = 0
+        self._lock = threading.RLock()
+        _start_resource_tracker()
+        self._pool = self._new()
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """A future of the call."""
+        outcome: Future[Any] = Future()
+        self._start(outcome, partial(call, *args, **kwargs))
+        return outcome
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes, whatever they do."""
+        self._pool.shutdown(kill_workers=True)
+
+    def __str__(self) -> str:
+        return f"in {self._number} processes of this machine"
+
+    def _new(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(self._number, initializer=_begin, initargs=(os.getpid(),), env=ENVIRONMENT)
+
+    def _start(self, outcome: Future[Any], call: Callable[[], Any]) -> None:
+        with self._lock:
+            pool = self._pool
+            try:
+                # The first call starts the processes.
+                with uninterrupted():
+                    future = pool.submit(call)
+            except BrokenProcessPool as error:
+                self._again(pool, outcome, call, error)
+                return
+        future.add_done_callback(partial(self._done, pool, outcome, call))
+
+    def _done(
+        self, pool: ProcessPoolExecutor, outcome: Future[Any], call: Callable[[], Any], future: Future[Any]
+    ) -> None:
+        error = future.exception()
+        if isinstance(error, BrokenProcessPool):
+            self._again(pool, outcome, call, error)
+        elif error is not None:
+            outcome.set_exception(error)
+        else:
+            outcome.set_result(future.result())
+
+    def _again(
+        self, broken: ProcessPoolExecutor, outcome: Future[Any], call: Callable[[], Any], error: BaseException
+    ) -> None:
+        with self._lock:
+            if self._pool is broken:
+                self._deaths += 1
+                if self._deaths == 1:
+                    self._pool = self._new()
+            if self._pool is not broken:
+                self._start(outcome, call)
+                return
+        failure = TrackbenchError(DIED)
+        failure.__cause__ = error
+        outcome.set_exception(failure)
+
+
+def _start_resource_tracker() -> None:
+    """Loky's helper, which removes what a run that is killed leaves behind, without its warning of that."""
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = "ignore:resource_tracker"
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
+
+
+def _begin(parent: int) -> None:
+    """In a new process, which ends when that which started it has ended, which no longer reads what it writes."""
+    allow_termination()
+    collect_rarely()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(INTERVAL)
+    os._exit(1)

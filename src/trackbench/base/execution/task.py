@@ -1,0 +1,120 @@
+"""What is sent to another process: a function with the constant that its calls share."""
+
+from __future__ import annotations
+
+import pickle
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.execution.blas import one_blas_thread
+
+#: A worker of a cluster may have several threads; the module path and stdout belong to all of them.
+_ONE_AT_A_TIME = Lock()
+
+
+class Task:
+    """A function whose calls share a first argument, which is pickled once for all of them.
+
+    In another process it runs with a scenario's folder on the module path, prints to stderr, and uses one BLAS thread.
+
+    Args:
+        function: of the constant and the arguments of a call.
+        constant: what all calls share.
+        folder: where the modules of the constant's classes are, beside the working directory; None if nowhere else.
+    """
+
+    def __init__(self, function: Callable[..., Any], constant: Any, folder: Path | None) -> None:
+        self._function = function
+        self._constant = constant
+        self._places = (*([folder] if folder else []), Path.cwd())
+
+    def __call__(self, *args: Any) -> Any:
+        return self._function(self._constant, *args)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _SentTask, (self._function, self._content, self._places)
+
+    @cached_property
+    def _content(self) -> bytes:
+        return pickle.dumps(self._constant)
+
+
+class Here:
+    """A function that is called in this process alone: in another one, to which it is sent, it does nothing."""
+
+    def __init__(self, call: Callable[..., None]) -> None:
+        self._call = call
+
+    def __call__(self, *args: Any) -> None:
+        self._call(*args)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Here, (_nothing,)
+
+
+def _nothing(*_: Any) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class _SentTask:
+    """A task in the process to which it was sent."""
+
+    function: Callable[..., Any]
+    content: bytes
+    places: tuple[Path, ...]
+
+    def __call__(self, *args: Any) -> _Result:
+        with _ONE_AT_A_TIME, redirect_stdout(sys.stderr), one_blas_thread(), _modules_of(self.places):
+            return _Result(pickle.dumps(self.function(pickle.loads(self.content), *args)))
+
+
+@dataclass(frozen=True)
+class _Result:
+    """A result that was pickled while its modules were loaded; unpickled, it is the result itself."""
+
+    content: bytes
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return pickle.loads, (self.content,)
+
+
+@contextmanager
+def _modules_of(places: tuple[Path, ...]) -> Iterator[None]:
+    """With some folders first on the module path; a module from there is loaded anew by the next task.
+
+    A cluster may be there for days, in which such a module changes.
+
+    Raises:
+        TrackbenchError: a folder or a module is not there.
+    """
+    host = socket.gethostname()
+    for place in places[:-1]:
+        if not place.is_dir():
+            raise TrackbenchError(f"worker on {host}: there is no folder {place}, which has modules of the scenario")
+    path, before = list(sys.path), set(sys.modules)
+    sys.path[:0] = [str(place) for place in places]
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise TrackbenchError(f"worker on {host}: {error}") from error
+    finally:
+        sys.path[:] = path
+        for name in set(sys.modules) - before:
+            if _found_in(name.partition(".")[0], places):
+                del sys.modules[name]
+
+
+def _found_in(package: str, places: tuple[Path, ...]) -> bool:
+    """Whether a top-level module or package is that of one of the folders."""
+    return package != "trackbench" and any(
+        (place / f"{package}.py").is_file() or (place / package).is_dir() for place in places
+    )

@@ -1,0 +1,65 @@
+"""Files that a user names, read as far as they can be meant."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from trackbench.base.errors import InputError
+
+#: Bytes of a scenario.
+SCENARIO = 4 * 2**20
+#: Of a result or a log as text.
+LARGE = 4 * 2**30
+
+
+def is_utf8(name: str) -> bool:
+    """Whether a name of the file system is text; Python has a surrogate for each byte that is not."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def require_regular(file: Path) -> None:
+    """Make sure that a file is one that can be read to its end.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        InputError: it is a folder, a pipe or a device, or its name is not UTF-8.
+    """
+    if not is_utf8(str(file)):
+        raise InputError(f"{str(file)!a}: its name is not UTF-8; rename it")
+    try:
+        mode = file.stat().st_mode
+    except FileNotFoundError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=file) from None
+    if stat.S_ISDIR(mode):
+        raise InputError("this is a folder; name a file in it", file=file)
+    if not stat.S_ISREG(mode):
+        raise InputError("this is a device or a pipe; name a file", file=file)
+
+
+def read_bytes(file: Path, most: int = LARGE) -> bytes:
+    """The content of a file.
+
+    Args:
+        file: its name.
+        most: bytes.
+
+    Raises:
+        FileNotFoundError: it is not there.
+        InputError: as :func:`require_regular`; it is larger than ``most`` or cannot be read.
+    """
+    require_regular(file)
+    try:
+        if file.stat().st_size > most:
+            raise InputError(f"larger than {most / 2**20:g} MiB, which none is", file=file)
+        return file.read_bytes()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=file) from None

@@ -1,0 +1,31 @@
+"""Ctrl-C and the processes that are started."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+
+#: What a shell reports of a program that Ctrl-C ended.
+INTERRUPTED = 130
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """With Ctrl-C held back, and for good from the processes that start meanwhile: each would print a traceback.
+
+    So is SIGTERM; a process lets it through again by ``allow_termination``.
+    """
+    # Where this helper of multiprocessing is not there yet, its start would undo what follows.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def allow_termination() -> None:
+    """Let SIGTERM end this process, which was started uninterrupted."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})

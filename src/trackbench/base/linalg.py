@@ -1,0 +1,187 @@
+"""Small dense linear algebra on stacks of matrices whose batch axes come last.
+
+A matrix is ``(n, m, ...)`` and a vector ``(n, ...)``; batch axes broadcast, so that one matrix may serve a whole batch.
+Loops run over the few components and every NumPy call works along the batch, which is several times faster than
+``numpy.linalg`` on a leading batch axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Mask
+from trackbench.base.units import TWO_PI
+
+#: Its type, which NumPy leaves open.
+_einsum: Callable[..., Array] = np.einsum
+#: What an array can be filled with.
+_NUMBERS = frozenset({float, int, bool, np.float64, np.int64, np.ndarray})
+
+
+def matrix(rows: Sequence[Sequence[Array | float]]) -> Array:
+    """A matrix ``(n, m, ...)`` from its entries, each a number or an array over the batch."""
+    flat = vector([entry for row in rows for entry in row])
+    return flat.reshape(len(rows), len(rows[0]), *flat.shape[1:])
+
+
+def vector(entries: Sequence[Array | float]) -> Array:
+    """A vector ``(n, ...)`` from its entries, each a number or an array over the batch."""
+    if not _NUMBERS.issuperset(map(type, entries)):
+        return np.stack(np.broadcast_arrays(*entries))
+    # Filling is several times faster than numpy.stack, which needs every entry at its full size.
+    filled = np.empty((len(entries), *_common_shape(entries)))
+    for i, entry in enumerate(entries):
+        filled[i] = entry
+    return filled
+
+
+def _common_shape(entries: Sequence[Array | float]) -> tuple[int, ...]:
+    # numpy.broadcast is three times faster, and takes so many at most.
+    if len(entries) <= 64:
+        return np.broadcast(*entries).shape
+    return np.broadcast_shapes(*map(np.shape, entries))
+
+
+def matmul(a: Array, b: Array) -> Array:
+    """``A B``."""
+    if a.ndim == 2 and b.ndim > 2:
+        # One matrix for the whole batch: a product with one wide matrix, for which BLAS is twice as fast.
+        return (a @ b.reshape(len(b), -1)).reshape(len(a), *b.shape[1:])
+    return _einsum("ik...,kj...->ij...", a, b)
+
+
+def matmul_transposed(a: Array, b: Array) -> Array:
+    """``A B^T``."""
+    return _einsum("ik...,jk...->ij...", a, b)
+
+
+def gram(a: Array) -> Array:
+    """``A^T A``, symmetric to the last bit."""
+    return _einsum("ki...,kj...->ij...", a, a)
+
+
+def apply(a: Array, x: Array) -> Array:
+    """``A x``."""
+    return _einsum("ik...,k...->i...", a, x)
+
+
+def apply_transposed(a: Array, x: Array) -> Array:
+    """``A^T x``."""
+    return _einsum("ki...,k...->i...", a, x)
+
+
+def quadratic(a: Array, p: Array) -> Array:
+    """``A P A^T``."""
+    product = matmul(a, p)
+    if a.ndim == 2 and p.ndim > 2:
+        # Each row of A P is again one wide matrix.
+        rows = product.reshape(len(a), len(p), -1)
+        return (a @ rows).reshape(len(a), len(a), *p.shape[2:])
+    return matmul_transposed(product, a)
+
+
+def symmetrise(p: Array) -> Array:
+    """``(P + P^T) / 2``."""
+    return 0.5 * (p + np.swapaxes(p, 0, 1))
+
+
+def expand(a: Array, like: Array) -> Array:
+    """``a`` with trailing axes of length one, so that it broadcasts against the batch axes of the matrix ``like``."""
+    return a.reshape(a.shape + (1,) * (like.ndim - a.ndim))
+
+
+class Cholesky(NamedTuple):
+    """A lower triangular factor ``L`` with ``P = L L^T``, kept as its entries."""
+
+    rows: tuple[tuple[Array, ...], ...]
+    """``rows[i][j]`` for ``j <= i``, each ``(...)``."""
+    inverse_diagonal: tuple[Array, ...]
+    positive: Mask
+    """``(...)``: False where a pivot was not positive; the entries there mean nothing."""
+
+    def lower(self) -> Array:
+        """``L`` as an array ``(n, n, ...)``."""
+        size = len(self.rows)
+        return matrix([[*row, *[0.0] * (size - len(row))] for row in self.rows])
+
+    def log_density(self, whitened: Array) -> Array:
+        """``(...)`` logarithm of ``N(y; 0, P)``, for ``L^-1 y`` ``(n, ...)``."""
+        normalised = np.prod(np.stack(self.inverse_diagonal), axis=0) * TWO_PI ** (-len(whitened) / 2)
+        logarithm: Array = np.log(normalised) - 0.5 * _einsum("i...,i...->...", whitened, whitened)
+        return logarithm
+
+    def whiten(self, b: Array) -> Array:
+        """``L^-1 B`` for a vector or a matrix ``b`` of ``n`` rows."""
+        solved: list[Array] = []
+        for i, row in enumerate(self.rows):
+            rest = b[i]
+            for j in range(i):
+                rest = rest - row[j] * solved[j]
+            solved.append(rest * self.inverse_diagonal[i])
+        return vector(solved)
+
+
+def cholesky(p: Array) -> Cholesky:
+    """The Cholesky factor of each matrix in a stack ``(n, n, ...)``; reads the lower triangle.
+
+    A pivot that is not positive is replaced by one, and the matrix is marked in ``positive``.
+    """
+    rows: list[tuple[Array, ...]] = []
+    inverse_diagonal: list[Array] = []
+    positive: Mask | None = None
+    for i in range(len(p)):
+        row: list[Array] = []
+        for j in range(i):
+            rest = p[i, j]
+            for k in range(j):
+                rest = rest - row[k] * rows[j][k]
+            row.append(rest * inverse_diagonal[j])
+        pivot = p[i, i]
+        for entry in row:
+            pivot = pivot - entry * entry
+        good = pivot > 0.0
+        positive = good if positive is None else positive & good
+        diagonal = np.sqrt(pivot if good.all() else np.where(good, pivot, 1.0))
+        row.append(diagonal)
+        rows.append(tuple(row))
+        inverse_diagonal.append(1.0 / diagonal)
+    assert positive is not None
+    return Cholesky(tuple(rows), tuple(inverse_diagonal), positive)
+
+
+class Definite(NamedTuple):
+    """A covariance known to be positive definite, with its factor."""
+
+    covariance: Array
+    factor: Cholesky
+    repaired: Mask | None
+    """``(...)`` True where the covariance had to be changed; None where none had to be."""
+
+
+#: Smallest eigenvalue left by a repair, relative to the largest.
+RELATIVE_FLOOR = 1e-9
+
+
+def ensure_definite(p: Array) -> Definite:
+    """``p`` with each matrix that has no Cholesky factor replaced by the nearest one that has.
+
+    The nearest symmetric matrix in the Frobenius norm whose eigenvalues are at least ``RELATIVE_FLOOR`` of the largest
+    (Higham 1988, Theorem 2.1). Matrices with entries that are not finite are left as they are, and not marked.
+    """
+    factor = cholesky(p)
+    if factor.positive.all():
+        return Definite(p, factor, None)
+    size = len(p)
+    flat = symmetrise(p).reshape(size, size, -1)
+    broken = ~factor.positive.reshape(-1) & np.isfinite(flat).all(axis=(0, 1))
+    batch = np.moveaxis(flat[:, :, broken], -1, 0)
+    values, vectors = np.linalg.eigh(batch)
+    largest = np.maximum(values[:, -1:], np.finfo(float).tiny)
+    values = np.maximum(values, RELATIVE_FLOOR * largest)
+    fixed = flat.copy()
+    fixed[:, :, broken] = np.moveaxis((vectors * values[:, None, :]) @ np.swapaxes(vectors, 1, 2), 0, -1)
+    covariance = symmetrise(fixed).reshape(p.shape)
+    return Definite(covariance, cholesky(covariance), broken.reshape(factor.positive.shape))

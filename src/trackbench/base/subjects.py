@@ -1,0 +1,64 @@
+"""The subjects, and what each adds to the command line and the API.
+
+Every package of ``trackbench.subjects`` names what it has in a ``SUBJECT``, by strings: it is imported when it is used.
+"""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from typing import Any, NamedTuple
+
+PACKAGE = "trackbench.subjects"
+
+
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    target: str
+    """``module:attribute`` of the Click command."""
+    summary: str
+    """Its first sentence, which ``--help`` shows."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a user comes for beside a run. Every value is ``module:attribute``."""
+
+    commands: Mapping[str, Command] = field(default_factory=dict)
+    """By name."""
+    api: Mapping[str, str] = field(default_factory=dict)
+    """By the name in ``trackbench``."""
+    lists: Mapping[str, str] = field(default_factory=dict)
+    """For ``trackbench list``: a function that gives rows of a name and a description."""
+    documents: Mapping[str, str] = field(default_factory=dict)
+    """By the main file of a folder, for ``trackbench report``: a function from that file to a Document."""
+    artifacts: Mapping[str, str] = field(default_factory=dict)
+    """By the file in the folder of a run: a function ``(result, path, colours)`` that writes it."""
+
+
+@cache
+def subjects() -> tuple[Subject, ...]:
+    """All of them, in the order of their names."""
+    package = import_module(PACKAGE)
+    names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
+    return tuple(import_module(f"{PACKAGE}.{name}").SUBJECT for name in names)
+
+
+def offered(kind: str) -> Iterator[tuple[str, Any]]:
+    """What all subjects have of one kind, by name.
+
+    Args:
+        kind: a field of :class:`Subject`.
+    """
+    for subject in subjects():
+        yield from getattr(subject, kind).items()
+
+
+def resolve(target: str) -> Any:
+    """The object that ``module:attribute`` names."""
+    module, attribute = target.split(":")
+    return getattr(import_module(module), attribute)

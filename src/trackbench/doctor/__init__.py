@@ -1,1 +1,0 @@
-"""Examines a tracker and names its faults."""

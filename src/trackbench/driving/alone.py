@@ -1,0 +1,102 @@
+"""One tracker of one object with its state, and copies of it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.types import Estimate, Scan
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.trackers.answers import shaped, unpack
+from trackbench.trackers.base import Tracker
+
+#: How the message of `CannotCopy` begins.
+NOT_COPIED = "it cannot be copied"
+
+
+class CannotCopy(TrackbenchError):
+    """A tracker that ``copy.deepcopy`` cannot copy, and that does not repeat its answers."""
+
+
+class Alone:
+    """A tracker as it is, with its state: its answers have the right shapes and are not checked further.
+
+    A copy is made by ``copy.deepcopy``. Where that fails (an open file, a module, a lock, a generator), the copy is a
+    fresh tracker that is given the same scans again.
+
+    Args:
+        make: gives a fresh tracker.
+    """
+
+    def __init__(self, make: Callable[[], Tracker]) -> None:
+        self._make = make
+        self.tracker = make()
+        self.given: list[Scan] = []
+        """The scans so far."""
+        self.not_copied: str | None = None
+        """Why ``copy.deepcopy`` does not copy it; None while it has not failed."""
+        self._state: Any = None
+        self._latest: Estimate | None = None
+
+    @property
+    def latest(self) -> Estimate | None:
+        """The estimate after the last scan."""
+        return self._latest
+
+    def step(self, scan: Scan) -> Estimate | None:
+        """The estimate after a scan."""
+        self._state, answer = unpack(self.tracker.step(self._state, scan))
+        self._latest = shaped(answer, scan)
+        self.given.append(scan)
+        return self._latest
+
+    def copy(self) -> Alone:
+        """An independent one with the same state.
+
+        Raises:
+            CannotCopy: it can neither be copied nor repeated.
+            TrackFault: its process has ended.
+        """
+        if self.not_copied is None:
+            try:
+                tracker, state = copy.deepcopy((self.tracker, self._state))
+            except TrackFault:
+                raise
+            except Exception as error:
+                self.not_copied = fault_of(error).cause
+            else:
+                twin = copy.copy(self)
+                twin.tracker, twin._state, twin.given = tracker, state, list(self.given)
+                return twin
+        return self._repeated()
+
+    def _repeated(self) -> Alone:
+        twin = Alone(self._make)
+        twin.not_copied = self.not_copied
+        try:
+            for scan in self.given:
+                twin.step(scan)
+        except Exception as error:
+            raise self._cannot(f"raises {fault_of(error).cause}") from error
+        gap = _gap(self._latest, twin._latest)
+        if gap > 0.0:
+            raise self._cannot(f"differs by up to {gap:.3g} m or m/s")
+        return twin
+
+    def _cannot(self, instead: str) -> CannotCopy:
+        text = f"{NOT_COPIED} ({self.not_copied}), and a fresh one that is given the same {len(self.given)} scans "
+        return CannotCopy(text + instead)
+
+
+def _gap(one: Estimate | None, other: Estimate | None) -> float:
+    """Largest difference of two means; infinite where only one of them is there, or one is not finite."""
+    if one is None or other is None:
+        return 0.0 if one is other else np.inf
+    if np.array_equal(one.mean, other.mean, equal_nan=True):
+        return 0.0
+    gap = float(np.abs(one.mean - other.mean).max())
+    return gap if np.isfinite(gap) else np.inf

@@ -1,0 +1,80 @@
+"""Why a tracker cannot go on, and where in its code."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, get_args
+
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.user_code import Frame, last_of_user, place_of
+from trackbench.trackers.answers import TrackerFault
+
+#: What it gave is no estimate; a calculation failed; it raised anything else; its process died or was ended.
+Kind = Literal["answer", "arithmetic", "raised", "died"]
+KINDS = get_args(Kind)
+
+#: Characters of a cause.
+LONGEST = 1000
+#: What Python raises where something asks for input and there is none: a debugger, ``input()``.
+ASKING = ("BdbQuit", "EOFError")
+
+
+class TrackFault(Exception):
+    """A tracker cannot go on.
+
+    Args:
+        cause: what went wrong, in one line.
+        kind: what sort of fault it is.
+        place: file, line and function of the tracker's code, where it is known.
+        member: number of the member of the batch that it happened to, where it is known.
+    """
+
+    def __init__(self, cause: str, kind: Kind, place: str | None = None, member: int | None = None) -> None:
+        super().__init__(cause)
+        self.cause = cause
+        self.kind: Kind = kind
+        self.place = place
+        self.member = member
+
+    def __str__(self) -> str:
+        return self.cause if self.place is None else f"{self.cause} ({self.place})"
+
+
+def fault_of(error: BaseException, member: int | None = None) -> TrackFault:
+    """The fault that an error in a tracker is."""
+    if isinstance(error, TrackFault):
+        return error
+    kind: Kind = "raised"
+    if isinstance(error, TrackerFault):
+        kind = "answer"
+    elif isinstance(error, ArithmeticError):
+        kind = "arithmetic"
+    return TrackFault(_cause(error), kind, place_of(error), member)
+
+
+def _cause(error: BaseException) -> str:
+    name = type(error).__name__
+    try:
+        text = str(error)
+    except Exception:
+        text = ""
+    if not isinstance(error, TrackbenchError):
+        # An error of a package may explain itself at length.
+        text = text.strip().partition("\n")[0]
+    text = "".join(letter if letter.isprintable() else " " for letter in text[:LONGEST])
+    text = " ".join(text.split())
+    if isinstance(error, TrackbenchError | TrackerFault):
+        return text or name
+    if name in ASKING:
+        text += " (a process of its own has no terminal; see --in-process)"
+    return f"{name}: {text.strip()}" if text else name
+
+
+#: A line of what faulthandler writes, the most recent call first.
+_DUMPED = re.compile(r'^  File "(.+)", line (\d+) in (.+)$', re.MULTILINE)
+
+
+def place_in_dump(text: str) -> str | None:
+    """As :func:`trackbench.base.user_code.place_of`, of what Python's faulthandler wrote of a process."""
+    frames = [Frame(file, int(line), function) for file, line, function in _DUMPED.findall(text)]
+    return last_of_user(frames[::-1])

@@ -1,0 +1,205 @@
+"""The process in which a tracker lives. It is given scans and gives estimates; there is no truth in it."""
+
+from __future__ import annotations
+
+import faulthandler
+import io
+import os
+import resource
+import signal
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from trackbench.base.errors import InputError, InputErrors
+from trackbench.base.types import Estimate, Scan, Tracks
+from trackbench.driving.alone import Alone
+from trackbench.driving.faults import fault_of
+from trackbench.driving.steppers import local
+from trackbench.driving.tracks import local_tracks
+from trackbench.driving.wire import Arrays, receive_request, send_answer
+from trackbench.trackers.config import PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.published import check_options, create
+
+#: How often a process looks whether the bench is still there, s.
+ORPHANED = 2.0
+#: The keys of a request that are not those of what it asks for.
+ABOUT_THE_PROCESS = ("do", "exchange", "drop", "path", "cwd")
+
+
+class Stepped(Protocol):
+    """A tracker with its state."""
+
+    def step(self, scan: Scan) -> Estimate | Tracks | None: ...
+
+
+class Host:
+    """Answers the requests of the bench, each named after a method."""
+
+    def __init__(self) -> None:
+        self._stepped: dict[int, Stepped] = {}
+        self._numbers = 0
+
+    def answer(self, request: dict[str, Any]) -> tuple[dict[str, Any], Arrays]:
+        """The answer to a request."""
+        given = {key: value for key, value in request.items() if key not in ABOUT_THE_PROCESS}
+        if "path" in request:
+            sys.path[:] = request["path"]
+            with suppress(OSError):
+                os.chdir(request["cwd"] or ".")
+        for number in request["drop"]:
+            self._stepped.pop(number, None)
+        found: tuple[dict[str, Any], Arrays] = getattr(self, request["do"])(**given)
+        return found
+
+    def check(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
+        """Import the tracker and hold its options against what it declares."""
+        check_options(use, options, folder)
+        return {}, {}
+
+    def start(self, config: PluginConfig, folder: Path | None, batch: int) -> tuple[dict[str, Any], Arrays]:
+        """A fresh tracker for a batch, whose answers are checked."""
+        return {"number": self._keep(local(config, folder, batch, _refuse_truth))}, {}
+
+    def start_tracks(self, config: PluginConfig, folder: Path | None, runs: int) -> tuple[dict[str, Any], Arrays]:
+        """A fresh tracker of several objects for some runs, whose answers are checked."""
+        return {"number": self._keep(local_tracks(config, folder, runs))}, {}
+
+    def fresh(self, use: str, options: dict[str, Any], folder: Path | None) -> tuple[dict[str, Any], Arrays]:
+        """A fresh tracker as it is."""
+        alone = Alone(create(use, options, folder))
+        if isinstance(alone.tracker, FilterTracker):
+            _refuse_truth(alone.tracker)
+        return {"number": self._keep(alone)}, {}
+
+    def about(self, number: int) -> tuple[dict[str, Any], Arrays]:
+        """What a tracker can do, and why it cannot be copied, where that has been tried."""
+        alone = self._alone(number)
+        tracker = alone.tracker
+        methods = [name for name in dir(type(tracker)) if not name.startswith("_") and callable(getattr(tracker, name))]
+        said = {name: bool(getattr(tracker, name, False)) for name in ("batched", "stochastic")}
+        return {**said, "methods": methods, "not_copied": alone.not_copied}, {}
+
+    def step(self, number: int, scan: Scan) -> tuple[dict[str, Any], Arrays]:
+        """The estimate after a scan."""
+        for value in scan:
+            if isinstance(value, np.ndarray):
+                # As in the bench, so that a tracker that writes into them is found out.
+                value.setflags(write=False)
+        estimate = self._stepped[number].step(scan)
+        return {"given": estimate is not None}, {} if estimate is None else _arrays(estimate)
+
+    def copy(self, number: int) -> tuple[dict[str, Any], Arrays]:
+        """An independent copy of a tracker and its state."""
+        return {"number": self._keep(self._alone(number).copy())}, {}
+
+    def call(self, number: int, method: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], Arrays]:
+        """What a method of a tracker returns, an array."""
+        return {}, {"returned": np.array(getattr(self._alone(number).tracker, method)(*arguments), dtype=float)}
+
+    def _alone(self, number: int) -> Alone:
+        stepped = self._stepped[number]
+        assert isinstance(stepped, Alone)
+        return stepped
+
+    def _keep(self, stepped: Stepped) -> int:
+        self._numbers += 1
+        self._stepped[self._numbers] = stepped
+        return self._numbers
+
+
+def serve(connection: socket.socket, dump: int, bench: int) -> None:
+    """Answer the bench until it ends.
+
+    Args:
+        connection: to the bench.
+        dump: file descriptor to which the traceback goes when the process is killed by a fault.
+        bench: number of the process of the bench.
+    """
+    _prepare(dump, bench)
+    host = Host()
+    while True:
+        try:
+            request = receive_request(connection)
+        except (EOFError, OSError):
+            os._exit(0)
+        except BaseException:
+            # What it takes to understand a request is broken, by the tracker.
+            os._exit(1)
+        try:
+            values, arrays = host.answer(request)
+        except BaseException as error:
+            values, arrays = _told(error), {}
+        try:
+            send_answer(connection, {**values, "exchange": request.get("exchange")}, arrays)
+        except OSError:
+            os._exit(0)
+
+
+def _told(error: BaseException) -> dict[str, Any]:
+    if isinstance(error, InputErrors):
+        return {"input": [[each.message, each.key] for each in error.errors]}
+    if isinstance(error, InputError):
+        return {"input": [[error.message, error.key]]}
+    fault = fault_of(error)
+    return {"fault": [fault.cause, fault.kind, fault.place, fault.member]}
+
+
+def _arrays(estimate: Estimate | Tracks) -> Arrays:
+    if isinstance(estimate, Tracks):
+        return {name: np.asarray(value) for name, value in estimate._asdict().items() if value is not None}
+    found = {"mean": estimate.mean, "covariance": estimate.covariance}
+    for name in ("state", "innovation", "innovation_covariance", "repaired", "mode_probabilities"):
+        value = getattr(estimate, name)
+        if value is None:
+            continue
+        try:
+            found[name] = np.array(value, dtype=bool if name == "repaired" else float)
+        except (TypeError, ValueError):
+            if name != "state":
+                raise
+            # A state of another form is the tracker's own affair.
+    return found
+
+
+def _prepare(dump: int, bench: int) -> None:
+    # A group of its own: it is ended together with whatever the tracker starts.
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    file = os.fdopen(dump, "w")
+    faulthandler.enable(file)
+    leave = os._exit
+
+    def exiting(status: int) -> None:
+        faulthandler.dump_traceback(file)
+        leave(status)
+
+    # Where a tracker leaves by this way is worth knowing.
+    os._exit = exiting  # type: ignore[assignment]
+
+    def watch() -> None:
+        with suppress(ProcessLookupError):
+            while True:
+                os.kill(bench, 0)
+                time.sleep(ORPHANED)
+        leave(0)
+
+    threading.Thread(target=watch, daemon=True).start()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # What a tracker printed before its process is killed is seen.
+        sys.stdout.reconfigure(line_buffering=True)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
+    if tracker.starts_from_truth:
+        message = "starts from the truth, which only a built-in filter is given; use another initial"
+        raise InputError(message, key="initial")
+    return tracker

@@ -1,0 +1,277 @@
+"""The processes of trackers, as the bench sees them."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import weakref
+from contextlib import suppress
+from typing import IO, Any
+
+import numpy.typing as npt
+
+from trackbench.base.errors import InputError, InputErrors, TrackbenchError
+from trackbench.driving.faults import KINDS, TrackFault, place_in_dump
+from trackbench.driving.wire import TOLD, Malformed, receive_answer, send_request
+
+TEMPLATE = "trackbench.driving.template"
+#: How often the bench looks whether a process is still there while it waits for its answer, s.
+GLANCE = 0.5
+#: How long a process that has been told to end may take to write down where it was, s.
+DUMPING = 1.0
+#: How long it may take to start one, s.
+STARTING = 60.0
+NO_ANSWER = "its process sent what is no answer"
+
+Answer = tuple[dict[str, Any], dict[str, npt.NDArray[Any]]]
+
+
+class Template:
+    """The process that every tracker's process is a copy of."""
+
+    def __init__(self) -> None:
+        self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # What a tracker prints is no part of the result.
+        output = 2 if _is_open(2) else subprocess.DEVNULL
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", TEMPLATE, str(theirs.fileno())],
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=[theirs.fileno()],
+                # Ctrl-C is for the bench, which ends the trackers.
+                start_new_session=True,
+            )
+        self._lock = threading.Lock()
+        self._statuses: dict[int, int] = {}
+
+    @property
+    def ended(self) -> bool:
+        """Whether it was killed."""
+        return self._process.poll() is not None
+
+    def copy(self, connection: socket.socket, dump: IO[bytes]) -> int:
+        """Start a process that serves a connection, and writes its traceback to a file where it is killed.
+
+        Raises:
+            TrackbenchError: no process can be started.
+        """
+        with self._lock:
+            self._control.settimeout(STARTING)
+            try:
+                socket.send_fds(self._control, [b"+"], [connection.fileno(), dump.fileno()])
+                while True:
+                    started, process, status = self._told()
+                    if started:
+                        return process
+                    self._statuses[process] = status
+            except (OSError, EOFError) as error:
+                self._process.kill()
+                raise TrackbenchError("no process can be started for a tracker") from error
+            finally:
+                self._control.settimeout(None)
+
+    def status(self, process: int, seconds: float) -> int | None:
+        """How a process ended, as of ``os.waitpid``; None where it has not within some time."""
+        until = time.monotonic() + seconds
+        with self._lock:
+            try:
+                while process not in self._statuses:
+                    self._control.settimeout(max(1e-3, until - time.monotonic()))
+                    _, ended, self._statuses[ended] = self._told()
+            except (OSError, EOFError):
+                return None
+            finally:
+                self._control.settimeout(None)
+            return self._statuses[process]
+
+    def close(self) -> None:
+        """End it, with all that its copies have left behind."""
+        self._control.close()
+        try:
+            self._process.wait(DUMPING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _told(self) -> tuple[bool, int, int]:
+        message = self._control.recv(TOLD.size)
+        if len(message) < TOLD.size:
+            raise EOFError
+        found: tuple[bool, int, int] = TOLD.unpack(message)
+        return found
+
+
+class TrackerProcess:
+    """A process in which one tracker of a scenario lives.
+
+    Args:
+        timeout: the longest that it may take to answer, s.
+        members: of the batch that it follows.
+    """
+
+    def __init__(self, timeout: float, members: int = 0) -> None:
+        self.timeout = timeout
+        self._members = members
+        self._exchange = 0
+        self.fault: TrackFault | None = None
+        """Why it has ended."""
+        self.dropped: list[int] = []
+        """Numbers of trackers in it that are no longer needed."""
+        self._dump = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
+        self._socket, theirs = socket.socketpair()
+        with theirs:
+            self._template = _template()
+            self._number = self._template.copy(theirs, self._dump)
+        self._end = weakref.finalize(self, _end, self._number, self._socket, self._dump)
+
+    def ask(self, do: str, **request: Any) -> Answer:
+        """What the process answers to a request.
+
+        Raises:
+            InputError: the tracker cannot be found or does not take its options.
+            TrackFault: it failed, or its process has ended; then it is no longer asked.
+        """
+        if self.fault is not None:
+            raise self.fault
+        self._until = time.monotonic() + self.timeout
+        try:
+            self._socket.settimeout(self.timeout)
+            self._exchange += 1
+            request |= {"do": do, "exchange": self._exchange, "drop": self.dropped}
+            if self._exchange == 1:
+                request |= {"cwd": _cwd(), "path": sys.path}
+            send_request(self._socket, request)
+            self.dropped = []
+            values, arrays = receive_answer(self)
+            if values.get("exchange") != self._exchange:
+                raise Malformed
+            _raise_told(values, self._members)
+        except TimeoutError:
+            text = f"it gave no answer within {self.timeout:g} s (see --tracker-timeout)"
+            raise self._ended(text, signal.SIGABRT) from None
+        except (EOFError, OSError):
+            raise self._ended(self._how_it_ended()) from None
+        except (Malformed, TypeError, ValueError):
+            raise self._ended(NO_ANSWER, signal.SIGKILL) from None
+        return values, arrays
+
+    def start(self, do: str, **request: Any) -> int:
+        """The number of what a request starts.
+
+        Raises:
+            InputError: the tracker cannot be found or does not take its options.
+            TrackFault: it failed.
+        """
+        try:
+            return int(self.ask(do, **request)[0]["number"])
+        except (KeyError, TypeError, ValueError):
+            raise self._ended(NO_ANSWER, signal.SIGKILL) from None
+
+    def close(self) -> None:
+        """End the process."""
+        if self.fault is None:
+            self.fault = TrackFault("its process was closed", "died")
+            self._end()
+
+    def recv_into(self, buffer: memoryview) -> int:
+        """As of a socket, until the answer is overdue or the process has ended: what it has started may live on."""
+        while True:
+            left = self._until - time.monotonic()
+            if left <= 0:
+                raise TimeoutError
+            self._socket.settimeout(min(left, GLANCE))
+            try:
+                return self._socket.recv_into(buffer)
+            except TimeoutError:
+                if self._template.status(self._number, 0.0) is not None:
+                    raise EOFError from None
+
+    def _how_it_ended(self) -> str:
+        status = self._template.status(self._number, DUMPING)
+        if status is None:
+            return "its process closed the connection"
+        code = os.waitstatus_to_exitcode(status)
+        if code >= 0:
+            return f"its process ended itself, with status {code}"
+        names = {number.value: f" ({number.name})" for number in signal.Signals}
+        return f"its process was killed by signal {-code}{names.get(-code, '')}"
+
+    def _ended(self, cause: str, by: signal.Signals | None = None) -> TrackFault:
+        if by is not None:
+            _signal(self._number, by)
+            self._template.status(self._number, DUMPING)
+        self._dump.seek(0)
+        place = place_in_dump(self._dump.read().decode(errors="replace"))
+        self._end()
+        self.fault = TrackFault(cause, "died", place)
+        return self.fault
+
+
+def _raise_told(values: dict[str, Any], members: int) -> None:
+    """Raise what an answer tells of.
+
+    Raises:
+        InputError, TrackFault: what it tells.
+        TypeError, ValueError: it tells nothing that could be.
+    """
+    problems, fault = values.get("input"), values.get("fault")
+    if problems:
+        errors = [InputError(str(message), key=None if key is None else str(key)) for message, key in problems]
+        raise errors[0] if len(errors) == 1 else InputErrors(errors)
+    if fault:
+        cause, kind, place, member = fault
+        if kind not in KINDS or not (member is None or (isinstance(member, int) and 0 <= member < members)):
+            raise ValueError(fault)
+        raise TrackFault(str(cause), kind, None if place is None else str(place), member)
+
+
+def _end(process: int, connection: socket.socket, dump: IO[bytes]) -> None:
+    _signal(process, signal.SIGKILL)
+    connection.close()
+    dump.close()
+
+
+def _signal(process: int, number: signal.Signals) -> None:
+    """To a process and what it has started."""
+    for send in (os.killpg, os.kill):
+        with suppress(ProcessLookupError, PermissionError):
+            send(process, number)
+            return
+
+
+def _cwd() -> str | None:
+    """The working directory; None where it was deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return None
+
+
+def _is_open(descriptor: int) -> bool:
+    try:
+        os.fstat(descriptor)
+    except OSError:
+        return False
+    return True
+
+
+_templates: dict[int, Template] = {}
+
+
+def _template() -> Template:
+    """That of this process, which may itself be a copy of one that has one."""
+    own = os.getpid()
+    if own not in _templates or _templates[own].ended:
+        _templates[own] = Template()
+        atexit.register(_templates[own].close)
+    return _templates[own]

@@ -1,0 +1,63 @@
+"""The process that the processes of trackers are copies of: it has imported what they need, and knows nothing else.
+
+Run as ``python -m trackbench.driving.template DESCRIPTOR``, by :mod:`trackbench.driving.processes`.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+from contextlib import suppress
+
+from trackbench.driving import host
+from trackbench.driving.descendants import adopt_orphans, end_descendants
+from trackbench.driving.wire import INSIDE, TOLD
+
+
+def main(descriptor: int) -> None:
+    """Copy this process for each pair of descriptors that comes, until the bench ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ[INSIDE] = "1"
+    adopt_orphans()
+    bench = os.getppid()
+    with socket.socket(fileno=descriptor) as control:
+
+        def ended(*_: object) -> None:
+            while True:
+                try:
+                    process, status = os.waitpid(-1, os.WNOHANG)
+                except ChildProcessError:
+                    return
+                if process == 0:
+                    return
+                control.send(TOLD.pack(False, process, status))
+
+        signal.signal(signal.SIGCHLD, ended)
+        while True:
+            try:
+                _, descriptors, _, _ = socket.recv_fds(control, 1, 2)
+            except ConnectionResetError:
+                return
+            if not descriptors:
+                return
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCHLD})
+            process = os.fork()
+            if process == 0:
+                signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
+                control.close()
+                host.serve(socket.socket(fileno=descriptors[0]), descriptors[1], bench)
+            for number in descriptors:
+                os.close(number)
+            control.send(TOLD.pack(True, process, 0))
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
+
+
+if __name__ == "__main__":
+    # The bench may end, or be killed, before it is told what has become of a copy.
+    with suppress(BrokenPipeError):
+        main(int(sys.argv[1]))
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    end_descendants()

@@ -1,0 +1,165 @@
+"""Which tracks are near which objects, and which count: computed once for all scores."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import ABSENT, DUE, Array, Indices, Mask
+from trackbench.metrics.traffic.histories import TrackHistory, TruthHistory
+from trackbench.metrics.traffic.matching import best_matching
+
+#: Distances computed at once: they fit the cache.
+CHUNK = 1 << 18
+
+
+class NearPairs(NamedTuple):
+    """Pairs ``(P,)`` of an object and a track that are within the cutoff at an instant, in the order of instants."""
+
+    instant: Indices
+    object: Indices
+    column: Indices
+    """Of the track, in the history."""
+    track: Indices
+    """Its number: one for each id."""
+    distance: Array
+    """m."""
+
+    def where(self, mask: Mask) -> NearPairs:
+        """Some of them."""
+        return NearPairs(
+            self.instant[mask], self.object[mask], self.column[mask], self.track[mask], self.distance[mask]
+        )
+
+
+def similarity(distance: Array, cutoff: float) -> Array:
+    """From 1 at no distance to 0 at the cutoff, as HOTA, CLEAR and identity take it."""
+    return 1 - distance / cutoff
+
+
+class Nearby(NamedTuple):
+    """All objects and tracks of a run, and the pairs of them that are within the cutoff of each other."""
+
+    cutoff: float
+    """m."""
+    due: Mask
+    """``(T, N)``."""
+    there: Mask
+    """``(T, K)`` the tracks."""
+    track: Indices
+    """``(T, K)`` the number of each track, -1 where a column is empty."""
+    ids: Indices
+    """``(tracks,)`` the id of each number."""
+    pairs: NearPairs
+    """Of due objects."""
+    optional: NearPairs
+    """Of optional ones."""
+
+
+class Counted(NamedTuple):
+    """What counts in a run: the due objects, and the tracks that are on no optional one."""
+
+    cutoff: float
+    """m."""
+    reach: float
+    """m, up to which a track is matched."""
+    due: Mask
+    """``(T, N)``."""
+    present: Mask
+    """``(T, K)``: the tracks that count."""
+    track: Indices
+    """``(T, K)`` the number of each track, -1 where a column is empty."""
+    ids: Indices
+    """``(tracks,)`` the id of each number."""
+    pairs: NearPairs
+    """Of those that count."""
+    matched: NearPairs
+    """Those of them that are matched."""
+    excused: NearPairs
+    """Optional objects with the tracks that therefore do not count."""
+
+    @property
+    def object_counts(self) -> Indices:
+        """``(N,)`` instants at which each object is due."""
+        return np.asarray(self.due.sum(axis=0))
+
+    @property
+    def track_counts(self) -> Indices:
+        """``(tracks,)`` instants at which each track counts."""
+        return np.bincount(self.track[self.present], minlength=len(self.ids))
+
+
+def nearby(truth: TruthHistory, tracks: TrackHistory, cutoff: float) -> Nearby:
+    """What may be matched, ``cutoff`` in m."""
+    ids, track = np.unique(tracks.ids, return_inverse=True)
+    if len(ids) and ids[0] < 0:
+        ids, track = ids[1:], track - 1
+    track = track.reshape(tracks.ids.shape)
+    there, exists = track >= 0, truth.status > ABSENT
+    pairs = near_pairs(_where(truth.state[:2], exists), _where(tracks.mean[:2], there), track, cutoff)
+    due = truth.status == DUE
+    of_due = due[pairs.instant, pairs.object]
+    return Nearby(cutoff, due, there, track, ids, pairs.where(of_due), pairs.where(~of_due))
+
+
+def count_by_gospa(near: Nearby) -> Counted:
+    """What counts for GOSPA and its like: due objects are matched as in GOSPA, with the cutoff for both kinds.
+
+    At each instant due objects and tracks are matched one-to-one so that the sum of the squared distances, with half of
+    the squared cutoff for each object and each track without partner, is smallest.
+    """
+    pairs = near.pairs
+    gain = near.cutoff**2 - pairs.distance**2
+    return excusing(near, best_matching(*pairs[:3], gain, near.due.shape[1], near.there.shape[1]), near.cutoff)
+
+
+def excusing(near: Nearby, chosen: Mask, reach: float) -> Counted:
+    """Leave out the tracks that are on optional objects.
+
+    The tracks that no due object has are matched one-to-one with the optional objects within ``reach`` m, so that the
+    sum of the distances is smallest. Those with a partner are neither right nor wrong: they do not count.
+
+    Args:
+        near: all objects and tracks.
+        chosen: ``(P,)`` which of its pairs are matched.
+        reach: m, up to which a track is matched.
+    """
+    matched, optional = near.pairs.where(chosen), near.optional
+    left = near.there.copy()
+    left[matched.instant, matched.column] = False
+    optional = optional.where(left[optional.instant, optional.column] & (optional.distance <= reach))
+    if len(optional.instant):
+        gain = reach - optional.distance
+        optional = optional.where(best_matching(*optional[:3], gain, near.due.shape[1], near.there.shape[1]))
+    present = near.there.copy()
+    present[optional.instant, optional.column] = False
+    pairs = near.pairs.where(present[near.pairs.instant, near.pairs.column])
+    return Counted(near.cutoff, reach, near.due, present, near.track, near.ids, pairs, matched, optional)
+
+
+def near_pairs(objects: Array, tracks: Array, track: Indices, cutoff: float) -> NearPairs:
+    """The pairs within ``cutoff`` of positions ``(2, T, N)`` and ``(2, T, K)`` m, NaN where there is nothing."""
+    steps, n, k = objects.shape[1], objects.shape[2], tracks.shape[2]
+    at_once = max(1, CHUNK // max(1, n * k))
+    found, squares = [np.empty(0, dtype=np.intp)], [np.empty(0)]
+    for start in range(0, steps, at_once):
+        part = slice(start, start + at_once)
+        square = _squared(objects[0, part], tracks[0, part])
+        square += _squared(objects[1, part], tracks[1, part])
+        square = square.reshape(-1)
+        near = np.flatnonzero(square <= cutoff**2)
+        found.append(near + start * n * k)
+        squares.append(square[near])
+    cell, column = np.divmod(np.concatenate(found), max(1, k))
+    instant, item = np.divmod(cell, max(1, n))
+    return NearPairs(instant, item, column, track[instant, column], np.sqrt(np.concatenate(squares)))
+
+
+def _squared(a: Array, b: Array) -> Array:
+    difference = a[:, :, None] - b[:, None]
+    return np.multiply(difference, difference, out=difference)
+
+
+def _where(position: Array, there: Mask) -> Array:
+    return np.where(there, position, np.nan)

@@ -1,0 +1,170 @@
+"""All scores of one run."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trackbench.base.types import Array
+from trackbench.metrics.traffic.assignment import (
+    Counted,
+    Nearby,
+    NearPairs,
+    count_by_gospa,
+    excusing,
+    nearby,
+    similarity,
+)
+from trackbench.metrics.traffic.association import association_counts
+from trackbench.metrics.traffic.clear import Switches, clear_matches, resumptions, switches, track_of_each
+from trackbench.metrics.traffic.events import TrafficEvent, events
+from trackbench.metrics.traffic.existence import ExistenceBins, existence_bins
+from trackbench.metrics.traffic.gospa import GospaParts, gospa
+from trackbench.metrics.traffic.histories import Associations, TrackHistory, TruthHistory
+from trackbench.metrics.traffic.hota import hota
+from trackbench.metrics.traffic.identity import identity
+from trackbench.metrics.traffic.lifetimes import confirmation, durations, false_tracks, latencies, lost, purity
+from trackbench.metrics.traffic.matched import matched_errors
+from trackbench.metrics.traffic.ospa import ospa, ospa2
+from trackbench.metrics.traffic.siap import siap
+from trackbench.metrics.traffic.strips import strips
+from trackbench.metrics.traffic.tgospa import tgospa
+
+#: From which CLEAR and identity take a track to be on an object: up to half of the cutoff.
+LEAST_SIMILARITY = 0.5
+Sums = dict[str, tuple[float, float]]
+
+
+class TrafficScoreOptions(NamedTuple):
+    """What is asked of a track."""
+
+    cutoff: float = 5.0
+    """m: distance of GOSPA, and of no similarity; up to half of it a track is on an object."""
+    switch: float = 2.0
+    """m that a switch of tracks costs in T-GOSPA."""
+    window: float = 5.0
+    """s of OSPA(2)."""
+
+
+class RunScores(NamedTuple):
+    """The scores of one run."""
+
+    values: Sums
+    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out; of
+    waiting in vain ``confirm_latency`` has a total and no count."""
+    gospa: GospaParts
+    """``(T,)`` each, m^2."""
+    latencies: Array
+    """``(N,)`` s until each object was tracked, infinite for those never tracked, NaN for those never due."""
+    existence: ExistenceBins | None
+    """None where the tracks have no existence probability."""
+    events: tuple[TrafficEvent, ...]
+    """In the order of time."""
+    strips: npt.NDArray[np.int8]
+    """``(T, N)`` what each object's time was spent on: see :func:`strips`."""
+    tgospa_exact: bool
+    """See :class:`TgospaParts`."""
+
+
+def score_run(
+    truth: TruthHistory,
+    tracks: TrackHistory,
+    options: TrafficScoreOptions | None = None,
+    associations: Associations | None = None,
+) -> RunScores:
+    """Every metric of ``METRICS`` that the run can tell."""
+    options = options or TrafficScoreOptions()
+    near = nearby(truth, tracks, options.cutoff)
+    of_gospa, counted = count_by_gospa(near), count_by_clear(near)
+    matched = counted.matched
+    track_of = track_of_each(matched, counted.due.shape)
+    changes = switches(track_of)
+    duration = durations(truth.time)
+    parts, waited = gospa(of_gospa), latencies(track_of, counted.due, duration)
+    trajectory = tgospa(of_gospa, options.switch)
+    steps = float(len(truth.time))
+    window = max(1, round(options.window / duration.mean())) if duration.any() else 1
+    squared_ospa2 = ospa2(of_gospa, window)
+    values: Sums = {
+        "gospa": (float(parts.total.sum()), steps),
+        "gospa_localisation": (float(parts.localisation.sum()), steps),
+        "gospa_missed": (float(parts.missed.sum()), steps),
+        "gospa_false": (float(parts.false.sum()), steps),
+        "gospa_switch": (trajectory.switch, steps),
+        "tgospa": (trajectory.total, steps),
+        "ospa": (float(ospa(of_gospa, parts).sum()), steps),
+        "ospa2": (float(squared_ospa2.sum()), float(len(squared_ospa2))),
+        **_detection_and_association(counted),
+        **_counts(counted, changes, duration, int(resumptions(track_of, counted.due).sum())),
+        "confirm_latency": confirmation(track_of, counted.due, duration),
+        "never_confirmed": (float(np.isinf(waited).sum()), float((~np.isnan(waited)).sum())),
+        "lost_time_share": lost(track_of, counted.due),
+        "track_purity": purity(counted),
+        **{f"siap_{name}": sums for name, sums in siap(truth, tracks, of_gospa)._asdict().items()},
+        **_errors(truth, tracks, matched),
+    }
+    if associations is not None:
+        found = association_counts(counted, associations)
+        values |= {f"association_{name}": (float(share), float(sum(found))) for name, share in found._asdict().items()}
+    bins = None if tracks.existence is None else existence_bins(counted, tracks.existence)
+    return RunScores(
+        values={path: sums for path, sums in values.items() if any(sums)},
+        gospa=parts,
+        latencies=waited,
+        existence=bins,
+        events=events(truth, tracks, counted, of_gospa, track_of, changes, options.switch),
+        strips=strips(track_of, counted.due, changes),
+        tgospa_exact=trajectory.exact,
+    )
+
+
+def count_by_clear(near: Nearby) -> Counted:
+    """What counts for CLEAR, HOTA and identity: due objects are matched as in CLEAR, with half of the cutoff for both
+    kinds.
+    """
+    alike = similarity(near.pairs.distance, near.cutoff)
+    on = alike >= LEAST_SIMILARITY
+    chosen = on.copy()
+    chosen[on] = clear_matches(near.pairs.where(on), alike[on], near.due, near.there)
+    return excusing(near, chosen, LEAST_SIMILARITY * near.cutoff)
+
+
+def _detection_and_association(counted: Counted) -> Sums:
+    objects, tracks, pairs = counted.object_counts, counted.track_counts, counted.pairs
+    alike = similarity(pairs.distance, counted.cutoff)
+    some = float(objects.sum() + tracks.sum() > 0)
+    found = hota(pairs, alike, objects, tracks)
+    true, missed, false = identity(pairs.where(alike >= LEAST_SIMILARITY), objects, tracks)
+    return {
+        "hota": (float(found.hota.mean()), some),
+        "deta": (float(found.detection.mean()), some),
+        "assa": (float(found.association.mean()), some),
+        "idf1": (2.0 * true, 2.0 * true + missed + false),
+    }
+
+
+def _counts(counted: Counted, changes: Switches, duration: Array, resumed: int) -> Sums:
+    matched = counted.matched
+    due, true, switched = float(counted.due.sum()), float(len(matched.instant)), float(len(changes.instant))
+    false = float(counted.present.sum()) - true
+    object_minutes = float((duration @ counted.due).sum()) / 60
+    return {
+        "mota": (true - false - switched, due),
+        "motp": (float(matched.distance.sum()), true),
+        "matched_share": (true, due),
+        "id_switches": (switched, object_minutes),
+        "fragmentations": (float(resumed), object_minutes),
+        "false_tracks": (float(len(false_tracks(counted))), float(duration.sum()) / 60),
+    }
+
+
+def _errors(truth: TruthHistory, tracks: TrackHistory, matched: NearPairs) -> Sums:
+    found = matched_errors(truth, tracks, matched)
+    return {
+        "position_rmse": found.position,
+        "velocity_rmse": found.velocity,
+        "nees": found.nees,
+        "nees_inside": found.inside,
+    }

@@ -1,6 +1,0 @@
-"""Trackers of several objects: they associate detections that nobody labelled, and let tracks begin and end."""
-
-from trackbench.multi.build import build_multi
-from trackbench.multi.tracker import MultiObjectTracker
-
-__all__ = ["MultiObjectTracker", "build_multi"]

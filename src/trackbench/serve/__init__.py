@@ -1,1 +1,0 @@
-"""Trackers as live servers: a client sends measurements and gets estimates."""

@@ -1,0 +1,79 @@
+"""Which component of a filter's state is what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.errors import nearest
+from trackbench.base.types import COMMON_STATE, Array, Gaussian
+from trackbench.models.motion import ConstantAcceleration, ConstantTurnRateAcceleration, MotionModel, turning
+
+#: A component that trackbench has no name for.
+OTHER = "other"
+#: The components from which position and velocity follow, in each of the two forms of a state.
+TURNING_STATE = ("px", "py", "v", "yaw")
+#: The motion models that know every component of their form; only the way from and to Cartesian is used of them.
+CARTESIAN = ConstantAcceleration(jerk_sigma_mps3=1.0)
+TURNING = ConstantTurnRateAcceleration(jerk_sigma_mps3=1.0, yaw_acceleration_sigma_radps2=1.0)
+
+
+def problem(names: Sequence[str]) -> str | None:
+    """What is wrong with the names of a state's components, None if nothing is."""
+    known = dict.fromkeys([*CARTESIAN.components, *TURNING.components, OTHER])
+    for name in names:
+        if name not in known:
+            return f"there is no component {name!r}: {nearest(name, known)}"
+        if name != OTHER and names.count(name) > 1:
+            return f"{name} is named twice"
+    form = CARTESIAN if "vx" in names or "vy" in names else TURNING
+    needed = COMMON_STATE if form is CARTESIAN else TURNING_STATE
+    missing = [name for name in needed if name not in names]
+    if missing:
+        either = "px, py and vx, vy (or v, yaw) are needed"
+        return f"{either}; {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
+    for name in names:
+        if name != OTHER and name not in form.components:
+            return f"{name} does not go with {' and '.join(needed[2:])}; name it {OTHER!r} if it is something else"
+    return None
+
+
+class Layout:
+    """The components of a state, in the filter's own order."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self.turning = "v" in names
+        self.motion: MotionModel = TURNING if self.turning else CARTESIAN
+        moving = TURNING_STATE if self.turning else COMMON_STATE
+        self._moving = [self.names.index(name) for name in moving]
+        known = [name for name in names if name != OTHER]
+        self._own = [self.names.index(name) for name in known]
+        self._theirs = [self.motion.components.index(name) for name in known]
+
+    def to_cartesian(self, x: Array) -> Array:
+        """``(4, ...)`` px, py, vx, vy of a state ``(n, ...)``."""
+        moving = x[self._moving]
+        return turning.to_cartesian(moving) if self.turning else moving
+
+    def cartesian_jacobian(self, x: Array) -> Array:
+        """``(4, n)`` derivative of ``to_cartesian`` at a state ``(n,)``."""
+        jacobian = np.zeros((4, len(self.names)))
+        jacobian[:, self._moving] = turning.cartesian_jacobian(x[self._moving]) if self.turning else np.eye(4)
+        return jacobian
+
+    def cartesian_belief(self, belief: Gaussian) -> Gaussian:
+        """px, py, vx, vy of a belief ``(n,)``, ``(n, n)``."""
+        mean, covariance = belief
+        moving = Gaussian(mean[self._moving], covariance[np.ix_(self._moving, self._moving)])
+        return turning.cartesian_belief(moving) if self.turning else moving
+
+    def begun(self, belief: Gaussian, own: Gaussian) -> Gaussian:
+        """A belief of ``motion``'s state in the filter's order, the components that it does not know from ``own``."""
+        mean, covariance = own.mean.copy(), np.zeros_like(own.covariance)
+        other = [i for i in range(len(self.names)) if i not in self._own]
+        covariance[np.ix_(other, other)] = own.covariance[np.ix_(other, other)]
+        mean[self._own] = belief.mean[self._theirs]
+        covariance[np.ix_(self._own, self._own)] = belief.covariance[np.ix_(self._theirs, self._theirs)]
+        return Gaussian(mean, covariance)

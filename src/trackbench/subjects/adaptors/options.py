@@ -1,0 +1,192 @@
+"""What the options of the adaptors have in common."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from trackbench.base import plugins
+from trackbench.base.config import PROBLEM, Config, Positive, Problem
+from trackbench.base.errors import InputError, TrackbenchError, nearest
+from trackbench.base.types import Scan
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.adaptors import layout
+from trackbench.subjects.adaptors.reader import ELEVATION, POSITION, components
+from trackbench.trackers.config import ABOUT
+from trackbench.trackers.initial_config import InitialConfig
+
+Found = TypeVar("Found")
+
+OWN = "own"
+#: How a track may start from measurements.
+STARTS = ("first_reading", "two_readings")
+
+
+#: The JSON Schema of ``initial``: a word, or the mapping that it is short for.
+STARTED = {"anyOf": [{"enum": [OWN, *STARTS]}, {"type": "object"}]}
+
+
+class SensorOptions(Config):
+    """How the measurements of a sensor are given to a filter."""
+
+    measurement: str | list[str] | None = Field(
+        None, description="position, or the components of the measurement that are given; all unless given."
+    )
+    R: Literal["stated", "own"] | None = Field(
+        None, description="The noise covariance: as the sensor states it, or the filter's own."
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        if isinstance(self.measurement, str) and self.measurement != POSITION:
+            yield Problem(("measurement",), f"write {POSITION}, or a list of components such as [range, azimuth]")
+        if not isinstance(self.measurement, list):
+            return
+        known = (*components(), ELEVATION)
+        for index, name in enumerate(self.measurement):
+            if name not in known:
+                hint = nearest(name, known)
+                yield Problem(("measurement", index), f"no sensor reads {name!r}: {hint}")
+        if not self.measurement:
+            yield Problem(("measurement",), f"empty; name components, or {POSITION}")
+        if ELEVATION in self.measurement and self.R != OWN:
+            yield Problem(("R",), "no sensor states how uncertain the elevation is: use R: own")
+
+    @property
+    def states_noise(self) -> bool:
+        """Whether the filter is given the covariance that the sensor states."""
+        return self.R != OWN
+
+
+def _start(value: Any) -> Any:
+    """``own`` as None, and another word as the mapping that it is short for."""
+    if value == OWN:
+        return None
+    if value is None or (isinstance(value, str) and value not in STARTS):
+        raise PydanticCustomError(PROBLEM, "{message}", {"message": nearest(str(value), [OWN, *STARTS])})
+    return {"from": "two_readings", **value} if isinstance(value, dict) else value
+
+
+class AdaptorOptions(Config):
+    """Options that do not depend on the library."""
+
+    package: ClassVar[str]
+    """The library's package, an extra of trackbench."""
+    library: ClassVar[str]
+    """Its name."""
+
+    state: list[str] = Field(description="the components of the state in the filter's order, such as [px, vx, py, vy]")
+    initial: Annotated[InitialConfig | None, BeforeValidator(_start), WithJsonSchema(STARTED)] = Field(
+        description="own (x and P as they are set), first_reading or two_readings"
+    )
+    """None: as the filter itself is set."""
+    dt_s: Positive | None = Field(None, description="The interval for which the filter's own matrices hold, s.")
+
+    def problems(self) -> Iterator[Problem]:
+        if find_spec(self.package) is None:
+            yield Problem((), f'{self.library} is not installed: pip install "trackbench[{self.package}]"')
+        wrong = layout.problem(self.state)
+        if wrong is not None:
+            yield Problem(("state",), wrong)
+        if self.initial is None:
+            return
+        if self.initial.source not in STARTS:
+            yield Problem(("initial", "from"), f"choose from: {', '.join(STARTS)}; or write initial: {OWN}")
+        for key, about in ABOUT.items():
+            if key in self.initial.model_fields_set and not set(about) & set(self.state):
+                yield Problem(("initial", key), f"the state has no {' or '.join(about)}")
+        diagonal = self.initial.covariance_diag
+        if diagonal is not None and len(diagonal) != len(self.state):
+            sizes = f"the state has {len(self.state)} components, not {len(diagonal)}"
+            yield Problem(("initial", "covariance_diag"), sizes)
+
+
+def sensor_problems(sensors: Mapping[str, SensorOptions]) -> Iterator[Problem]:
+    """What cannot be taken of a sensor whose kind is known from its key."""
+    for name, sensor in sensors.items():
+        if name in SENSOR_MODELS.names() and isinstance(sensor.measurement, list):
+            read = (*SENSOR_MODELS[name].components, ELEVATION)
+            for index, component in enumerate(sensor.measurement):
+                if component not in read and component in components():
+                    hint = nearest(component, read)
+                    yield Problem(("sensors", name, "measurement", index), f"a {name} reads no {component}: {hint}")
+
+
+def of_sensor(sensors: Mapping[str, Found], scan: Scan) -> Found:
+    """The entry of a scan's sensor, which is by its name or by its kind.
+
+    Raises:
+        TrackbenchError: there is none.
+    """
+    for key in (scan.sensor, scan.kind):
+        if key in sensors:
+            return sensors[key]
+    hint = nearest(scan.sensor, sensors)
+    raise TrackbenchError(f"options.sensors has no entry for {scan.sensor} ({scan.kind}), by its name or kind: {hint}")
+
+
+def named(option: str, reference: str) -> Any:
+    """What an option names.
+
+    Raises:
+        InputError: it cannot be imported.
+    """
+    try:
+        return plugins.named(reference)
+    except InputError as error:
+        raise InputError(f"{option}: {error.message}") from error
+
+
+def function(option: str, reference: str) -> Callable[..., Any]:
+    """The function that an option names.
+
+    Raises:
+        InputError: it cannot be imported, or is not a function.
+    """
+    found = named(option, reference)
+    if not callable(found):
+        raise InputError(f"{option}: {reference!r} is not a function")
+    return found  # type: ignore[no-any-return]
+
+
+def made(option: str, reference: str, arguments: Mapping[str, Any], kind: Callable[[Any], bool]) -> Any:
+    """The object that an option names, or that the function makes which it names.
+
+    Args:
+        option: the option's key, for messages.
+        reference: ``"module:attribute"``.
+        arguments: given to the function; an object takes none.
+        kind: whether something is the object, and not a function that makes it.
+
+    Raises:
+        InputError: it cannot be imported or made.
+    """
+    found = named(option, reference)
+    if kind(found):
+        if arguments:
+            raise InputError(f"{option}_options: {reference!r} is an object, not a function that would take them")
+        return found
+    if not callable(found):
+        return found
+    try:
+        return found(**arguments)
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{option}: {reference!r} raises {type(error).__name__}: {error}") from error
+
+
+def takes_state(option: str, reference: str, call: Callable[..., Any]) -> bool:
+    """Whether a function takes the state and dt, or dt alone.
+
+    Raises:
+        InputError: neither.
+    """
+    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    parameters = inspect.signature(call).parameters.values()
+    needed = [item for item in parameters if item.kind in positional and item.default is item.empty]
+    if len(needed) not in (1, 2):
+        raise InputError(f"{option}: {reference!r} has to take (dt) or (x, dt), not {len(needed)} arguments")
+    return len(needed) == 2

@@ -1,0 +1,9 @@
+"""Examines a tracker and names its faults."""
+
+from trackbench.base.subjects import Command, Subject
+
+SUBJECT = Subject(
+    commands={"doctor": Command(f"{__name__}.command:doctor_command", "Find the faults of a tracker, with evidence.")},
+    lists={"checks": f"{__name__}.check_list:listed_checks"},
+    documents={"examination.json": f"{__name__}.report.document:saved_document"},
+)

@@ -1,0 +1,149 @@
+"""Does the tracker predict the right measurement of the target that it estimates?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.checks.systematic import systematic_error
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.right_answers import measurement_shown, update_shown
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import Trial
+from trackbench.subjects.doctor.wrong_models import WrongModel, wrong_models
+
+#: Innovation that counts as zero, in standard deviations of the measurement. The second-order terms of a sigma-point
+#: filter stay below a third of one.
+ZERO = 0.75
+#: Standard errors of a tracker's own samples by which it is larger.
+ERRORS = 3.0
+#: Distance from its prediction of the measurement that is drawn where none has an effect, in standard deviations.
+ASIDE = 2.0
+#: Share of the trials in which the innovation of the right model must be zero.
+MOST = 0.85
+
+
+def expectation(tracker: TrackerUnderTest) -> PartResult:
+    """Try the measurements that the right and the wrong models predict, to find the one that has no innovation."""
+    result = PartResult()
+    for sensor, trials in tracker.trials.items():
+        if not trials:
+            result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, "there was no estimate"))
+            continue
+        _examine(sensor, trials, ZERO + ERRORS * tracker.sampling_noise, result)
+    if not tracker.assumptions.still:
+        result.checks.append(_ego_motion(tracker, result.findings))
+    else:
+        result.findings = [_of_standing(finding) for finding in result.findings]
+    return result
+
+
+def _ego_motion(tracker: TrackerUnderTest, findings: Sequence[Finding]) -> CheckResult:
+    question = "Do the measurements of a moving observer count for where it is and how it moves?"
+    moving = {probe.name for probe in tracker.probes.regular if probe.observer.moves}
+    trials = [trial for of in tracker.trials.values() for trial in of if trial.name in moving]
+    if not trials:
+        return CheckResult("ego_motion", question, None, "there was no estimate")
+    largest = max(_innovation(trial, trial.predicted_measurement) for trial in trials)
+    text = f"from moving observers the largest innovation of the predicted measurement is {largest:.2f} sigma"
+    return CheckResult("ego_motion", question, not any(one.fault == "ego_motion_ignored" for one in findings), text)
+
+
+def _of_standing(finding: Finding) -> Finding:
+    """Of a sensor that stands still the pose alone can be left out."""
+    return replace(finding, fault="sensor_pose_ignored") if finding.fault == "ego_motion_ignored" else finding
+
+
+def _examine(sensor: str, trials: Sequence[Trial], zero: float, result: PartResult) -> None:
+    kind = trials[0].scan.kind
+    answered = [trial for trial in trials if _answers(trial)]
+    if not answered:
+        text = f"no measurement of {sensor} gives an estimate, in any of {len(trials)} trials"
+        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), None, text))
+        return
+    if not any(_moves(trial, kind) for trial in answered):
+        text = f"no measurement of {sensor} moves the estimate, in any of {len(answered)} trials"
+        exhibit = update_shown(answered[0], answered[0].predicted_measurement + ASIDE * answered[0].sigma)
+        result.findings.append(Finding("measurement_ignored", 0.99, text, sensor=sensor, exhibit=exhibit))
+        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
+        return
+    innovations = np.array([_innovation(trial, trial.predicted_measurement) for trial in trials])
+    if float(np.mean(innovations < zero)) >= MOST:
+        text = f"the largest innovation of the predicted measurement is {np.nanmax(innovations):.2f} sigma"
+        result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), True, text))
+        return
+    found = _wrong_model(sensor, kind, trials, zero) or systematic_error(sensor, trials, zero)
+    worst = trials[int(np.nanargmax(np.where(np.isfinite(innovations), innovations, -1.0)))]
+    text = (
+        f"in {np.sum(~(innovations < zero))} of {len(trials)} trials the predicted measurement has an innovation, of "
+        f"{np.nanmedian(innovations):.3g} sigma in the median (largest: {worst.description})"
+    )
+    result.checks.append(CheckResult(f"expectation.{sensor}", _question(sensor), False, text))
+    if found is not None:
+        result.findings.append(found)
+
+
+def _wrong_model(sensor: str, kind: str, trials: Sequence[Trial], zero: float) -> Finding | None:
+    best: tuple[float, WrongModel] | None = None
+    for model in wrong_models(kind):
+        quiet = float(np.mean([_innovation(trial, _measured(trial, model)) < zero for trial in trials]))
+        if best is None or quiet > best[0] + 1e-9:
+            best = (quiet, model)
+    assert best is not None
+    share, model = best
+    if share < MOST:
+        return None
+    clearest = max(trials, key=lambda trial: float(np.max(_deviation(trial, model))))
+    used, right = _measured(clearest, model), clearest.predicted_measurement
+    names = SENSOR_MODELS[kind].components
+    differing = np.flatnonzero(_deviation(clearest, model) > 0.5)
+    numbers = ", ".join(
+        f"{names[i].replace('_', ' ')} {used[i]:.4g} is predicted and {right[i]:.4g} is right"
+        for i in (differing if len(differing) else [0])
+    )
+    text = (
+        f"{model.description}: of {clearest.description}, {numbers}; the former has no innovation in {share:.0%} of "
+        f"{len(trials)} trials, the latter has one"
+    )
+    exhibit = measurement_shown(clearest, used, 0.5)
+    return Finding(model.fault, 0.6 + 0.39 * share, text, sensor=sensor, shown_by=clearest.name, exhibit=exhibit)
+
+
+def _innovation(trial: Trial, measurement: Array) -> float:
+    """The largest component of the innovation that is applied to a measurement, in sigma; infinite where unknown."""
+    update = trial.update(measurement)
+    if update is None or not update.used.any():
+        return np.inf
+    size = float(np.nanmax(np.abs(update.innovation)))
+    return size if np.isfinite(size) else np.inf
+
+
+def _measured(trial: Trial, model: WrongModel) -> Array:
+    return model.measure(trial.prediction.mean, trial.scan)
+
+
+def _deviation(trial: Trial, model: WrongModel) -> Array:
+    """``(m,)`` of a wrong model's prediction from the right one, in sigma."""
+    return np.asarray(np.abs(_measured(trial, model) - trial.predicted_measurement) / trial.sigma)
+
+
+def _answers(trial: Trial) -> bool:
+    """Whether there is an estimate after a measurement: a step that fails says nothing of what it would do."""
+    return any(trial.posterior(one) is not None for one in (trial.predicted_measurement, trial.scan.measurement))
+
+
+def _moves(trial: Trial, kind: str) -> bool:
+    tried = [trial.predicted_measurement, trial.scan.measurement]
+    tried += [_measured(trial, model) for model in wrong_models(kind)]
+    updates = (trial.update(measurement) for measurement in tried)
+    return any(
+        update is not None and update.used.any() and np.abs(update.relative_gain).max() > 1e-9 for update in updates
+    )
+
+
+def _question(sensor: str) -> str:
+    return f"Does the tracker predict the right measurement of {sensor} for its own estimate?"

@@ -1,0 +1,274 @@
+"""Do the tracker's gains and covariances imply the right Jacobian and measurement noise?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array, Indices
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.subjects.doctor.checks.sigma_points import not_redrawn
+from trackbench.subjects.doctor.exhibits import STATE, Matrices, Panel, components_of
+from trackbench.subjects.doctor.expected_gain import gain_error
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.implied_models import ImpliedModel, SamplingErrors, averaged_models, implied
+from trackbench.subjects.doctor.kind_of_filter import learned_offsets
+from trackbench.subjects.doctor.right_answers import gain_shown
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import Trial
+from trackbench.subjects.doctor.units_ratio import LEAST, conversion
+
+#: Ratio of the implied to the stated variance that still is a reasonable tuning.
+NOISE_BAND = 2.0
+#: Error of the direction of a row of the Jacobian, scaled by the standard deviations. Sigma points reach 0.04.
+DIRECTION = 0.08
+#: Error of the length of a row, as a ratio. Sigma points reach 1.25.
+SIZE = 1.7
+#: Standard errors of a tracker's own samples by which a threshold is wider; 3 are exceeded by chance in 0.3 % of cases.
+ERRORS = 3.0
+#: Distance of a ratio from two within which the noise is taken to be added twice. Sigma points move it by 0.04.
+TWICE = 0.08
+STATES = ("px", "py", "vx", "vy")
+
+
+def gain(tracker: TrackerUnderTest) -> PartResult:
+    """Compute the implied Jacobian and noise at the regular probes, and compare with the right ones."""
+    result = PartResult()
+    for sensor, trials in tracker.trials.items():
+        name, question = f"gain.{sensor}", f"Do the gains for {sensor} fit its geometry and its stated noise?"
+        if sensor in tracker.update_faults:
+            why = "the mean and the covariance do not change by one gain, so that no model follows from them"
+            result.checks.append(CheckResult(name, question, None, why))
+            continue
+        linear = [trial for trial in trials if trial.nearly_linear]
+        rows, errors = _implied(tracker, sensor, linear)
+        if len(rows) < 3 or len(rows) < 0.5 * len(linear):
+            why = (
+                "the predictions are too uncertain" if len(linear) < 3 else "the gains are not those of a Kalman filter"
+            )
+            result.checks.append(CheckResult(name, question, None, why))
+            continue
+        findings = [*_jacobian(tracker, sensor, rows, errors), *_noise(sensor, rows, errors)]
+        passed: bool | None = not findings
+        text = _result(rows)
+        if findings and (learned := learned_offsets(tracker, sensor)):
+            passed, findings = None, []
+            text = f"the tracker estimates a constant error of {', '.join(learned)}, which its gains depend on"
+        elif passed and ERRORS * np.nanmax(errors.direction) > DIRECTION:
+            passed = None
+            text = f"{_sampling(errors)}: a smaller error of a row cannot be told from it; {text}"
+        result.findings += findings
+        result.checks.append(CheckResult(name, question, passed, text))
+    return result
+
+
+def _implied(
+    tracker: TrackerUnderTest, sensor: str, linear: Sequence[Trial]
+) -> tuple[list[ImpliedModel], SamplingErrors]:
+    """The implied models of the trials; of a tracker with samples, averaged over two sets of them."""
+    rows = [implied(trial) for trial in linear]
+    if tracker.sampling_noise == 0.0:
+        found = [row for row in rows if row is not None]
+        return found, SamplingErrors(*np.zeros((3, len(SENSOR_MODELS[tracker.sensors[sensor].type].components))))
+    others = {(one.name, one.sensor_set): one for one in tracker.replicas[sensor]}
+    paired = [others.get((trial.name, trial.sensor_set)) for trial in linear]
+    return averaged_models(rows, [None if other is None else implied(other) for other in paired])
+
+
+def _jacobian(
+    tracker: TrackerUnderTest, sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors
+) -> list[Finding]:
+    model = SENSOR_MODELS[rows[0].trial.scan.kind]
+    found = []
+    for i, component in enumerate(model.components):
+        of = [row for row in rows if row.used[i]]
+        if len(of) < 3:
+            continue
+        direction = np.array([row.direction[i] for row in of])
+        size = np.array([row.size[i] for row in of])
+        # The second-order terms of sigma points have a larger share where the variance is far from the stated one.
+        noise = float(np.nanmedian([row.noise[i] for row in of]))
+        tolerance = max(noise, 1.0 / noise) ** 0.5 if noise > 0.0 else 1.0
+        turned = direction > DIRECTION * tolerance + ERRORS * errors.direction[i]
+        band = SIZE * tolerance * np.exp(ERRORS * errors.size[i])
+        scaled = (size > band) | (size < 1 / band)
+        if np.mean(turned) < 0.12 and np.mean(scaled) < 0.4:
+            continue
+        worst = max(of, key=lambda row: _apart(row, i))
+        share = max(float(np.mean(turned)), float(np.mean(scaled)))
+        off, length = float(np.median(direction)), float(np.median(size))
+        way = "points the opposite way" if length < 0.0 else f"is off by {off:.0%} in direction"
+        text = f"the row of {component.replace('_', ' ')} {way} and has {abs(length):.3g} times the right length "
+        text += f"(medians of {len(of)} trials)"
+        if np.mean(turned) < 0.12:
+            text += _unit_of_row(size)
+        found.append((share, worst, i, text))
+    if not found:
+        return []
+    share, worst, i, text = max(found, key=lambda one: one[0])
+    confidence, shown_by = 0.8 + 0.15 * share, worst.trial.name
+    if tracker.linearises is False:
+        return [not_redrawn(tracker, sensor) or _inconsistent(sensor, rows, text, confidence)]
+    gap = (worst.jacobian[i] - worst.trial.jacobian[i]) * worst.trial.state_sigma
+    j = int(np.argmax(np.abs(gap)))
+    at = ", ".join(f"{value:.1f}" for value in worst.trial.prediction.mean)
+    entry = (
+        f"the gain implies d {model.components[i]} / d {STATES[j]} = {worst.jacobian[i, j]:.3g}, where "
+        f"{worst.trial.jacobian[i, j]:.3g} is right (px, py, vx, vy = {at}); {text}"
+    )
+    exhibit = Matrices(
+        f"Jacobian of {sensor}: {worst.trial.description}",
+        components_of(worst.trial.scan.kind),
+        STATE,
+        (Panel("implied by the gain", worst.jacobian), Panel("right", worst.trial.jacobian, "right")),
+        ((i, j),),
+    )
+    return [Finding("jacobian_wrong", confidence, entry, sensor=sensor, shown_by=shown_by, exhibit=exhibit)]
+
+
+def _unit_of_row(size: Array) -> str:
+    """That a row is too long by a unit, if it is."""
+    known = size[size > 0.0]
+    ratio = float(np.median(known)) if len(known) else 0.0
+    unit = conversion(ratio, _uncertainty(known), quantities=("angle", "speed", "length")) if len(known) else None
+    return "" if unit is None else f": {unit.words}"
+
+
+def _uncertainty(ratios: Array) -> float:
+    """Standard error of the median, relative to it, by the median deviation of a normal distribution."""
+    logs = np.log(ratios)
+    return float(1.25 * 1.48 * np.median(np.abs(logs - np.median(logs))) / np.sqrt(len(logs)))
+
+
+def _inconsistent(sensor: str, rows: Sequence[ImpliedModel], text: str, confidence: float) -> Finding:
+    """The gain that is furthest from that of the tracker's own prediction."""
+    worst: tuple[float, ImpliedModel, Array, Array] | None = None
+    for row in rows:
+        update = row.trial.update(row.trial.predicted_measurement)
+        assert update is not None
+        error, right = gain_error(row.trial, update.gain)
+        if worst is None or error > worst[0]:
+            worst = (error, row, update.gain, right)
+    assert worst is not None
+    error, row, applied, right = worst
+    scale = row.trial.gain_scale
+    components = SENSOR_MODELS[row.trial.scan.kind].components
+    numbers = []
+    for i, component in enumerate(components):
+        j = int(np.argmax(np.abs((applied - right) * scale)[:, i]))
+        numbers.append(f"{STATES[j]} by {component.replace('_', ' ')} {applied[j, i]:.3g} instead of {right[j, i]:.3g}")
+    at = ", ".join(f"{value:.1f}" for value in row.trial.prediction.mean)
+    words = (
+        f"the gain is off by {error:.0%} from the one that the tracker's own predicted covariance, the geometry and "
+        f"the stated noise give, linearised or by the moments of the Gaussian, whichever is nearer: "
+        f"{', '.join(numbers)} (px, py, vx, vy = {at}); as a Jacobian, {text}"
+    )
+    exhibit = gain_shown(row.trial, applied, right)
+    return Finding("gain_inconsistent", confidence, words, sensor=sensor, shown_by=row.trial.name, exhibit=exhibit)
+
+
+def _apart(row: ImpliedModel, i: int) -> float:
+    gap = (row.jacobian[i] - row.trial.jacobian[i]) * row.trial.state_sigma
+    return float(np.max(np.abs(gap)) / np.linalg.norm(row.trial.jacobian[i] * row.trial.state_sigma))
+
+
+def _noises(rows: Sequence[ImpliedModel]) -> Array:
+    """``(n, m)`` implied over stated variances; NaN where a row points elsewhere."""
+    return np.array([np.where(row.direction < 2 * DIRECTION, row.noise, np.nan) for row in rows])
+
+
+def _factors(rows: Sequence[ImpliedModel]) -> Array:
+    """``(m,)`` medians of the implied over the stated variances; NaN where there are too few."""
+    noise = _noises(rows)
+    known = np.isfinite(noise).sum(axis=0) >= 3
+    return np.array([np.nanmedian(noise[:, i]) if known[i] else np.nan for i in range(noise.shape[1])])
+
+
+def _noise(sensor: str, rows: Sequence[ImpliedModel], errors: SamplingErrors) -> list[Finding]:
+    model, sigma = SENSOR_MODELS[rows[0].trial.scan.kind], rows[0].trial.sigma
+    factors, noise = _factors(rows), _noises(rows)
+    band = NOISE_BAND * np.exp(ERRORS * np.nan_to_num(errors.noise))
+    off = (factors < 1 / band) | (factors > band)
+    for i in model.angular:
+        unit = conversion(factors[i], 0.35, power=2, quantities=("angle",)) if np.isfinite(factors[i]) else None
+        if unit is not None and not np.delete(off, i).any():
+            words = "in degrees" if unit.exact > 1.0 else "converted to radians twice"
+            text = (
+                f"the gains imply {factors[i]:.4g} times the stated variance of the {model.components[i]}, near "
+                f"{unit.formula} = {unit.exact:.4g}: a standard deviation {words}"
+            )
+            exhibit = _noise_shown(sensor, rows[0].trial, factors, np.array([i]))
+            factor = float(factors[i])
+            return [Finding("degrees_for_radians", 0.95, text, sensor=sensor, factor=factor, exhibit=exhibit)]
+    known = factors[np.isfinite(factors)]
+    if len(known) > 1 and np.all(np.abs(known - 2.0) < TWICE):
+        text = f"the gains imply {', '.join(f'{one:.3g}' for one in known)} times the stated variances of {sensor}: "
+        text += "the measurement noise is added to the innovation covariance twice"
+        exhibit = _noise_shown(sensor, rows[0].trial, factors, np.flatnonzero(np.isfinite(factors)))
+        return [Finding("measurement_noise_twice", 0.9, text, sensor=sensor, factor=2.0, exhibit=exhibit)]
+    found = []
+    for fault, wrong, words in (
+        ("r_too_small", factors < 1 / band, "smaller"),
+        ("r_too_large", factors > band, "larger"),
+    ):
+        if not wrong.any():
+            continue
+        factor = float(np.exp(np.mean(np.log(factors[wrong]))))
+        parts = ", ".join(
+            f"{model.components[i].replace('_', ' ')} {np.sqrt(factors[i]) * sigma[i]:.3g} instead of {sigma[i]:.3g}"
+            for i in np.flatnonzero(wrong)
+        )
+        text = (
+            f"the gains imply a variance {max(factor, 1 / factor):.3g} times {words} than the one that {sensor} states "
+            f"(standard deviations: {parts}){_unit_of_noise(noise, sigma, np.flatnonzero(wrong), model)}"
+        )
+        confidence = min(0.98, 0.6 + 0.2 * abs(np.log(factor)) / np.log(4))
+        exhibit = _noise_shown(sensor, rows[0].trial, factors, np.flatnonzero(wrong))
+        found.append(Finding(fault, confidence, text, sensor=sensor, factor=factor, exhibit=exhibit))
+    return found
+
+
+def _noise_shown(sensor: str, trial: Trial, factors: Array, wrong: Indices) -> Matrices:
+    return Matrices(
+        f"Standard deviations of {sensor}",
+        components_of(trial.scan.kind),
+        ("sigma",),
+        (
+            Panel("implied by the gains", (np.sqrt(factors) * trial.sigma)[:, None]),
+            Panel("stated", trial.sigma[:, None], "right"),
+        ),
+        tuple((int(i), 0) for i in wrong),
+    )
+
+
+def _unit_of_noise(noise: Array, sigma: Array, wrong: Indices, model: type[Sensor]) -> str:
+    """That variances are wrong by a unit, or are standard deviations, if all of them are."""
+    columns = [noise[np.isfinite(noise[:, i]), i] for i in wrong]
+    medians, errors = np.array([np.median(of) for of in columns]), max(_uncertainty(of) for of in columns)
+    if np.all(np.abs(np.log(medians * sigma[wrong])) < max(errors, LEAST)):
+        return ": standard deviations used as variances"
+    quantities = ["speed" if model.components[i] == "range_rate" else "length" for i in wrong]
+    units = {
+        conversion(float(one), errors, power=2, quantities=[quantity])
+        for one, quantity in zip(medians, quantities, strict=True)
+    }
+    unit = units.pop()
+    return "" if units or unit is None else f": {unit.words}"
+
+
+def _sampling(errors: SamplingErrors) -> str:
+    return f"the tracker's own samples turn a row by {np.nanmax(errors.direction):.1%} (standard error of two answers)"
+
+
+def _result(rows: Sequence[ImpliedModel]) -> str:
+    names = SENSOR_MODELS[rows[0].trial.scan.kind].components
+    parts = [
+        f"{name.replace('_', ' ')} {factor:.3g}"
+        for name, factor in zip(names, _factors(rows), strict=True)
+        if np.isfinite(factor)
+    ]
+    direction = np.nanmax([np.nanmax(row.direction[row.used]) for row in rows])
+    rows_of = "rows of the implied Jacobian"
+    said = f"directions of the {rows_of} within {direction:.1%}" if direction < 1.0 else f"{rows_of} point elsewhere"
+    return f"implied over stated variance: {', '.join(parts) or 'n/a'}; {said}"

@@ -1,0 +1,182 @@
+"""How much change of the velocity does the tracker's process noise allow?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate
+from trackbench.driving.steppers import masked
+from trackbench.subjects.doctor.exhibits import Course, OverTime
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.right_answers import straight
+from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: Growth of the standard deviation of a road vehicle's speed in 1 s without measurements, at 20 steps a second, m/s.
+#: White accelerations of 0.5 and 18 m/s^2 cause these: the rule of half to all of the largest acceleration (Bar-Shalom,
+#: Li and Kirubarajan 2001, section 6.3.2) with 1 to 9 m/s^2 lies well within.
+BAND = (0.115, 4.0)
+#: The same of the reference, a white acceleration of 3 m/s^2.
+REFERENCE = 3.0 * np.sqrt(0.05)
+#: A growth below this is the rounding of the difference of two variances, m/s.
+NONE = 1e-6
+#: s
+STEP = 0.05
+#: Two steps whose process noises are compared, s, and the share of the long one's that the short one's may have.
+STEPS, CONSTANT = (0.002, 0.2), 0.3
+#: Growth of the variance of the velocity over the long step that is one, relative to it.
+LEAST_GROWTH = 1e-6
+#: Share of the growth over the short step that is not in proportion to the covariance, with a fading memory: none with
+#: constant velocity, and what other motions add in so short a step.
+ONLY = 0.2
+PER_STEP = "Does the process noise of a step depend on its length?"
+
+
+def process_noise(tracker: TrackerUnderTest) -> PartResult:
+    """Predict for 1 s without measurements, and measure the growth of the speed's standard deviation."""
+    question = "Does the process noise fit a road vehicle?"
+    # A tracker may leave a sensor out; one that starts from a sensor alone reads it.
+    alone = [(name,) for name in tracker.sensors]
+    found = _growths(tracker, alone) or _growths(tracker, [tuple(tracker.sensors)])
+    if not found:
+        why = "there was no estimate to predict"
+        return PartResult(
+            [
+                CheckResult("process_noise", question, None, why),
+                CheckResult("noise_per_step", PER_STEP, None, why),
+            ]
+        )
+    growth = float(np.median([one[-1] for one in found]))
+    if growth < NONE:
+        most = max(float(one[-1]) for one in found)
+        text = (
+            f"in 1 s without a measurement the variance of the speed does not grow (its root by at most {most:.2g} m/s)"
+        )
+        shown_by, exhibit = tracker.probes.general[0].name, _growth_shown(found)
+        finding = Finding("process_noise_omitted", 0.97, text, shown_by=shown_by, exhibit=exhibit)
+        return PartResult([CheckResult("process_noise", question, False, text)], [finding])
+    equal = growth / np.sqrt(STEP)
+    text = (
+        f"in 1 s without a measurement the standard deviation of the speed grows by {growth:.3g} m/s (root of the "
+        f"difference of the squares), as with a white acceleration of {equal:.3g} m/s^2 at 20 steps a second; "
+        f"{BAND[0]:g} to {BAND[1]:g} m/s fit road vehicles"
+    )
+    result = PartResult([CheckResult("process_noise", question, BAND[0] <= growth <= BAND[1], text)])
+    per_step = _per_step(tracker)
+    result.checks += per_step.checks
+    result.findings += per_step.findings
+    if not BAND[0] <= growth <= BAND[1]:
+        fault = "q_too_small" if growth < BAND[0] else "q_too_large"
+        excess = BAND[0] / max(growth, 1e-9) if growth < BAND[0] else growth / BAND[1]
+        result.findings.append(
+            Finding(
+                fault,
+                min(0.97, 0.8 + 0.1 * np.log(excess)),
+                text,
+                factor=(growth / REFERENCE) ** 2,
+                shown_by=tracker.probes.general[0].name,
+                exhibit=_growth_shown(found),
+            )
+        )
+    return result
+
+
+def _growth_shown(found: Sequence[Array]) -> OverTime:
+    """The growth beside the reference's; the variances of white accelerations are in proportion to the time."""
+    time: Array = STEP * np.arange(1.0, len(found[0]))
+    low, high = (bound * np.sqrt(time) for bound in BAND)
+    course = Course(
+        "growth of the speed's sigma, m/s",
+        np.median(found, axis=0)[1:],
+        REFERENCE * np.sqrt(time),
+        (low, high),
+        f"fits road vehicles: {BAND[0]:g} to {BAND[1]:g} m/s in 1 s",
+    )
+    return OverTime("Growth of the uncertainty without measurements", "time without a measurement, s", time, (course,))
+
+
+def _per_step(tracker: TrackerUnderTest) -> PartResult:
+    """Predict over a short and over a long step: with any white noise the variance grows with the step."""
+    question = PER_STEP
+    pairs = []
+    for probe in tracker.probes.general[:3]:
+        over = [tracker.predicted(probe, step) for step in STEPS]
+        if over[0] is None or over[1] is None:
+            continue
+        now, short, long = over[0][0], over[0][1], over[1][1]
+        variances = [float(np.trace(estimate.covariance[2:, 2:])) for estimate in (now, short, long)]
+        if variances[2] - variances[0] > LEAST_GROWTH * variances[0] and not _faded(now, short, STEPS[0]):
+            pairs.append((variances[1] - variances[0], variances[2] - variances[0]))
+    if not pairs:
+        return PartResult(
+            [CheckResult("noise_per_step", question, None, "no process noise is added to the variance of the velocity")]
+        )
+    share = float(np.median([short / long for short, long in pairs]))
+    text = (
+        f"over {STEPS[0] * 1e3:g} ms the variance of the velocity grows by {share:.3g} of what it does over "
+        f"{STEPS[1]:g} s ({pairs[0][0]:.3g} and {pairs[0][1]:.3g} m^2/s^2); in proportion to the "
+        f"step it were {STEPS[0] / STEPS[1]:g}"
+    )
+    result = PartResult([CheckResult("noise_per_step", question, share < CONSTANT, text)])
+    if share >= CONSTANT:
+        exhibit = _steps_shown(pairs[0])
+        result.findings.append(Finding("q_constant_per_step", 0.96, text, shown_by="uneven_steps", exhibit=exhibit))
+    return result
+
+
+def _steps_shown(pair: tuple[float, float]) -> OverTime:
+    step = np.array(STEPS)
+    course = Course("growth of variance, m²/s²", np.array(pair), pair[1] * step / step[1])
+    return OverTime(
+        "Growth of the velocity's variance in a step",
+        "length of the step, s",
+        step,
+        (course,),
+        right_name="in proportion to the step",
+    )
+
+
+def _faded(before: Estimate, after: Estimate, step: float) -> bool:
+    """Whether the covariance, moved with the estimate, has only been multiplied, as with a fading memory.
+
+    Entries count by their standard deviations: the velocity's growth alone can be in proportion to its variances.
+    """
+    motion = straight(step)
+    moved = motion @ before.covariance @ motion.T
+    spread = np.sqrt(np.abs(np.diag(moved)))
+    p, grown = (matrix / np.outer(spread, spread) for matrix in (moved, after.covariance - moved))
+    share = float(np.trace(grown) / np.trace(p))
+    return float(np.linalg.norm(grown - share * p)) < ONLY * float(np.linalg.norm(grown))
+
+
+def _growths(tracker: TrackerUnderTest, sensor_sets: Sequence[tuple[str, ...]]) -> list[Array]:
+    return [
+        one
+        for probe in tracker.probes.general[:3]
+        for sensor_set in sensor_sets
+        if (one := _growth(tracker, probe, sensor_set)) is not None
+    ]
+
+
+def _growth(tracker: TrackerUnderTest, probe: Probe, sensor_set: tuple[str, ...]) -> Array | None:
+    """``(21,)`` of the standard deviation of the speed, m/s, at steps of 0.05 s."""
+    session = tracker.session_at(probe, sensor_set)
+    if session is None:
+        return None
+    name = sensor_set[0]
+    with tracker.recording_failures(probe.name):
+        session = session.copy()
+        scans = (masked(probe.scan(name, tracker.sensors[name], STEP * k)) for k in range(21))
+        estimates = [session.step(scan) for scan in scans]
+        variances = np.array([np.nan if one is None or not finite(one) else _speed_variance(one) for one in estimates])
+        if np.isfinite(variances[[0, -1]]).all():
+            return np.asarray(np.sqrt(np.maximum(0.0, variances - variances[0])))
+    return None
+
+
+def _speed_variance(estimate: Estimate) -> float:
+    direction = estimate.mean[2:] / max(float(np.hypot(*estimate.mean[2:])), 1e-9)
+    return float(direction @ estimate.covariance[2:, 2:] @ direction)

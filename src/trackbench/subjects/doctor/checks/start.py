@@ -1,0 +1,186 @@
+"""Are the first estimate of a track and its covariance right?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.exhibits import Points, Predictions, Ring, StatedBelief
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.first_estimates import FirstEstimate, first_estimates
+from trackbench.subjects.doctor.probes import Probe
+from trackbench.subjects.doctor.right_answers import named
+from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: NEES of the first estimate over its expectation; 4 if the first standard deviations are half of the right ones.
+OVERCONFIDENT = 6.0
+#: Median of a chi-square variable with 2 degrees of freedom.
+MEDIAN = 1.39
+#: Number of tracks for the NEES.
+STARTS = 60
+
+
+def first_position(tracker: TrackerUnderTest) -> PartResult:
+    """Start tracks without noise at many probes with each sensor alone."""
+    result = PartResult()
+    for name, sensor in tracker.sensors.items():
+        found = first_estimates(tracker, tracker.probes.general, name)
+        for probe in tracker.probes.moving:
+            found += first_estimates(tracker, (probe,), name)
+        started = [one for one in found if one is not None and finite(one.estimate)]
+        question = f"Do tracks that start with {name} start at the target?"
+        if not started:
+            result.checks.append(CheckResult(f"start.{name}", question, None, "no track started"))
+            continue
+        off = [one for one in started if _error(one) > _allowed(one)]
+        worst = max(started, key=_error)
+        text = f"{len(off)} of {len(started)} tracks start elsewhere; the largest error is {_error(worst):.3g} m"
+        result.checks.append(CheckResult(f"start.{name}", question, not off, text))
+        if sensor.type != "lidar" and off:
+            result.findings += _polar(name, started)
+        result.findings += _reversed(name, started)
+    return result
+
+
+def _error(first: FirstEstimate) -> float:
+    return float(np.hypot(*(first.estimate.mean - first.truth)[:2]))
+
+
+def _allowed(first: FirstEstimate) -> float:
+    position = SENSOR_MODELS[first.scan.kind].position(first.scan).covariance
+    return 3.0 * float(np.sqrt(np.trace(position)))
+
+
+def _polar(name: str, started: list[FirstEstimate]) -> list[Finding]:
+    """Range and azimuth used as px and py, relative to the fixed frame or to the sensor."""
+    fixed, relative = (
+        [
+            one
+            for one in started
+            if np.allclose(
+                one.estimate.mean[:2] - origin * one.scan.sensor_pose[:2], one.scan.measurement[:2], atol=0.2
+            )
+        ]
+        for origin in (0.0, 1.0)
+    )
+    best = max(fixed, relative, key=len)
+    if len(best) < 0.7 * len(started):
+        return []
+    probe, scan, estimate, truth, _ = best[0]
+    text = (
+        f"a track that starts with range {scan.measurement[0]:.4g} m and azimuth {scan.measurement[1]:.4g} rad starts "
+        f"at px {estimate.mean[0]:.4g}, py {estimate.mean[1]:.4g}; the target is at {truth[0]:.4g}, {truth[1]:.4g} "
+        f"({len(best)} of {len(started)} tracks)"
+    )
+    exhibit = _first_shown(best[0])
+    return [Finding("polar_start", 0.98, text, sensor=name, shown_by=probe.name, exhibit=exhibit)]
+
+
+def _first_shown(first: FirstEstimate) -> Predictions:
+    """The first estimate beside the measured position and the true velocity."""
+    position = SENSOR_MODELS[first.scan.kind].position(first.scan)
+    covariance = np.full((4, 4), np.nan)
+    covariance[:2, :2] = position.covariance
+    right = StatedBelief(
+        "measured position, true velocity", np.concatenate([position.mean, first.truth[2:]]), covariance
+    )
+    return Predictions(
+        f"First estimate of a track: {first.probe.description}", None, named("tracker", first.estimate), right
+    )
+
+
+def _position(first: FirstEstimate, relative: bool) -> Array:
+    position = first.estimate.mean[:2]
+    return position - first.scan.sensor_pose[:2] if relative else position
+
+
+def _reversed(name: str, started: list[FirstEstimate]) -> list[Finding]:
+    """First velocities with the wrong sign for all targets that move toward -x, and for no others."""
+    known = [one for one in started if np.hypot(*one.estimate.mean[2:]) > 2.0 and _error(one) < 3 * _allowed(one)]
+    wrong = [
+        one
+        for one in known
+        if float(one.estimate.mean[2:] @ one.truth[2:]) < -0.5 * float(one.truth[2:] @ one.truth[2:])
+    ]
+    if len(known) < 4 or len(wrong) < 2 or any(one.truth[2] > 0.0 for one in wrong):
+        return []
+    if any(one.truth[2] < 0.0 and one not in wrong for one in known):
+        return []
+    probe, _, estimate, truth, _ = wrong[0]
+    text = (
+        f"the first velocity of a target with {truth[2]:.3g}, {truth[3]:.3g} m/s is {estimate.mean[2]:.3g}, "
+        f"{estimate.mean[3]:.3g}: it is reversed for all {len(wrong)} targets that move toward -x, and for none of the "
+        f"other {len(known) - len(wrong)}"
+    )
+    exhibit = _first_shown(wrong[0])
+    return [Finding("arctan_quadrant", 0.95, text, sensor=name, shown_by=probe.name, exhibit=exhibit)]
+
+
+def confidence(tracker: TrackerUnderTest) -> PartResult:
+    """Start tracks of targets with many velocities, with noise, and compute the NEES of the first estimates."""
+    question = "Is the first covariance as large as the first errors?"
+    random = np.random.default_rng([tracker.seed, 0])
+    nees: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
+    errors: dict[str, list[Array]] = {name: [] for name in tracker.sensors}
+    probes = [_any_target(random).placed(tracker.probes.site) for _ in range(STARTS)]
+    for name in tracker.sensors:
+        for first in first_estimates(tracker, probes, name, random):
+            if first is None:
+                continue
+            tracker.output_checks.add(first.estimate, first.scan, first.probe.name, first.given)
+            if finite(first.estimate):
+                nees[name].append(_nees(first))
+                errors[name].append(_normalised(first))
+    known = {name: np.array(values) for name, values in nees.items() if len(values) > STARTS // 2}
+    if not known:
+        return PartResult([CheckResult("start_confidence", question, None, "no track started")])
+    means = {name: (np.mean(values, axis=0), np.median(values, axis=0)) for name, values in known.items()}
+    text = "; ".join(
+        f"{name}: mean NEES {mean[0]:.3g} of the first position and {mean[1]:.3g} of the first velocity (expected: 2)"
+        for name, (mean, _) in means.items()
+    )
+    over = {name: max(mean / 2) for name, (mean, median) in means.items() if max(median / MEDIAN) > OVERCONFIDENT}
+    result = PartResult([CheckResult("start_confidence", question, not over, text)])
+    if over:
+        name = max(over, key=lambda item: over[item])
+        shown_by = tracker.probes.general[0].name
+        exhibit = _errors_shown(name, np.array(errors[name]), int(np.argmax(means[name][1])))
+        finding = Finding("overconfident_start", 0.9, text, factor=1 / over[name], shown_by=shown_by, exhibit=exhibit)
+        result.findings.append(finding)
+    return result
+
+
+def _any_target(random: np.random.Generator) -> Probe:
+    """A target anywhere about the observer, with any velocity."""
+    bearing, course = random.uniform(-np.pi, np.pi, 2)
+    distance, speed = random.uniform(15.0, 60.0), random.uniform(3.0, 20.0)
+    target = (
+        distance * np.cos(bearing),
+        distance * np.sin(bearing),
+        speed * np.cos(course),
+        speed * np.sin(course),
+    )
+    return Probe("start", "a random target at its first measurement", target)
+
+
+def _errors_shown(name: str, errors: Array, part: int) -> Points:
+    """First errors ``(tracks, 4)`` in their stated standard deviations; of the position (0) or of the velocity (1)."""
+    axes = (("px error, sigma", "py error, sigma"), ("vx error, sigma", "vy error, sigma"))[part]
+    ring = Ring("2 sigma: 86 % within", np.zeros(2), np.eye(2), 2.0)
+    shown = errors[:, 2 * part : 2 * part + 2].T
+    return Points(f"Errors of first estimates from {name}", axes, f"{shown.shape[1]} tracks", shown, None, ring)
+
+
+def _normalised(first: FirstEstimate) -> Array:
+    """``(4,)`` the first error, each component in its stated standard deviations."""
+    sigma = np.sqrt(np.maximum(np.diag(first.estimate.covariance), np.finfo(float).tiny))
+    return np.asarray((first.estimate.mean - first.truth) / sigma)
+
+
+def _nees(first: FirstEstimate) -> Array:
+    """``(2,)`` of the position and of the velocity."""
+    error, covariance = first.estimate.mean - first.truth, first.estimate.covariance
+    p = 0.5 * (covariance + covariance.T)
+    return np.array([error[part] @ np.linalg.pinv(p[part, part]) @ error[part] for part in (slice(0, 2), slice(2, 4))])

@@ -1,0 +1,237 @@
+"""Is every estimate finite with a valid covariance, and are the estimates repeatable?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate, Scan
+from trackbench.subjects.doctor.covariance_origin import (
+    ROUNDING,
+    asymmetric,
+    asymmetry_shown,
+    indefinite,
+    indefinite_entries,
+    indefinite_shown,
+    mirrored_entries,
+    named,
+)
+from trackbench.subjects.doctor.exhibits import STATE, Course, Matrices, OverTime, Panel
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.output_checks import SINGULAR, WorstCase, asymmetry, least_eigenvalue, scaled
+from trackbench.subjects.doctor.probes import Probe, with_noise
+from trackbench.subjects.doctor.session import FAR, StepFailed, TrackerSession, plausible
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+#: Deviation of a tracker that draws random numbers from its own mean, in standard deviations of its estimate: of a mean
+#: of N samples it is N^-1/2, so that this is 4 samples, or that chance adds a quarter to the variance of the error.
+SAMPLES = 0.5
+#: Scans within which a track starts.
+STARTED = 4
+#: Share of indefinite covariances below which they are probably the consequence of another fault.
+SELDOM = 0.02
+#: Time of one prediction after which a wrong process noise outweighs the covariance before it, s; at how many probes
+#: it has to.
+LONG, AT_LEAST = 1.0, 2
+#: Share below which they are no fault: sigma points started from two measurements close together lose one at times.
+RARE = 1e-3
+
+
+def validity(tracker: TrackerUnderTest) -> PartResult:
+    """Report the checks of all estimates of the examination; add those of targets at rest and at the sensor."""
+    for probe in (tracker.probes.at_rest, tracker.probes.at_sensor):
+        for sensor_set in tracker.sensor_sets():
+            tracker.session_at(probe, sensor_set)
+        for name in tracker.sensors:
+            _measure_at_once(tracker, probe, name)
+    checks, result = tracker.output_checks, PartResult()
+    bad = checks.not_finite
+    text = (
+        f"all of {checks.estimates} estimates"
+        if bad is None
+        else f"not at {bad.time:g} s of {bad.where}, after {bad.sensor}"
+    )
+    result.checks.append(CheckResult("finite", "Is every number of every estimate finite?", bad is None, text))
+    if bad is not None:
+        text = f"the estimate is not finite at {bad.time:g} s of {bad.where}, after a measurement of {bad.sensor}"
+        if bad.where in SINGULAR:
+            text += ", where the range is 0"
+        # A track that has diverged may overflow for that alone.
+        before, after = _around(tracker, bad)
+        confidence = 0.98 if before is None or plausible(before) else 0.85
+        exhibit = _not_finite_shown(before, after, bad)
+        result.findings.append(Finding("nonfinite", confidence, text, shown_by=bad.where, exhibit=exhibit))
+    result.checks += [
+        _symmetric(tracker, result.findings),
+        _definite(tracker, result.findings),
+        _predicted_definite(tracker, result.findings),
+    ]
+    return result
+
+
+def _symmetric(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    question, worst = "Is every covariance symmetric?", tracker.output_checks.asymmetry
+    if worst is None:
+        return CheckResult("symmetric", question, None, "there was no covariance")
+    text = f"mirrored entries differ by up to {worst.size:.2g} of their standard deviations{_at(worst)}"
+    if worst.size >= ROUNDING:
+        found = asymmetric(tracker.make, worst.given())
+        fault = named("covariance_asymmetric", found)
+        said = text if found is None else f"{text}; it arises {found.words}: {mirrored_entries(found)}"
+        exhibit = None if found is None else asymmetry_shown(found)
+        findings.append(Finding(fault, 0.95, said, shown_by=worst.where, exhibit=exhibit))
+    return CheckResult("symmetric", question, worst.size < ROUNDING, text)
+
+
+def _definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    question, checks = "Is every covariance positive definite?", tracker.output_checks
+    worst = checks.indefinite
+    if worst is None:
+        return CheckResult("definite", question, None, "there was no covariance")
+    share = checks.indefinite_estimates / checks.estimates
+    text = (
+        f"{checks.indefinite_estimates} of {checks.estimates} are not; scaled to unit variances the smallest "
+        f"eigenvalue is {-worst.size:.2g}{_at(worst)}"
+    )
+    if share >= RARE:
+        found = indefinite(tracker.make, worst.given())
+        fault = named("covariance_not_psd", found)
+        said = text if found is None else f"{text}; it arises {found.words}: {indefinite_entries(found)}"
+        diverged = found is not None and found.before is not None and np.abs(np.diag(found.before)).max() > FAR**2
+        confidence = 0.6 if share < SELDOM else 0.85 if diverged else 0.95
+        exhibit = None if found is None else indefinite_shown(found)
+        findings.append(Finding(fault, confidence, said, shown_by=worst.where, exhibit=exhibit))
+    return CheckResult("definite", question, share < RARE, text)
+
+
+def _predicted_definite(tracker: TrackerUnderTest, findings: list[Finding]) -> CheckResult:
+    """With short steps a process noise that is no covariance can hide in the covariance before it."""
+    question = f"Does a prediction over {LONG:g} s leave the covariance positive definite?"
+    least = {}
+    for probe in tracker.probes.general:
+        over = tracker.predicted(probe, LONG)
+        # An entry added on one side alone has a name of its own.
+        if over is not None and asymmetry(scaled(over[1].covariance)) < ROUNDING:
+            before, after = (float(least_eigenvalue(scaled(one.covariance))) for one in over)
+            if before > 0.0:
+                least[probe] = (before, after)
+    if not least:
+        return CheckResult("predicted_definite", question, None, "there was no covariance to predict")
+    probe = min(least, key=lambda one: least[one][1])
+    before, after = least[probe]
+    text = (
+        f"its smallest eigenvalue, scaled to unit variances, is {before:.3g} before and {after:.3g} after it "
+        f"({probe.description})"
+    )
+    wrong = sum(after < -ROUNDING for _, after in least.values()) >= AT_LEAST
+    if wrong:
+        findings.append(Finding("predicted_covariance_not_psd", 0.95, text, shown_by=probe.name))
+    return CheckResult("predicted_definite", question, not wrong, text)
+
+
+def _around(tracker: TrackerUnderTest, bad: WorstCase) -> tuple[Estimate | None, Estimate | None]:
+    """The estimate before the first one that is not finite, and that one."""
+    session, before, after = TrackerSession(tracker.make), None, None
+    for scan in bad.given():
+        before, after = after, session.step(scan)
+    return before, after
+
+
+def _not_finite_shown(before: Estimate | None, after: Estimate | None, bad: WorstCase) -> Matrices | None:
+    """Means and standard deviations before and after the step."""
+    if after is None:
+        return None
+    panels = [Panel(f"after {bad.sensor} at {bad.time:.4g} s", _mean_and_sigma(after))]
+    if before is not None:
+        panels.insert(0, Panel("before", _mean_and_sigma(before), "before"))
+    marked = tuple((int(i), int(j)) for i, j in np.argwhere(~np.isfinite(panels[-1].values)))
+    return Matrices("The first estimate that is not finite", STATE, ("mean", "sigma"), tuple(panels), marked)
+
+
+def _mean_and_sigma(estimate: Estimate) -> Array:
+    return np.column_stack([estimate.mean, np.sqrt(np.diag(estimate.covariance))])
+
+
+def _at(worst: WorstCase) -> str:
+    return f" (at {worst.time:g} s of {worst.where}, after {worst.sensor})"
+
+
+def _measure_at_once(tracker: TrackerUnderTest, probe: Probe, first: str) -> None:
+    """Start a track with one sensor, and update it at the same instant with each sensor."""
+    session = TrackerSession(tracker.make)
+    with tracker.recording_failures(probe.name):
+        for k in range(STARTED):
+            if session.step(probe.scan(first, tracker.sensors[first], 0.1 * k)) is not None:
+                break
+        for name, sensor in tracker.sensors.items():
+            scan = probe.scan(name, sensor, 0.1 * k)
+            tracker.output_checks.add(session.copy().step(scan), scan, probe.name, [*session.given, scan])
+
+
+def _sigma(estimate: Estimate) -> Array:
+    return np.asarray(np.sqrt(np.abs(np.diag(estimate.covariance))))
+
+
+def _noise(runs: Sequence[Array], sigmas: Sequence[Array]) -> float:
+    """RMS deviation of the runs from their mean, in standard deviations: the median over the scans, since few samples
+    carry the weight of the first measurements."""
+    apart = (np.array(runs) - np.mean(runs, axis=0)) / np.array(sigmas)
+    squares = np.mean(apart**2, axis=(0, 2)) * len(runs) / (len(runs) - 1)
+    return float(np.sqrt(np.nanmedian(squares)))
+
+
+def repeatability(tracker: TrackerUnderTest) -> PartResult:
+    """Give the same measurements to three fresh trackers."""
+    question = "Do three fresh trackers give the same estimates from the same measurements?"
+    probe = tracker.probes.general[0]
+    random = np.random.default_rng([tracker.seed, 1])
+    scans = [with_noise(scan, random) for scan in tracker.approach(probe, tracker.sensor_sets()[-1])]
+    try:
+        runs: list[Array] = []
+        sigmas: list[Array] = []
+        for _ in range(3):
+            session = TrackerSession(tracker.make)
+            estimates = [session.step(scan) for scan in scans]
+            runs.append(np.array([np.full(4, np.nan) if one is None else one.mean for one in estimates]))
+            sigmas.append(np.array([np.full(4, np.nan) if one is None else _sigma(one) for one in estimates]))
+    except StepFailed as failure:
+        tracker.failures.append((probe.name, failure))
+        return PartResult([CheckResult("repeatable", question, None, f"the tracker failed: {failure}")])
+    copied = _copied(session)
+    gap = max(float(np.nanmax(np.abs(runs[0] - run), initial=0.0)) for run in runs[1:])
+    if all(np.array_equal(runs[0], run, equal_nan=True) for run in runs[1:]):
+        text = f"three fresh trackers agree to the last bit{copied}"
+        return PartResult([CheckResult("repeatable", question, True, text)])
+    text = f"three fresh trackers differ by up to {gap:.3g} m or m/s on the same {len(scans)} measurements{copied}"
+    if tracker.stochastic:
+        noise = _noise(runs, sigmas)
+        text += f", {noise:.2g} of their standard deviations in the median; they are said to draw random numbers"
+        if noise < SAMPLES:
+            return PartResult([CheckResult("repeatable", question, True, text)])
+    return PartResult(
+        [CheckResult("repeatable", question, False, text)],
+        [Finding("not_deterministic", 0.99, text, shown_by=probe.name, exhibit=_apart_shown(scans, runs))],
+    )
+
+
+def _apart_shown(scans: Sequence[Scan], runs: Sequence[Array]) -> OverTime:
+    apart = np.max([np.abs(run - runs[0]) for run in runs[1:]], axis=0)
+    time = np.array([scan.time - scans[0].time for scan in scans])
+    courses = (
+        Course("position apart, m", np.max(apart[:, :2], axis=1)),
+        Course("velocity apart, m/s", np.max(apart[:, 2:], axis=1)),
+    )
+    return OverTime("Fresh trackers, given the same measurements", "time, s", time, courses)
+
+
+def _copied(session: TrackerSession) -> str:
+    """What is to be said of its copies: nothing where ``copy.deepcopy`` makes them."""
+    try:
+        why = session.copy().not_copied
+    except StepFailed as failure:
+        return f"; {failure}: no measurement can be tried on it"
+    if why is None:
+        return ""
+    text = f"; copy.deepcopy cannot copy it ({why}), so that each measurement is tried on a fresh one that is given all"
+    return f"{text} scans before it again, which takes longer"

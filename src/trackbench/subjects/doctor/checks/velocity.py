@@ -1,0 +1,107 @@
+"""Does the velocity stay as it is where nothing says that it changed?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackbench.base.types import Estimate
+from trackbench.subjects.doctor.exhibits import Predictions
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.right_answers import named, predicted, update_shown
+from trackbench.subjects.doctor.session import finite
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import Trial
+
+#: A step so short that no motion model changes the velocity, s, and the change of the speed from which on one does.
+SHORT, CHANGED = 0.002, 0.004
+#: Change of the speed over 1 s of a target that moved straight and at one speed before. An estimated acceleration that
+#: is not quite zero, and a velocity that decays over half a minute, stay below.
+CHANGED_IN_A_SECOND = 0.1
+#: s
+LONG = 1.0
+#: Speed below which a target says nothing, m/s.
+MOVING = 2.0
+
+
+def velocity(tracker: TrackerUnderTest) -> PartResult:
+    """Follow targets of constant velocity, and predict them; then measure them where they are predicted."""
+    question = "Does the velocity stay as it is where nothing says that it changed?"
+    over = {step: _predicted(tracker, step) for step in (SHORT, LONG)}
+    updated = _updated(tracker)
+    if len(over[LONG]) < 3:
+        return PartResult([CheckResult("velocity", question, None, "there was no moving estimate to predict")])
+    text = f"the speed is {np.median(over[LONG]):.4g} times the one before after 1 s"
+    if updated:
+        text += f", and {np.median(updated):.4g} times after a measurement where the target was predicted"
+    wrong = None
+    for ratios, changed, when, step in (
+        (over[SHORT], CHANGED, f"a prediction over {SHORT * 1e3:g} ms without a measurement", SHORT),
+        (updated, CHANGED, "a measurement where the target was predicted", None),
+        (over[LONG], CHANGED_IN_A_SECOND, f"a prediction over {LONG:g} s without a measurement", LONG),
+    ):
+        if _alike(ratios, changed):
+            wrong = (float(np.median(ratios)), when, len(ratios), step)
+            break
+    result = PartResult([CheckResult("velocity", question, wrong is None, text)])
+    if wrong is not None:
+        ratio, when, count, step = wrong
+        words = f"after {when} the speed is {ratio:.4g} times the one before (median of {count} trials; 1 is right)"
+        exhibit = _update_shown(tracker, ratio) if step is None else _prediction_shown(tracker, step)
+        finding = Finding("velocity_not_kept", 0.95, words, factor=ratio, shown_by="tangential_pass", exhibit=exhibit)
+        result.findings.append(finding)
+    return result
+
+
+def _prediction_shown(tracker: TrackerUnderTest, step: float) -> Predictions | None:
+    for probe in tracker.probes.general:
+        pair = tracker.predicted(probe, step)
+        if pair is not None:
+            now, then = pair
+            title = f"Prediction over {step:g} s: {probe.description}"
+            right = predicted(now, step, "right: the same velocity")
+            return Predictions(title, named("before", now), named(f"tracker, {step:g} s later", then), right)
+    return None
+
+
+def _update_shown(tracker: TrackerUnderTest, ratio: float) -> Predictions | None:
+    """The update whose ratio is nearest to a given one."""
+    found: list[tuple[float, int, Trial]] = []
+    for trials in tracker.trials.values():
+        for trial in trials:
+            update = trial.update(trial.predicted_measurement)
+            of = [] if update is None else _ratio(trial.prediction, update.estimate)
+            found += [(abs(one - ratio), len(found), trial) for one in of]
+    trial = min(found)[2]
+    return update_shown(trial, trial.predicted_measurement)
+
+
+def _alike(ratios: Sequence[float], changed: float) -> bool:
+    """Whether the speed changes by much the same share in nearly all trials."""
+    if len(ratios) < 3:
+        return False
+    change = np.array(ratios) - 1.0
+    middle = float(np.median(change))
+    return abs(middle) > changed and float(np.mean(np.abs(change - middle) < 0.5 * abs(middle))) > 0.8
+
+
+def _predicted(tracker: TrackerUnderTest, step: float) -> list[float]:
+    pairs = (tracker.predicted(probe, step) for probe in tracker.probes.general)
+    return [ratio for pair in pairs if pair is not None for ratio in _ratio(*pair)]
+
+
+def _updated(tracker: TrackerUnderTest) -> list[float]:
+    found = []
+    for trials in tracker.trials.values():
+        for trial in trials:
+            update = trial.update(trial.predicted_measurement)
+            if update is not None:
+                found += _ratio(trial.prediction, update.estimate)
+    return found
+
+
+def _ratio(before: Estimate, after: Estimate) -> list[float]:
+    if not (finite(before) and finite(after)) or np.hypot(*before.mean[2:]) < MOVING:
+        return []
+    return [float(np.hypot(*after.mean[2:]) / np.hypot(*before.mean[2:]))]

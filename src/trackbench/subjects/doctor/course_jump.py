@@ -1,0 +1,141 @@
+"""Whether an estimate depends on where the course jumps at pi: the same scans, and the scene turned about the origin.
+
+A scene turned about the origin has other courses and the same measurements, and its estimates are the same, turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Estimate, Scan
+from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
+from trackbench.subjects.doctor.session import StepFailed, TrackerSession, apart, finite
+from trackbench.subjects.doctor.turned import rotation, turned_scene
+from trackbench.trackers.base import Tracker
+
+#: Angles by which a scene is turned, rad, in the order in which they are tried.
+ANGLES = (-0.9, -1.5, 0.9, 1.5, 2.1, -2.1)
+#: How far the course of a turned scene has to be from pi, rad, and in how many of its last scans.
+AWAY, LAST = 0.45, 15
+#: How far from pi the course may be where it jumps: as far as sigma points lie, rad.
+NEAR_PI = 0.6
+#: Difference from the estimates of both turned scenes that is a jump, of a mean in their standard deviations and of a
+#: covariance in their variances.
+FAR = 3.0
+#: Share of it which the turned scenes may differ by: a tracker that starts with the course 0 has another track in each.
+ALIKE = 0.2
+#: The jump of a step that fails.
+FAILED = 100.0 * FAR
+
+
+class CourseJump(NamedTuple):
+    """An estimate, or a failed step, that two turned scenes do not have."""
+
+    size: float
+    """The largest difference, as of `FAR`."""
+    scan: Scan
+    text: str
+    exhibit: Predictions | None
+    """None where a step fails."""
+
+
+class Followed(NamedTuple):
+    """A target followed in the scene turned by an angle."""
+
+    angle: float
+    """rad"""
+    estimates: list[Estimate | None]
+    """After each scan up to a failed step, turned back; None where there is none that is finite."""
+    failure: StepFailed | None
+
+
+def course_jump(make: Callable[[], Tracker], scans: Sequence[Scan], here: Followed) -> CourseJump | None:
+    """Hold the estimates of a scene against those of two turned scenes whose course is not near pi in the last scans.
+
+    None where they are alike, where the two turned scenes differ too, and where the course is elsewhere.
+    """
+    turned: list[Followed] = []
+    for angle in ANGLES:
+        other = followed(make, scans, angle)
+        if _away(other):
+            if other.failure is not None:
+                return None
+            turned.append(other)
+        if len(turned) == 2:
+            return _jump(scans, here, turned)
+    return None
+
+
+def followed(make: Callable[[], Tracker], scans: Sequence[Scan], angle: float = 0.0) -> Followed:
+    """Give the scans of the scene turned by an angle in rad to a fresh tracker."""
+    session, back = TrackerSession(make), np.kron(np.eye(2), rotation(-angle))
+    found: list[Estimate | None] = []
+    try:
+        for scan in scans:
+            one = session.step(turned_scene(scan, angle))
+            usable = one is not None and finite(one)
+            found.append(Estimate(back @ one.mean, back @ one.covariance @ back.T) if one and usable else None)
+    except StepFailed as failure:
+        return Followed(angle, found, failure)
+    return Followed(angle, found, None)
+
+
+def _away(of: Followed) -> bool:
+    return all(one is None or _from_pi(_course(one) + of.angle) > AWAY for one in of.estimates[-LAST:])
+
+
+def _from_pi(course: float) -> float:
+    return abs(float(np.angle(-np.exp(1j * course))))
+
+
+def _course(estimate: Estimate) -> float:
+    return float(np.arctan2(estimate.mean[3], estimate.mean[2]))
+
+
+def _jump(scans: Sequence[Scan], here: Followed, turned: Sequence[Followed]) -> CourseJump | None:
+    one, other = turned
+    gaps = [_gap(*three) for three in zip(here.estimates, one.estimates, other.estimates, strict=False)]
+    first = next((k for k, gap in enumerate(gaps) if gap > FAR), len(gaps) if here.failure else None)
+    if first is None:
+        return None
+    right = one.estimates[first]
+    if right is None or _from_pi(_course(right)) > NEAR_PI or not _alike(right, other.estimates[first]):
+        return None
+    by = f"turned about the origin by {one.angle:g} and by {other.angle:g} rad the same scans"
+    time = scans[first].time
+    if here.failure is not None:
+        text = f"{by} do not break it: the course jumps at pi, first at {time:.4g} s"
+        return CourseJump(FAILED, scans[first], text, None)
+    wrong = here.estimates[first]
+    assert wrong is not None
+    text = (
+        f"at {time:.4g} s, where the course is {_course(right):+.3f} rad, the velocity is {_velocity(wrong)}; "
+        f"{by} give {_velocity(right)} (turned back)"
+    )
+    exhibit = Predictions(
+        f"Estimate at {time:.4g} s, where the course jumps at pi",
+        None,
+        StatedBelief("tracker", wrong.mean, wrong.covariance),
+        StatedBelief("the same scene turned, turned back", right.mean, right.covariance),
+    )
+    return CourseJump(max(gaps[first:]), scans[first], text, exhibit)
+
+
+def _gap(here: Estimate | None, one: Estimate | None, other: Estimate | None) -> float:
+    """The lesser difference from the two; 0 where they are not alike."""
+    if here is None or one is None or other is None or not _alike(one, other):
+        return 0.0
+    return min(apart(here, one), apart(here, other))
+
+
+def _alike(one: Estimate, other: Estimate | None) -> bool:
+    return other is not None and apart(one, other) < ALIKE * FAR
+
+
+def _velocity(estimate: Estimate) -> str:
+    vx, vy = estimate.mean[2:]
+    sigma = float(np.sqrt(max(np.trace(estimate.covariance[2:, 2:]), 0.0)))
+    return f"{vx:.3g}, {vy:.3g} m/s with a standard deviation of {sigma:.3g} m/s"

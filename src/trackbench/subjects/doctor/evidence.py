@@ -1,0 +1,188 @@
+"""The run of a test drive that shows a finding: the estimates, and the innovation of every measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import Array, Scan
+from trackbench.base.units import difference
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.findings import CheckResult, Finding
+from trackbench.subjects.doctor.rollout import Rollout, one_run
+from trackbench.subjects.doctor.session import StepFailed, TrackerSession
+from trackbench.subjects.doctor.trial import Trial
+from trackbench.trackers.base import Tracker
+
+#: The evidence of a healthy tracker, and of a fault that no drive shows.
+DEFAULT_DRIVE = "azimuth_crossing"
+#: Largest number of drives with evidence.
+MOST_SHOWN = 3
+#: Most scans of a drive whose innovations are computed of a tracker that is not copied: each takes several fresh ones
+#: that are given all scans before.
+REPEATED = 300
+
+
+@dataclass(frozen=True, eq=False)
+class SensorInnovations:
+    """The innovations of one sensor in a run: those that the tracker applied, and those that are right."""
+
+    sensor: str
+    kind: str
+    components: tuple[str, ...]
+    sigma: Array
+    """``(m,)`` stated standard deviations of the measurement."""
+    time: Array
+    """``(k,)`` s, of the valid measurements."""
+    applied: Array
+    """``(m, k)`` the innovation by which the estimate moved; NaN where it did not."""
+    expected: Array
+    """``(m, k)`` the measurement minus that of the tracker's own prediction, by the right measurement model."""
+    whitened: Array
+    """``(m, k)`` ``expected``, whitened by ``H P H^T + R``; NaN where that is not positive definite."""
+
+
+@dataclass(frozen=True, eq=False)
+class EvidenceRun:
+    """A run of a test drive."""
+
+    drive: str
+    description: str
+    findings: list[Finding]
+    """Those that it shows, the most likely root cause first."""
+    scans: list[Scan]
+    """Without batch axes."""
+    time: Array
+    """``(scans,)`` s."""
+    target: Array
+    """``(4, scans)`` the true px, py, vx, vy."""
+    mean: Array
+    """``(4, scans)`` of the tracker, NaN where there is no estimate."""
+    covariance: Array
+    """``(4, 4, scans)`` of the tracker."""
+    reference_mean: Array
+    """``(4, scans)``"""
+    reference_covariance: Array
+    """``(4, 4, scans)``"""
+    innovations: list[SensorInnovations]
+
+
+def shown_drives(
+    findings: Sequence[Finding], checks: Sequence[CheckResult], drives: Sequence[TestDrive]
+) -> dict[str, list[Finding]]:
+    """The names of the drives that show the root causes, each with what it shows, the first root cause first.
+
+    Args:
+        findings: the most likely root cause first.
+        checks: with the results of the drives.
+        drives: those that were driven.
+    """
+    failed = {check.name for check in checks if check.passed is False}
+    shown: dict[str, list[Finding]] = {}
+    for finding in findings:
+        drive = _drive_of(finding, failed, drives)
+        if finding.consequence_of is None and drive is not None and len(shown) < MOST_SHOWN:
+            shown.setdefault(drive, []).append(finding)
+    return shown or {DEFAULT_DRIVE: []}
+
+
+def _drive_of(finding: Finding, failed: Collection[str], drives: Sequence[TestDrive]) -> str | None:
+    """The drive that the finding names, or the first that failed and has such faults to show."""
+    if any(drive.name == finding.shown_by for drive in drives):
+        return finding.shown_by
+    return next((one.name for one in drives if one.name in failed and finding.fault in one.config.shows), None)
+
+
+def evidence_run(
+    make: Callable[[], Tracker], drive: TestDrive, reference: Rollout, findings: list[Finding]
+) -> EvidenceRun:
+    """Step a fresh tracker through a run of a drive, and compute the innovation of every measurement.
+
+    Args:
+        make: gives a fresh tracker.
+        drive: the test drive.
+        reference: the estimates of the reference in it.
+        findings: those that the drive shows; the run is that of the first one.
+    """
+    run = findings[0].run if findings else 0
+    scans = [one_run(scan, run) for scan in drive.scans]
+    mean, covariance = np.full((4, len(scans)), np.nan), np.full((4, 4, len(scans)), np.nan)
+    innovations: dict[str, list[_Innovation]] = {}
+    # As many as the questions that give one innovation: the measurement, and two beside it in each component.
+    session = TrackerSession(make, columns=1 + 2 * max(len(scan.measurement) for scan in scans))
+    started = False
+    for k, scan in enumerate(scans):
+        started = started or bool(scan.valid)
+        if not started:
+            continue
+        try:
+            left_out = k >= REPEATED and session.not_copied is not None
+            innovation = _innovation(session, scan, drive) if scan.valid and not left_out else None
+            if innovation is not None:
+                innovations.setdefault(scan.sensor, []).append(innovation)
+            estimate = session.step(scan)
+        except StepFailed:
+            break
+        if estimate is not None:
+            mean[:, k], covariance[:, :, k] = estimate.mean, estimate.covariance
+    last = {scan.sensor: scan for scan in scans}
+    description = drive.config.description
+    if len(scans) > REPEATED and session.not_copied is not None:
+        description += f" (innovations of the first {REPEATED} scans: the tracker cannot be copied)"
+    return EvidenceRun(
+        drive.name,
+        description,
+        findings,
+        scans,
+        drive.time,
+        drive.target[..., min(run, drive.target.shape[-1] - 1)],
+        mean,
+        covariance,
+        reference.mean[..., run],
+        reference.covariance[..., run],
+        [_series(last[name], parts) for name, parts in innovations.items()],
+    )
+
+
+class _Innovation(NamedTuple):
+    """Of one measurement, as in `SensorInnovations`."""
+
+    time: float
+    applied: Array
+    expected: Array
+    whitened: Array
+
+
+def _innovation(session: TrackerSession, scan: Scan, drive: TestDrive) -> _Innovation | None:
+    prediction = session.predict(scan)
+    if prediction is None:
+        return None
+    trial = Trial(drive.name, drive.config.description, scan, prediction, session)
+    if not trial.usable:
+        return None
+    update = trial.update(scan.measurement)
+    applied = np.full(len(scan.measurement), np.nan) if update is None else update.innovation * trial.sigma
+    expected = difference(scan.measurement, trial.predicted_measurement, SENSOR_MODELS[scan.kind].angular)
+    predicted = linalg.quadratic(trial.jacobian, linalg.symmetrise(prediction.covariance))
+    factor = linalg.cholesky(predicted + scan.noise_covariance)
+    whitened = factor.whiten(expected) if factor.positive else np.full(len(expected), np.nan)
+    return _Innovation(scan.time, applied, expected, whitened)
+
+
+def _series(scan: Scan, innovations: list[_Innovation]) -> SensorInnovations:
+    time, applied, expected, whitened = zip(*innovations, strict=True)
+    return SensorInnovations(
+        scan.sensor,
+        scan.kind,
+        SENSOR_MODELS[scan.kind].components,
+        np.sqrt(np.diag(scan.noise_covariance)),
+        np.array(time),
+        np.stack(applied, axis=1),
+        np.stack(expected, axis=1),
+        np.stack(whitened, axis=1),
+    )

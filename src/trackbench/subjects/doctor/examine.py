@@ -1,0 +1,298 @@
+"""The examination of one tracker."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from trackbench.base.errors import InputError
+from trackbench.base.execution import one_blas_thread
+from trackbench.base.input_files import read_bytes
+from trackbench.base.types import Progress, no_progress
+from trackbench.driving.faults import TrackFault
+from trackbench.models.sensors import Sensor
+from trackbench.subjects.doctor.assumptions import Assumptions
+from trackbench.subjects.doctor.check_list import require_known
+from trackbench.subjects.doctor.checks.covariance_update import covariance_update
+from trackbench.subjects.doctor.checks.drives import drives
+from trackbench.subjects.doctor.checks.expectation import expectation
+from trackbench.subjects.doctor.checks.gain import gain
+from trackbench.subjects.doctor.checks.gate import gate
+from trackbench.subjects.doctor.checks.innovations import innovations
+from trackbench.subjects.doctor.checks.instants import instants
+from trackbench.subjects.doctor.checks.integers import integers
+from trackbench.subjects.doctor.checks.late import late
+from trackbench.subjects.doctor.checks.models import models
+from trackbench.subjects.doctor.checks.noise_powers import noise_powers
+from trackbench.subjects.doctor.checks.output import output
+from trackbench.subjects.doctor.checks.own_covariance import one_gain, stated_covariance
+from trackbench.subjects.doctor.checks.prediction import prediction, spreading
+from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks.sigma_points import no_time
+from trackbench.subjects.doctor.checks.start import confidence, first_position
+from trackbench.subjects.doctor.checks.validity import repeatability, validity
+from trackbench.subjects.doctor.checks.velocity import velocity
+from trackbench.subjects.doctor.checks.wrapping import wrapping
+from trackbench.subjects.doctor.drives import Setting, TestDrive, simulate_drives
+from trackbench.subjects.doctor.evidence import EvidenceRun, evidence_run, shown_drives
+from trackbench.subjects.doctor.failures import CannotRun, require_runnable, steps
+from trackbench.subjects.doctor.findings import CheckResult, Finding, PartResult
+from trackbench.subjects.doctor.probes import Probes, varied
+from trackbench.subjects.doctor.rollout import Rollout, rollout
+from trackbench.subjects.doctor.root_causes import rank
+from trackbench.subjects.doctor.session import Examined
+from trackbench.subjects.doctor.simplified import simplified
+from trackbench.subjects.doctor.site import Carrier, site_of
+from trackbench.subjects.doctor.step_count import OTHERS, StepCount, evidence_steps, steps_of
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.trackers.base import Tracker
+from trackbench.trackers.builtin import ekf
+
+Part = Callable[[TrackerUnderTest], PartResult]
+#: In this order: first estimates, predictions, single measurements, whole tracks; `validity` comes last, because it
+#: reports on the estimates of all others.
+PARTS: tuple[Part, ...] = (
+    repeatability,
+    output,
+    first_position,
+    stated_covariance,
+    confidence,
+    integers,
+    no_time,
+    prediction,
+    velocity,
+    spreading,
+    process_noise,
+    noise_powers,
+    expectation,
+    one_gain,
+    gain,
+    covariance_update,
+    instants,
+    models,
+    wrapping,
+    gate,
+    innovations,
+    late,
+    drives,
+    validity,
+)
+
+#: These need a tracker that predicts and updates; one that returns the last measurement does not.
+FOR_FILTERS = (
+    *(stated_covariance, no_time, prediction, velocity, spreading, process_noise, noise_powers, expectation),
+    *(one_gain, gain, covariance_update, instants, wrapping, innovations),
+)
+
+#: These take the covariance that is returned for the tracker's own.
+OF_COVARIANCE = (confidence, no_time, spreading, process_noise, noise_powers, one_gain, gain, covariance_update)
+
+#: These ask for the estimate at a missed scan: the prediction that updates are compared with.
+ASK_AT_MISSES = (*FOR_FILTERS, output, gate, validity)
+NO_PREDICTION = (
+    "it needs the tracker's prediction, and at a missed scan the tracker returns None; predict there and return the "
+    "estimate, or state by --no-misses that there are no missed scans"
+)
+
+
+@dataclass(frozen=True)
+class Examination:
+    """The findings and checks of one tracker."""
+
+    tracker: str
+    findings: list[Finding]
+    checks: list[CheckResult]
+
+    @property
+    def healthy(self) -> bool:
+        """Whether there is no finding and no failed check."""
+        return not self.findings and all(check.passed is not False for check in self.checks)
+
+    def json(self) -> dict[str, Any]:
+        """As ``--json`` prints it."""
+        return {
+            "tracker": self.tracker,
+            "healthy": self.healthy,
+            "findings": [finding.json() for finding in self.findings],
+            "checks": [check.json() for check in self.checks],
+        }
+
+    @classmethod
+    def load(cls, file: Path) -> Examination:
+        """The examination in a file of :meth:`json`.
+
+        Raises:
+            InputError: it cannot be read, or is no examination.
+        """
+        try:
+            found = json.loads(read_bytes(file))
+            findings = [Finding.from_json(entry) for entry in found["findings"]]
+            checks = TypeAdapter(list[CheckResult]).validate_python(found["checks"])
+            return cls(str(found["tracker"]), findings, checks)
+        except ValidationError as invalid:
+            first = invalid.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise InputError(f"not a readable examination: {where}: {first['msg']}", file=file) from None
+        except (FileNotFoundError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise InputError(f"not a readable examination: {error}", file=file) from error
+
+
+def reference() -> Tracker:
+    """The tracker that others are compared with: an extended Kalman filter with constant velocity."""
+    # No scan of a drive is late, so it need not keep those that it has taken in.
+    return ekf(motion="cv", acceleration_sigma_mps2=3.0, late="drop")
+
+
+class Doctor:
+    """Examines trackers with given sensors.
+
+    Args:
+        sensors: by name. Their kinds, noise, rates, mountings and latency are used: in an examination they see all
+            around, and miss and delay nothing.
+        seed: of the noise and of the variation of the probes; None for the probes as they are, and noise of seed 0.
+        observer: that carries them; None for one that stands at the origin and the examination's own that move.
+        static_sensors: whether no sensor moves, whatever the observer does.
+        no_misses: whether every scan has a detection.
+        skip: checks that are not made, by name or by name and sensor: "gain", "gain.radar".
+
+    Raises:
+        InputError: there is no such check.
+    """
+
+    def __init__(
+        self,
+        sensors: Mapping[str, Sensor],
+        seed: int | None = None,
+        *,
+        observer: Carrier | None = None,
+        static_sensors: bool = False,
+        no_misses: bool = False,
+        skip: Sequence[str] = (),
+    ) -> None:
+        require_known(skip, sensors)
+        still = ""
+        if static_sensors:
+            still = "--static-sensors"
+        elif observer is not None and not observer.moves:
+            still = "the scenario's stands still"
+        self._assumptions = Assumptions(no_misses=no_misses, skip=tuple(skip), still=still)
+        self.sensors = {name: simplified(sensor) for name, sensor in sensors.items()}
+        probes = Probes() if seed is None else varied(np.random.default_rng(seed))
+        # Angles are those of a sensor that has some.
+        polar_first = sorted(self.sensors.values(), key=lambda sensor: sensor.type == "lidar")
+        sites = [
+            site_of(sensor.mount, observer.at_rest() if observer and still else observer) for sensor in polar_first
+        ]
+        self._probes = (probes.standing() if still else probes).placed(sites)
+        self._setting = Setting(sites[0], bool(still), no_misses, observer is not None)
+        self._seed = seed or 0
+        self._late = {name: sensor.latency[1] for name, sensor in sensors.items() if sensor.latency[1] > 0}
+
+    @cached_property
+    def _drives(self) -> list[tuple[TestDrive, Rollout]]:
+        """The test drives, each with the estimates of the reference."""
+        return [(drive, rollout(reference, drive.scans)) for drive in self._simulated()]
+
+    def _simulated(self) -> list[TestDrive]:
+        skip = self._assumptions.skip
+        return [drive for drive in simulate_drives(self.sensors, self._seed, self._setting) if drive.name not in skip]
+
+    @one_blas_thread()
+    def examine(self, name: str, make: Callable[[], Tracker], progress: Progress = no_progress) -> Examination:
+        """Make all checks of a tracker.
+
+        Args:
+            name: what it is called in the results.
+            make: gives a fresh tracker.
+            progress: called several times a second with the number of the tracker's steps so far and, about, of all.
+
+        Raises:
+            CannotRun: the tracker cannot process one scan of any sensor, or gives no estimate at any.
+        """
+        # The checks look for numbers that are not finite; NumPy's warnings of them say nothing more.
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return self._examine(name, make, progress)
+
+    def _examine(self, name: str, make: Callable[[], Tracker], progress: Progress) -> Examination:
+        in_drives = steps_of([drive for drive, _ in self._drives], batched=bool(getattr(make(), "batched", False)))
+        count = StepCount(progress, round((1.0 + OTHERS) * in_drives))
+        tracker = TrackerUnderTest(
+            make, self.sensors, self._drives, self._probes, self._seed, self._late, self._assumptions, count
+        )
+        require_runnable(tracker)
+        results = []
+        for number, part in enumerate(PARTS):
+            if part is drives:
+                count.left(in_drives)
+            try:
+                with tracker.recording_failures(part.__name__):
+                    results.append(self._made(part, tracker))
+            except TrackFault:
+                # Its process has ended, and no tracker can be made any more.
+                ended = "the tracker's process had ended"
+                results += [PartResult(self._not_made(of, tracker, ended)) for of in PARTS[number:]]
+                break
+        results.append(self._made(steps, tracker))
+        findings = [finding for result in results for finding in result.findings]
+        if not findings and tracker.output_checks.estimates == 0:
+            raise CannotRun("it gave no estimate at any scan")
+        return Examination(name, rank(findings), [check for result in results for check in result.checks])
+
+    def _made(self, part: Part, tracker: TrackerUnderTest) -> PartResult:
+        """The checks of a part, those that are not made with the reason."""
+        left_out = self._not_made(part, tracker)
+        asked = self._not_made(part, tracker, "")
+        if asked and {check.name for check in asked} == {check.name for check in left_out}:
+            return PartResult(left_out)
+        if part in FOR_FILTERS and tracker.memoryless:
+            why = "it predicts no motion, and its position is that of the last measurement"
+            return PartResult(self._not_made(part, tracker, why))
+        if part in OF_COVARIANCE and self._states_another(tracker):
+            why = "the covariance that is returned is not the tracker's own (stated_covariance)"
+            return PartResult(self._not_made(part, tracker, why))
+        made = part(tracker)
+        if part in ASK_AT_MISSES and tracker.silent_at_misses:
+            made.checks = [replace(one, result=NO_PREDICTION) if one.passed is None else one for one in made.checks]
+        return self._assumptions.applied(made, left_out, part.__name__)
+
+    def _states_another(self, tracker: TrackerUnderTest) -> bool:
+        """Whether the covariance that a tracker returns is found not to be its own."""
+        made = not self._not_made(stated_covariance, tracker) and not tracker.memoryless
+        return made and tracker.stated_covariance_fault is not None
+
+    def _not_made(self, part: Part, tracker: TrackerUnderTest, why: str | None = None) -> list[CheckResult]:
+        """The checks of a part that are not made by what the user states, or all of them for another reason."""
+        if part is instants and len(self.sensors) < 2:
+            return []
+        return self._assumptions.left_out(part.__name__, list(self._late if part is late else self.sensors), why)
+
+    @one_blas_thread()
+    def evidence(
+        self, examination: Examination, make: Callable[[], Tracker], progress: Progress = no_progress
+    ) -> list[EvidenceRun]:
+        """The runs that show the root causes; the run of the default drive where none does.
+
+        Args:
+            examination: the findings and checks.
+            make: gives a fresh tracker.
+            progress: as of ``examine``.
+        """
+        shown = shown_drives(examination.findings, examination.checks, [drive for drive, _ in self._drives])
+        drives = {drive.name: (drive, reference) for drive, reference in self._drives}
+        runs = [(*drives[name], of) for name, of in shown.items() if name in drives]
+        count = StepCount(progress, evidence_steps([drive for drive, *_ in runs]))
+        given = Examined(make, self._assumptions.no_misses, count)
+        try:
+            return [evidence_run(given, *run) for run in runs]
+        except TrackFault:
+            # Its process has ended.
+            return []

@@ -1,0 +1,197 @@
+"""Probes: places and velocities of a target, and of the observer, at which single measurements are tried."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Observer, Scan
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.sensing.geometry import sensor_motion
+from trackbench.subjects.doctor.site import Carrier, SensorSite
+from trackbench.subjects.doctor.turned import rotation
+
+
+class Probe(NamedTuple):
+    """A target of constant speed, an observer of constant velocity; measurements are tried at time 0."""
+
+    name: str
+    description: str
+    target: tuple[float, float, float, float]
+    """px, py, vx, vy in the fixed frame at time 0."""
+    observer: Carrier = Carrier()
+    """Its yaw is constant in a probe."""
+    turn_rate: float = 0.0
+    """Of the target, rad/s."""
+
+    def truth(self, time: float) -> Array:
+        """``(4,)`` px, py, vx, vy of the target at a time."""
+        px, py, vx, vy = self.target
+        # The chord of an arc has the mean course, and is shorter than the path by sinc.
+        half = 0.5 * self.turn_rate * time
+        dx, dy = time * np.sinc(half / np.pi) * (rotation(half) @ [vx, vy])
+        return np.array([px + dx, py + dy, *(rotation(2.0 * half) @ [vx, vy])])
+
+    def turned(self, angle: float, sensor: Sensor) -> Probe:
+        """The probe with its target turned about a sensor of the standing observer by an angle in rad."""
+        c, s = np.cos(angle), np.sin(angle)
+        x, y, _ = self.scan("", sensor, 0.0).sensor_pose
+        px, py, vx, vy = self.target
+        px, py = px - x, py - y
+        target = (x + c * px - s * py, y + s * px + c * py, c * vx - s * vy, s * vx + c * vy)
+        return self._replace(name=f"{self.name}_turned", target=_plain(target))
+
+    def placed(self, site: SensorSite) -> Probe:
+        """The probe at a site: its target has the same place and velocity relative to the sensor there."""
+        target = site.target(np.array(self.target), self.observer)
+        return self._replace(target=_plain(target), observer=site.carrier(self.observer))
+
+    def standing(self) -> Probe:
+        """The probe with its observer at rest and the same relative velocity."""
+        px, py, vx, vy = self.target
+        return self._replace(
+            target=(px, py, vx - self.observer.vx, vy - self.observer.vy), observer=self.observer.at_rest()
+        )
+
+    def scan(self, name: str, sensor: Sensor, time: float) -> Scan:
+        """A sensor's measurement of the target without noise."""
+        of = self.observer
+        one = np.ones(1)
+        observer = Observer(
+            (of.x + of.vx * time) * one, (of.y + of.vy * time) * one, of.yaw * one, of.vx * one, of.vy * one, 0.0 * one
+        )
+        motion = sensor_motion(observer, sensor.mount)
+        pose, velocity = motion.pose[:, 0], motion.velocity[:, 0]
+        measurement = SENSOR_MODELS[sensor.type].measure(self.truth(time), pose, velocity)
+        return Scan(
+            time, name, sensor.type, measurement, np.array(True), sensor.noise_covariance(), pose, velocity, time
+        )
+
+
+def _plain(state: Iterable[float]) -> tuple[float, float, float, float]:
+    px, py, vx, vy = (float(value) for value in state)
+    return px, py, vx, vy
+
+
+def with_noise(scan: Scan, random: np.random.Generator) -> Scan:
+    """The scan with measurement noise of its stated variances."""
+    noise = np.sqrt(np.diag(scan.noise_covariance)) * random.standard_normal(len(scan.measurement))
+    return scan._replace(measurement=scan.measurement + noise)
+
+
+def probe_rate(sensor: Sensor) -> float:
+    """Scans of a sensor per second at a probe, Hz."""
+    return sensor.rate_hz or 20.0
+
+
+GENERAL = (
+    Probe("ahead_left", "a target ahead to the left", (18.0, 13.0, -4.0, 9.0)),
+    Probe("behind_left", "a target behind to the left", (-20.0, 12.0, 7.0, 6.0)),
+    Probe("behind_right", "a target behind to the right", (-15.0, -18.0, -9.0, 3.0)),
+    Probe("ahead_right", "a target ahead to the right", (22.0, -12.0, 5.0, -8.0)),
+    Probe("close_pass", "a fast target close to the sensor", (6.0, 9.0, 14.0, -5.0)),
+)
+RADIAL = Probe("radial", "a target moving straight towards the sensor", (30.0, 17.0, -12.0, -6.8))
+TANGENTIAL = Probe("tangential", "a target moving across the line of sight", (9.0, 12.0, 8.0, -6.0))
+MOVING = (
+    Probe(
+        "moving_ahead",
+        "a target ahead of a moving, turned observer",
+        (35.0, 10.0, 3.0, 7.0),
+        Carrier(12.0, -9.0, 0.7, 9.0, 4.0),
+    ),
+    Probe(
+        "moving_behind",
+        "a target behind a moving, turned observer",
+        (-18.0, 16.0, 6.0, -5.0),
+        Carrier(9.0, 20.0, -0.9, -7.0, 8.0),
+    ),
+)
+PASSING = (
+    Probe("oncoming", "oncoming traffic in the next lane", (1.0, 11.0, -13.0, 0.0), Carrier(vx=14.0)),
+    Probe("crossing", "crossing traffic close ahead", (9.0, -2.0, 2.0, 16.0)),
+)
+#: At an azimuth of pi: the prediction's own sigma points, narrow or wide, cross it in the first, and only the
+#: measurements in the second.
+AXES = (
+    Probe("azimuth_axis", "a target at the azimuth pi", (-25.0, 1e-4, 2.0, -7.0)),
+    Probe("azimuth_axis_near", "a target just before the azimuth pi", (-25.0, 0.3, 2.0, -7.0)),
+)
+COURSE_AXIS = Probe("course_axis", "a target with the course pi", (20.0, -15.0, -9.0, 0.002))
+#: Its course goes from 0.8 rad, at -5 s, to pi at -0.5 s. It starts ahead and moves away: of a tracker that starts with
+#: the course 0 the speed becomes positive, so that its own course passes pi.
+COURSE_TURN = Probe(
+    "course_turn",
+    "a target that turns through the course pi at 30 degrees/s",
+    (10.4, 50.8, -8.693, -2.329),
+    turn_rate=np.deg2rad(30.0),
+)
+AT_REST = Probe("at_rest", "a target at rest", (17.0, 11.0, 0.0, 0.0))
+AT_SENSOR = Probe("at_sensor", "a target at the sensor's own position", (0.0, 0.0, 0.0, 0.0))
+
+
+class Probes(NamedTuple):
+    """All probes of an examination."""
+
+    general: tuple[Probe, ...] = GENERAL
+    radial: Probe = RADIAL
+    tangential: Probe = TANGENTIAL
+    passing: tuple[Probe, ...] = PASSING
+    moving: tuple[Probe, ...] = MOVING
+    axes: tuple[Probe, ...] = AXES
+    course_axis: Probe = COURSE_AXIS
+    course_turn: Probe = COURSE_TURN
+    at_rest: Probe = AT_REST
+    at_sensor: Probe = AT_SENSOR
+    site: SensorSite = SensorSite()
+
+    def standing(self) -> Probes:
+        """The probes without a moving observer."""
+        return self._replace(moving=(), passing=tuple(probe.standing() for probe in self.passing))
+
+    def placed(self, sites: Sequence[SensorSite]) -> Probes:
+        """The probes at the site of the first sensor, and those with an azimuth of pi at the site of each."""
+        site = sites[0]
+
+        def all_placed(probes: Sequence[Probe]) -> tuple[Probe, ...]:
+            return tuple(probe.placed(site) for probe in probes)
+
+        def with_own_course(probe: Probe) -> Probe:
+            """Its course is that of the fixed frame."""
+            placed = probe.placed(site)
+            return placed._replace(target=(*placed.target[:2], *probe.target[2:]))
+
+        return Probes(
+            all_placed(self.general),
+            self.radial.placed(site),
+            self.tangential.placed(site),
+            all_placed(self.passing),
+            all_placed(self.moving),
+            tuple(dict.fromkeys(probe.placed(one) for one in sites for probe in self.axes)),
+            with_own_course(self.course_axis),
+            with_own_course(self.course_turn),
+            self.at_rest.placed(site),
+            self.at_sensor.placed(site),
+            site,
+        )
+
+    @property
+    def regular(self) -> tuple[Probe, ...]:
+        """Those with no angle near pi, a range well above zero and a moving target."""
+        return (*self.general, self.radial, self.tangential, *self.passing, *self.moving)
+
+
+def varied(random: np.random.Generator) -> Probes:
+    """The probes with positions and velocities scaled by 0.9 to 1.1, except where they must be exact."""
+
+    def scaled(probe: Probe) -> Probe:
+        position, velocity = random.uniform(0.9, 1.1, 2)
+        px, py, vx, vy = probe.target
+        return probe._replace(target=(position * px, position * py, velocity * vx, velocity * vy))
+
+    def all_scaled(probes: tuple[Probe, ...]) -> tuple[Probe, ...]:
+        return tuple(scaled(probe) for probe in probes)
+
+    return Probes(all_scaled(GENERAL), scaled(RADIAL), scaled(TANGENTIAL), all_scaled(PASSING), all_scaled(MOVING))

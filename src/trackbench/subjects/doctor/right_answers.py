@@ -1,0 +1,97 @@
+"""What a step of a tracker had to answer: the prediction and the update of its own estimate by the right models."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate
+from trackbench.base.units import difference
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.exhibits import (
+    STATE,
+    Covariances,
+    Matrices,
+    Panel,
+    Predictions,
+    StatedBelief,
+    components_of,
+)
+from trackbench.subjects.doctor.expected_gain import joseph, linearised_gain
+from trackbench.subjects.doctor.trial import Trial
+
+#: White acceleration of the right prediction, m/s^2: that of the reference.
+ACCELERATION = 3.0
+
+
+def named(name: str, estimate: Estimate) -> StatedBelief:
+    """An estimate with a name."""
+    return StatedBelief(name, estimate.mean, estimate.covariance)
+
+
+def straight(step: float) -> Array:
+    """``(4, 4)`` the transition with constant velocity over ``step`` s."""
+    return np.eye(4) + step * np.eye(4, k=2)
+
+
+def predicted(estimate: Estimate, step: float, name: str = "right: velocity times the time step") -> StatedBelief:
+    """Moved with constant velocity over ``step`` s, with a white acceleration of the reference's size."""
+    f = straight(step)
+    g = np.vstack([0.5 * step**2 * np.eye(2), step * np.eye(2)])
+    covariance = f @ estimate.covariance @ f.T + ACCELERATION**2 * g @ g.T
+    return StatedBelief(name, f @ estimate.mean, covariance)
+
+
+def updated(trial: Trial, measurement: Array, name: str = "right") -> StatedBelief:
+    """The prediction after a measurement, by the equations of the extended Kalman filter in Joseph's form."""
+    gain = linearised_gain(trial)
+    innovation = difference(measurement, trial.predicted_measurement, SENSOR_MODELS[trial.scan.kind].angular)
+    return StatedBelief(name, trial.prediction.mean + gain @ innovation, joseph(trial, gain))
+
+
+def update_shown(trial: Trial, measurement: Array) -> Predictions | None:
+    """The prediction, the tracker's update by a measurement, and the right one."""
+    after = trial.posterior(measurement)
+    if after is None:
+        return None
+    return Predictions(
+        f"Update with {trial.scan.sensor}: {trial.description}",
+        named("before the measurement", trial.prediction),
+        named("tracker, after it", after),
+        updated(trial, measurement, "right, after it"),
+    )
+
+
+def reduction_shown(trial: Trial, after: Estimate) -> Covariances:
+    """The covariance before and after a measurement, and the right one."""
+    return Covariances(
+        f"Covariance before and after a measurement of {trial.scan.sensor}",
+        named("before the measurement", trial.prediction),
+        named("tracker, after it", after),
+        updated(trial, trial.predicted_measurement, "right, after it"),
+    )
+
+
+def measurement_shown(trial: Trial, used: Array, clear: float) -> Matrices:
+    """The measurement that has no innovation beside the right one; marked are the components ``clear`` sigma apart."""
+    right = trial.predicted_measurement
+    apart = np.abs(used - right) / trial.sigma
+    wrong = np.flatnonzero(apart > min(clear, float(apart.max())) * (1.0 - 1e-9))
+    return Matrices(
+        f"Predicted measurement of {trial.scan.sensor}: {trial.description}",
+        components_of(trial.scan.kind),
+        ("value",),
+        (Panel("tracker", used[:, None]), Panel("right", right[:, None], "right")),
+        tuple((int(i), 0) for i in wrong),
+    )
+
+
+def gain_shown(trial: Trial, applied: Array, right: Array) -> Matrices:
+    """A gain ``(4, m)`` beside the right one; marked is the entry of each column that is furthest from it."""
+    apart = np.abs((applied - right) * trial.sigma / trial.state_sigma[:, None])
+    return Matrices(
+        f"Gain of {trial.scan.sensor}: {trial.description}",
+        STATE,
+        components_of(trial.scan.kind),
+        (Panel("tracker", applied), Panel("right", right, "right")),
+        tuple((int(np.argmax(apart[:, i])), i) for i in range(apart.shape[1])),
+    )

@@ -1,0 +1,109 @@
+"""A tracker stepped through all scans of a test drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Mask, Scan
+from trackbench.subjects.doctor.output_checks import OutputChecks
+from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
+from trackbench.trackers.answers import shaped, unpack
+from trackbench.trackers.base import Tracker
+
+
+class Rollout(NamedTuple):
+    """The estimates after each scan, NaN where there is none."""
+
+    mean: Array
+    """``(4, scans, runs)``"""
+    covariance: Array
+    """``(4, 4, scans, runs)``"""
+    given: Mask
+    """``(scans, runs)``: whether the tracker returned an estimate."""
+
+
+def rollout(
+    make: Callable[[], Tracker], scans: Sequence[Scan], checks: OutputChecks | None = None, drive: str = ""
+) -> Rollout:
+    """Step a fresh tracker (one for each run unless it is batched) through scans with the batch axis ``(runs,)``.
+
+    Raises:
+        StepFailed: the tracker raised, or returned no valid estimate.
+    """
+    batched = bool(getattr(make(), "batched", False))
+    estimates = _batched(make, scans) if batched else _one_by_one(make, scans)
+    if checks is not None:
+        k, run = np.nonzero(estimates.given)
+
+        def given(i: int) -> list[Scan]:
+            return _given(scans[: k[i] + 1], int(run[i]))
+
+        mean, covariance = estimates.mean[:, k, run], estimates.covariance[:, :, k, run]
+        checks.add_batch(mean, covariance, [scans[int(i)] for i in k], drive, given)
+    return estimates
+
+
+def _given(scans: Sequence[Scan], run: int) -> list[Scan]:
+    """The scans of a run from its first measurement on."""
+    first = next(k for k, scan in enumerate(scans) if scan.valid[run])
+    return [one_run(scan, run) for scan in scans[first:]]
+
+
+def _batched(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
+    tracker, state, estimates = make(), None, _empty(scans)
+    on_step = Examined.of(make).on_step
+    for k, scan in enumerate(scans):
+        try:
+            state, returned = unpack(tracker.step(state, scan))
+            estimate = shaped(returned, scan)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            _follow_each(make, scans[: k + 1])
+            raise StepFailed(error, one_run(scan, 0)) from error
+        on_step()
+        if estimate is not None:
+            estimates.mean[:, k], estimates.covariance[:, :, k] = estimate.mean, estimate.covariance
+            # A batched tracker returns NaN for a track that has not started.
+            estimates.given[k] = ~np.isnan(estimate.mean).all(axis=0) | (k > 0 and estimates.given[k - 1])
+    return estimates
+
+
+def _follow_each(make: Callable[[], Tracker], scans: Sequence[Scan]) -> None:
+    """Step a tracker through each run alone.
+
+    Raises:
+        StepFailed: it fails in one of them.
+    """
+    for run in np.flatnonzero(np.any([scan.valid for scan in scans], axis=0)):
+        session = TrackerSession(make)
+        for scan in _given(scans, int(run)):
+            session.step(scan)
+
+
+def _one_by_one(make: Callable[[], Tracker], scans: Sequence[Scan]) -> Rollout:
+    estimates = _empty(scans)
+    for run in range(scans[0].valid.size):
+        session: TrackerSession | None = None
+        for k, scan in enumerate(scans):
+            if session is None and not scan.valid[run]:
+                continue
+            session = session or TrackerSession(make)
+            estimate = session.step(one_run(scan, run))
+            if estimate is not None:
+                estimates.mean[:, k, run], estimates.covariance[:, :, k, run] = estimate.mean, estimate.covariance
+                estimates.given[k, run] = True
+    return estimates
+
+
+def one_run(scan: Scan, run: int) -> Scan:
+    """The scan of one run, without a batch axis."""
+    return scan._replace(measurement=scan.measurement[:, run], valid=scan.valid[run])
+
+
+def _empty(scans: Sequence[Scan]) -> Rollout:
+    shape: Any = (len(scans), scans[0].valid.size)
+    return Rollout(np.full((4, *shape), np.nan), np.full((4, 4, *shape), np.nan), np.zeros(shape, dtype=bool))

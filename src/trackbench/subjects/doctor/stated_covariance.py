@@ -1,0 +1,140 @@
+"""Is the covariance that a tracker returns that of its own state: computed, whole, and in the order of the state?
+
+A gain is that of the tracker's own predicted covariance, ``K = P H^T (H P H^T + R)^-1``, with the components in the
+order of the state. So the order in which a covariance is returned follows from the gains.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trackbench.base.types import COMMON_STATE, Array
+from trackbench.subjects.doctor.exhibits import Panel, state_matrices
+from trackbench.subjects.doctor.expected_gain import linearised_gain, relative_error
+from trackbench.subjects.doctor.findings import Finding
+
+if TYPE_CHECKING:
+    from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+    from trackbench.subjects.doctor.trial import TrialUpdate
+
+#: Change of a covariance that is none but rounding, relative to its variances.
+SAME = 1e-9
+#: Prediction after which a covariance has grown, s.
+LATER = 1.0
+#: Share of the gain by positions that moves the velocity, which a diagonal covariance has none of.
+OF_VELOCITY = 0.05
+#: Errors of the gain, relative to it: one that is not that of the stated covariance, and one that is. Correct filters
+#: have 0.003 in the median, an IMM 0.07.
+OFF, NEAR = 0.2, 0.1
+#: The second over the first: the gains of a wrong Jacobian are off with every order.
+RATIO = 0.2
+
+
+def stated_covariance_fault(tracker: TrackerUnderTest) -> Finding | None:
+    """What is wrong with the covariances that are returned, if the gains are not made of them."""
+    if constant := _constant(tracker):
+        return constant
+    updates = {
+        name: [update for trial in trials if (update := trial.linear_update()) is not None]
+        for name, trials in tracker.trials.items()
+    }
+    known = {name: of for name, of in updates.items() if len(of) >= 3}
+    return (_diagonal(known) or _ordered(known)) if known else None
+
+
+def _constant(tracker: TrackerUnderTest) -> Finding | None:
+    """One covariance after measurements, and without."""
+    pairs = [over for probe in tracker.probes.general if (over := tracker.predicted(probe, LATER)) is not None]
+    trials = [trial for of in tracker.trials.values() for trial in of]
+    updated = [one for trial in trials if (one := trial.posterior(trial.predicted_measurement)) is not None]
+    stated = [*(one for pair in pairs for one in pair), *updated]
+    if len(pairs) < 3 or len(updated) < 3:
+        return None
+    first = stated[0].covariance
+    spread = np.sqrt(np.abs(np.diag(first)))
+    if not all(np.all(np.abs(one.covariance - first) <= SAME * np.outer(spread, spread)) for one in stated):
+        return None
+    sigmas = ", ".join(f"{value:.3g}" for value in spread)
+    text = (
+        f"the covariance is the same in all {len(stated)} estimates, after a measurement of any sensor and {LATER:g} s "
+        f"without one: standard deviations {sigmas} of px, py (m), vx, vy (m/s)"
+    )
+    panels = (Panel("after measurements", first), Panel(f"{LATER:g} s later", pairs[0][1].covariance))
+    exhibit = state_matrices("Covariance", panels, tuple((i, i) for i in range(4)))
+    shown_by = tracker.probes.general[0].name
+    return Finding("covariance_constant", 0.97, text, shown_by=shown_by, exhibit=exhibit)
+
+
+def _diagonal(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
+    """No covariance has an entry beside the diagonal, and positions move the velocity."""
+    every = [update for of in updates.values() for update in of]
+    if any(
+        np.any(one.covariance[~np.eye(4, dtype=bool)]) for up in every for one in (up.estimate, up.trial.prediction)
+    ):
+        return None
+    shares = [(_velocity_share(update), update) for update in every]
+    known = [(share, update) for share, update in shares if np.isfinite(share)]
+    if not known or np.median([share for share, _ in known]) < OF_VELOCITY:
+        return None
+    share, clearest = max(known, key=lambda one: one[0])
+    text = (
+        f"every entry beside the diagonal is zero in the covariances of {len(every)} predictions and updates, while "
+        f"measured positions move the velocity too ({share:.0%} of the gain of {clearest.trial.scan.sensor}, in "
+        f"standard deviations, for {clearest.trial.description}): that takes the covariance of position and velocity"
+    )
+    exhibit = state_matrices(
+        f"Predicted covariance: {clearest.trial.description}",
+        (Panel("returned", clearest.trial.prediction.covariance),),
+        ((0, 2), (1, 3), (2, 0), (3, 1)),
+    )
+    return Finding("covariance_diagonal", 0.95, text, shown_by=clearest.trial.name, exhibit=exhibit)
+
+
+def _velocity_share(update: TrialUpdate) -> float:
+    """Of the gain of those components of the measurement that depend on the position alone; NaN without any."""
+    of_position = update.used & ~np.any(update.trial.jacobian[:, 2:], axis=1)
+    gain = update.relative_gain[:, of_position]
+    return float(np.linalg.norm(gain[2:]) / np.linalg.norm(gain)) if of_position.any() else float("nan")
+
+
+def _ordered(updates: dict[str, list[TrialUpdate]]) -> Finding | None:
+    """The gains are those of the covariances with another order of the components."""
+    stated = _error(updates, range(4))
+    if stated < OFF:
+        return None
+    errors = {order: _error(updates, order) for order in permutations(range(4))}
+    best = min(errors, key=lambda order: errors[order])
+    if errors[best] > min(NEAR, RATIO * stated):
+        return None
+    names = [""] * 4
+    for component, place in enumerate(best):
+        names[place] = COMMON_STATE[component]
+    text = (
+        f"the covariance is returned in the order {', '.join(names)}: so ordered it gives the gains of all sensors "
+        f"within {errors[best]:.2g} (relative, median), and as px, py, vx, vy within {stated:.2g}"
+    )
+    update = max((of[0] for of in updates.values()), key=lambda one: _apart(one, range(4)))
+    p = update.trial.prediction.covariance
+    right = p[np.ix_(best, best)]
+    spread = np.sqrt(np.outer(np.diag(right), np.diag(right)))
+    wrong = np.abs(p - right) > SAME * spread
+    panels = (Panel("returned", p), Panel("as px, py, vx, vy", right, "right"))
+    marked = tuple((int(i), int(j)) for i, j in np.argwhere(wrong))
+    exhibit = state_matrices(f"Predicted covariance: {update.trial.description}", panels, marked)
+    return Finding("covariance_order", 0.97, text, shown_by=update.trial.name, exhibit=exhibit)
+
+
+def _error(updates: dict[str, list[TrialUpdate]], order: tuple[int, ...] | range) -> float:
+    """Of the gains of the sensor that is worst: the median over its trials."""
+    return max(float(np.median([_apart(update, order) for update in of])) for of in updates.values())
+
+
+def _apart(update: TrialUpdate, order: tuple[int, ...] | range) -> float:
+    """Of a gain from that of the covariance whose places ``order`` are those of px, py, vx, vy."""
+    trial = update.trial
+    p: Array = trial.prediction.covariance[np.ix_(order, order)]
+    scale = trial.sigma / np.sqrt(np.diag(p))[:, None]
+    return relative_error(update.gain, linearised_gain(trial, update.used, p), scale)

@@ -1,0 +1,160 @@
+"""The tracker that a name on the command line refers to, and the sensors for its examination."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.remote import fresh, fresh_tracks
+from trackbench.models.sensors import Lidar, Radar, Sensor
+from trackbench.scenario import Scenario, load_scenario
+from trackbench.scenario.shipped import at_hand
+from trackbench.scenario.truth import truth_of
+from trackbench.subjects.doctor.simplified import RATES, rate_of
+from trackbench.subjects.doctor.site import Carrier, carrier_of
+from trackbench.testing.kinds import Identities
+from trackbench.trackers.base import Tracker
+from trackbench.trackers.builtin import build
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.initial_config import InitialConfig
+from trackbench.truth.config import FixedObserver, HighwayOptions
+
+#: For a tracker without a scenario.
+SENSORS: Mapping[str, Sensor] = {
+    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15),
+    "radar": Radar(rate_hz=20, range_sigma_m=0.3, azimuth_sigma_deg=0.5, range_rate_sigma_mps=0.1),
+}
+
+
+@dataclass(frozen=True)
+class ExaminedTracker:
+    """A tracker to be examined."""
+
+    name: str
+    make: Callable[[], Any]
+    """Gives a fresh tracker of one object, or a stepper of one of several."""
+    sensors: Mapping[str, Sensor]
+    multi_object: bool = False
+    notes: tuple[str, ...] = ()
+    """How the examination differs from the scenario."""
+    observer: Carrier | None = None
+    """That of the scenario; None without one, and of a tracker of several objects."""
+
+
+def subject(
+    target: str,
+    options: Mapping[str, Any],
+    scenario: Path | None = None,
+    isolation: Isolation = ISOLATED,
+    identities: Identities | None = None,
+) -> ExaminedTracker:
+    """The tracker named by ``SCENARIO#NAME``, ``module:Attr`` or a published name.
+
+    Args:
+        target: the name.
+        options: keyword arguments of a class; not with ``SCENARIO#NAME``.
+        scenario: the file whose sensors and observer are used. By default those of the tracker's own scenario, or
+            else a radar and a lidar.
+        isolation: whether a tracker that is not built in gets a process of its own.
+        identities: hidden of a class that follows several objects, known unless given. A tracker's scenario says it.
+
+    Raises:
+        InputError: there is no such scenario, tracker or module, it does not take the options, or its scenario has
+            other identities.
+        TrackFault: its process ended while it started.
+    """
+    file, mark, name = target.rpartition("#")
+    if not mark and (Path(target).suffix in (".yaml", ".yml") or target in at_hand()):
+        trackers = [f"{target}#{name}" for name in load_scenario(target).config.trackers]
+        raise InputError(f"name the tracker in it: {' or '.join(trackers)}", file=target)
+    given = None if scenario is None else load_scenario(scenario)
+    sensors = SENSORS if given is None else given.config.sensors
+    if mark:
+        loaded = load_scenario(Path(file))
+        own = loaded.config.sensing.identities
+        if identities not in (None, own):
+            raise InputError(f"the scenario's identities are {own}: leave --identities out", file=Path(file))
+        own_subject = _of_scenario(loaded, name, options, None if given is None else sensors, isolation)
+        return own_subject if own_subject.multi_object else _observed(own_subject, given or loaded)
+    folder = None if scenario is None else scenario.resolve().parent
+    if identities == "hidden":
+        tracker = PluginConfig.model_validate({"use": target, "options": dict(options)})
+        return _of_several(target, tracker, sensors, folder, isolation)
+    alone = _startable(ExaminedTracker(target, fresh(target, dict(options), folder, isolation), sensors))
+    return alone if given is None else _observed(alone, given)
+
+
+def _observed(of: ExaminedTracker, scenario: Scenario) -> ExaminedTracker:
+    """The tracker with the observer of a scenario, and with a note of rates that the examination does not have."""
+    truth = scenario.config.truth
+    if isinstance(truth, HighwayOptions) and isinstance(truth.observer, FixedObserver):
+        # It is known without a simulation.
+        fixed = truth.observer
+        observer = Carrier(fixed.x, fixed.y, float(np.deg2rad(fixed.yaw_deg)))
+    else:
+        observer = carrier_of(truth_of(scenario).truth.observer)
+    least, most = RATES
+    other = [name for name, sensor in of.sensors.items() if sensor.rate_hz and not least <= sensor.rate_hz <= most]
+    notes = [f"the rate of {name} is {rate_of(of.sensors[name]):g} Hz here" for name in other]
+    return replace(of, observer=observer, notes=(*of.notes, *notes))
+
+
+def _of_scenario(
+    loaded: Scenario, name: str, options: Mapping[str, Any], sensors: Mapping[str, Sensor] | None, isolation: Isolation
+) -> ExaminedTracker:
+    config, path = loaded.config, loaded.path
+    if name not in config.trackers:
+        raise InputError(f"there is no tracker {name!r} in it: {nearest(name, config.trackers)}", file=path)
+    if options:
+        raise InputError("--option goes with a class; the scenario has the options of its trackers", file=path)
+    tracker = config.trackers[name]
+    sensors_used = tracker.sensors_used
+    used = sensors or {
+        key: value for key, value in config.sensors.items() if sensors_used is None or key in sensors_used
+    }
+    if isinstance(tracker, FilterConfig) and tracker.associate is not None:
+        if tracker.associate.method == "oracle":
+            raise InputError(f"{name} is told the true origins, which an examination does not have", file=path)
+        return _of_several(name, tracker, used, None, isolation)
+    if isinstance(tracker, FilterConfig):
+        if tracker.smoother is not None:
+            raise InputError(f"{name} is a smoother, which needs all measurements of a run; remove smoother", file=path)
+        return _startable(ExaminedTracker(name, lambda: build(tracker), used))
+    folder = loaded.path.resolve().parent
+    if config.sensing.identities == "hidden":
+        return _of_several(name, tracker, used, folder, isolation)
+    return _startable(ExaminedTracker(name, fresh(tracker.use, tracker.options, folder, isolation), used))
+
+
+def _of_several(
+    name: str,
+    tracker: FilterConfig | PluginConfig,
+    sensors: Mapping[str, Sensor],
+    folder: Path | None,
+    isolation: Isolation,
+) -> ExaminedTracker:
+    return ExaminedTracker(name, fresh_tracks(tracker, folder, isolation), sensors, multi_object=True)
+
+
+def _startable(of: ExaminedTracker) -> ExaminedTracker:
+    """The tracker; one that starts from the truth is made to start from two measurements."""
+    made = of.make()
+    if not (isinstance(made, FilterTracker) and made.starts_from_truth):
+        return of
+    initial = InitialConfig.model_validate("two_readings")
+
+    def make() -> Tracker:
+        tracker = of.make()
+        assert isinstance(tracker, FilterTracker)
+        return replace(tracker, initial=initial)
+
+    return replace(
+        of, make=make, notes=("its tracks start from two measurements here, and from the truth in the scenario",)
+    )

@@ -1,0 +1,283 @@
+"""The tracker under test: sessions that have followed each probe's target, and trials of measurements there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+
+import numpy as np
+
+from trackbench.base.types import Estimate, Scan
+from trackbench.driving.steppers import masked
+from trackbench.models.sensors import SENSOR_MODELS, Sensor
+from trackbench.subjects.doctor import kind_of_filter
+from trackbench.subjects.doctor.assumptions import NONE, Assumptions
+from trackbench.subjects.doctor.drives import TestDrive
+from trackbench.subjects.doctor.findings import Finding
+from trackbench.subjects.doctor.output_checks import OutputChecks
+from trackbench.subjects.doctor.probes import Probe, Probes, probe_rate
+from trackbench.subjects.doctor.rollout import Rollout
+from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, TrackerSession, finite, not_counted
+from trackbench.subjects.doctor.stated_covariance import stated_covariance_fault
+from trackbench.subjects.doctor.trial import Trial, averaged
+from trackbench.subjects.doctor.update_consistency import update_faults
+from trackbench.trackers.base import Tracker
+
+#: How long a probe's target is followed before time 0, s.
+WARM_UP = 3.0
+#: Least number of scans of each sensor with which it is followed.
+LEAST_SCANS = 30
+#: How often a tracker is asked whose copies draw different random numbers.
+REPEATS = 16
+
+
+class TrackerUnderTest:
+    """What the checks of an examination share.
+
+    Args:
+        make: gives a fresh tracker.
+        sensors: by name.
+        drives: the test drives, each with the estimates of the reference.
+        probes: all probes.
+        seed: of the noise.
+        late: for each sensor whose scans come late, by how much at most, s.
+        assumptions: what the user states.
+        on_step: called after each of its steps.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Tracker],
+        sensors: Mapping[str, Sensor],
+        drives: Sequence[tuple[TestDrive, Rollout]],
+        probes: Probes,
+        seed: int,
+        late: Mapping[str, float],
+        assumptions: Assumptions = NONE,
+        on_step: Callable[[], None] = not_counted,
+    ) -> None:
+        self.make = Examined(make, assumptions.no_misses, on_step)
+        self.assumptions = assumptions
+        self.sensors = sensors
+        self.drives = drives
+        self.probes = probes
+        self.seed = seed
+        self.late = late
+        self.output_checks = OutputChecks()
+        self.failures: list[tuple[str, StepFailed]] = []
+        """Each with the name of the probe, drive or check where it happened."""
+        self._sessions: dict[tuple[Probe, tuple[str, ...], bool], TrackerSession | None] = {}
+        self._trials: dict[tuple[Probe, str, tuple[str, ...], bool], Trial | None] = {}
+        self._at_zero: dict[Probe, tuple[TrackerSession, Estimate] | None] = {}
+        self._predictions: dict[tuple[Probe, float], Estimate | None] = {}
+
+    @contextmanager
+    def recording_failures(self, where: str) -> Iterator[None]:
+        """Add a failed step to the failures, and end the block."""
+        try:
+            yield
+        except MissGiven:
+            # Not its fault.
+            return
+        except StepFailed as failure:
+            self.failures.append((where, failure))
+
+    def sensor_sets(self) -> list[tuple[str, ...]]:
+        """The sets of sensors with which targets are followed: each sensor alone, and all."""
+        alone: list[tuple[str, ...]] = [(name,) for name in self.sensors]
+        return alone if len(alone) == 1 else [*alone, tuple(self.sensors)]
+
+    def session_at(self, probe: Probe, sensor_set: tuple[str, ...], *, replica: bool = False) -> TrackerSession | None:
+        """A session that has followed the probe's target without noise up to time 0; None if the tracker failed.
+
+        Args:
+            probe: where.
+            sensor_set: with what.
+            replica: with one prediction more, so that a tracker that draws random numbers has others.
+        """
+        key = (probe, sensor_set, replica)
+        if key not in self._sessions:
+            self._sessions[key] = self._follow(*key)
+        return self._sessions[key]
+
+    def session_of_most(self, probe: Probe) -> TrackerSession | None:
+        """The same with all sensors, or with one of those with which the tracker does not fail."""
+        found = (self.session_at(probe, sensor_set) for sensor_set in reversed(self.sensor_sets()))
+        return next((session for session in found if session is not None), None)
+
+    def _follow(self, probe: Probe, sensor_set: tuple[str, ...], replica: bool) -> TrackerSession | None:
+        session = TrackerSession(self.make)
+        # One that starts earlier has other random numbers, too.
+        earlier = 0.1 if replica and self.assumptions.no_misses else 0.0
+        scans = self.approach(probe, sensor_set, WARM_UP + earlier)
+        if replica and not self.assumptions.no_misses:
+            scans = kind_of_filter.with_additional_step(scans)
+        estimates: list[Estimate | None] = []
+        with self.recording_failures(probe.name):
+            for scan in scans:
+                estimates.append(session.step(scan))
+        self.output_checks.add_track(estimates, scans, probe.name)
+        return session if len(estimates) == len(scans) else None
+
+    def peek(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
+        """What a session would answer to a scan; None where there is no estimate, or the step fails."""
+        if session is not None:
+            with self.recording_failures(where):
+                return session.peek(scan)
+        return None
+
+    def predict(self, session: TrackerSession | None, scan: Scan, where: str) -> Estimate | None:
+        """What a session predicts to a scan; None where there is no estimate, or the step fails."""
+        if session is not None:
+            with self.recording_failures(where):
+                return session.predict(scan)
+        return None
+
+    def approach(self, probe: Probe, sensor_set: tuple[str, ...], duration: float = WARM_UP) -> list[Scan]:
+        """The scans without noise before time 0, ordered by time and then by sensor."""
+        scans = []
+        for name in sensor_set:
+            rate = probe_rate(self.sensors[name])
+            before = max(int(duration * rate), LEAST_SCANS)
+            scans += [probe.scan(name, self.sensors[name], k / rate) for k in range(-before, 0)]
+        return sorted(scans, key=lambda scan: scan.time)
+
+    def trial(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], *, replica: bool = False) -> Trial | None:
+        """A trial of one sensor at a probe; None where the tracker failed or has no estimate."""
+        key = (probe, sensor, sensor_set, replica)
+        if key not in self._trials:
+            self._trials[key] = self._tried(*key)
+        return self._trials[key]
+
+    def _tried(self, probe: Probe, sensor: str, sensor_set: tuple[str, ...], replica: bool) -> Trial | None:
+        session = self.session_at(probe, sensor_set, replica=replica)
+        if session is None:
+            return None
+        scan = probe.scan(sensor, self.sensors[sensor], 0.0)
+        with self.recording_failures(probe.name):
+            if self.assumptions.no_misses:
+                prediction = session.predict(scan)
+            else:
+                prediction = averaged(session, masked(scan), self.repeats)
+            if prediction is not None:
+                return Trial(probe.name, probe.description, scan, prediction, session, self.repeats, sensor_set)
+        return None
+
+    def predicted(self, probe: Probe, step: float) -> tuple[Estimate, Estimate] | None:
+        """The estimates at a missed scan at time 0 and at one ``step`` s later, after measurements of most sensors.
+
+        None where the tracker failed, or one of them is none or not finite.
+        """
+        name = next(iter(self.sensors))
+        if probe not in self._at_zero:
+            self._at_zero[probe] = self._stepped_to_zero(probe, name)
+        at_zero = self._at_zero[probe]
+        if at_zero is None:
+            return None
+        session, now = at_zero
+        if (probe, step) not in self._predictions:
+            self._predictions[probe, step] = self.peek(
+                session, masked(probe.scan(name, self.sensors[name], step)), probe.name
+            )
+        then = self._predictions[probe, step]
+        return None if then is None or not finite(then) else (now, then)
+
+    def _stepped_to_zero(self, probe: Probe, name: str) -> tuple[TrackerSession, Estimate] | None:
+        session = self.session_of_most(probe)
+        if session is not None:
+            with self.recording_failures(probe.name):
+                session = session.copy()
+                now = session.step(masked(probe.scan(name, self.sensors[name], 0.0)))
+                return None if now is None or not finite(now) else (session, now)
+        return None
+
+    @cached_property
+    def trials(self) -> dict[str, list[Trial]]:
+        """By sensor: the usable trials at the regular probes."""
+        return self._regular_trials(replica=False)
+
+    @cached_property
+    def replicas(self) -> dict[str, list[Trial]]:
+        """The same with other samples."""
+        return self._regular_trials(replica=True)
+
+    def _regular_trials(self, *, replica: bool) -> dict[str, list[Trial]]:
+        found: dict[str, list[Trial]] = {name: [] for name in self.sensors}
+        for probe in self.probes.regular:
+            for sensor_set in self.sensor_sets():
+                for name in self.sensors:
+                    trial = self.trial(probe, name, sensor_set, replica=replica)
+                    if trial is not None and trial.usable:
+                        found[name].append(trial)
+        return found
+
+    @cached_property
+    def batched(self) -> bool:
+        """Whether it takes a batch of targets at once."""
+        return bool(getattr(self.make(), "batched", False))
+
+    @cached_property
+    def repeats(self) -> int:
+        """How often an answer is asked for: once, unless copies of the tracker draw different random numbers."""
+        probe, sensor_set = self.probes.general[0], self.sensor_sets()[0]
+        session = self.session_at(probe, sensor_set)
+        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        with self.recording_failures(probe.name):
+            answers = [None if session is None else session.peek(scan) for _ in range(2)]
+            if answers[0] is not None and answers[1] is not None:
+                return 1 if np.array_equal(answers[0].mean, answers[1].mean, equal_nan=True) else REPEATS
+        return 1
+
+    @cached_property
+    def silent_at_misses(self) -> bool:
+        """Whether a track that goes on after a measurement has no estimate (None) at a missed one."""
+        probe, sensor_set = self.probes.general[0], self.sensor_sets()[-1]
+        session = self.session_at(probe, sensor_set)
+        scan = probe.scan(sensor_set[0], self.sensors[sensor_set[0]], 0.0)
+        with self.recording_failures(probe.name):
+            if session is not None and session.peek(scan) is not None:
+                return session.predict(scan) is None
+        return False
+
+    @cached_property
+    def stochastic(self) -> bool:
+        """Whether the tracker says that it draws random numbers, by an attribute ``stochastic = True``."""
+        return bool(getattr(self.make(), "stochastic", False))
+
+    @cached_property
+    def sampling_noise(self) -> float:
+        """As :func:`kind_of_filter.sampling_noise`."""
+        return kind_of_filter.sampling_noise(self)
+
+    @cached_property
+    def linearises(self) -> bool | None:
+        """As :func:`kind_of_filter.linearises`."""
+        return kind_of_filter.linearises(self)
+
+    @cached_property
+    def stated_covariance_fault(self) -> Finding | None:
+        """As :func:`stated_covariance.stated_covariance_fault`."""
+        return stated_covariance_fault(self)
+
+    @cached_property
+    def update_faults(self) -> dict[str, Finding]:
+        """As :func:`update_consistency.update_faults`."""
+        return update_faults(self)
+
+    @cached_property
+    def memoryless(self) -> bool:
+        """Whether the tracker predicts no motion, and its position is that of the last measurement."""
+        for trial in (trial for trials in self.trials.values() for trial in trials):
+            scan, predicted = trial.scan, trial.prediction.mean
+            if not self.assumptions.no_misses:
+                later = self.peek(trial.session, masked(scan._replace(time=scan.time + 1.0)), trial.name)
+                if later is None or not np.allclose(later.mean[:2], predicted[:2]):
+                    return False
+            offset = 5.0 * np.array([trial.state_sigma[0], -trial.state_sigma[1], 0.0, 0.0])
+            measurement = SENSOR_MODELS[scan.kind].measure(predicted + offset, scan.sensor_pose, scan.sensor_velocity)
+            estimate = trial.posterior(measurement)
+            measured = (predicted + offset)[:2]
+            if estimate is None or np.hypot(*(estimate.mean[:2] - measured)) > 5e-3 * np.hypot(*offset[:2]):
+                return False
+        return any(self.trials.values())

@@ -1,0 +1,263 @@
+"""Are the corrections of the mean and of the covariance those of one gain, the right one for the stated covariance?
+
+With ``K = P H^T (H P H^T + R)^-1`` the mean moves by ``K y`` and the covariance becomes
+``(I - K H) P (I - K H)^T + K R K^T`` (Bar-Shalom, Li and Kirubarajan 2001, section 5.2.3). A wrong Jacobian is wrong in
+both. Where one of the two is right, the Jacobian is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import Array
+from trackbench.subjects.doctor.exhibits import Panel, state_matrices
+from trackbench.subjects.doctor.expected_gain import gain_error, joseph, relative_error
+from trackbench.subjects.doctor.findings import Finding
+from trackbench.subjects.doctor.right_answers import gain_shown
+
+if TYPE_CHECKING:
+    from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+    from trackbench.subjects.doctor.trial import Trial, TrialUpdate
+
+#: Error of a gain that is right, relative to it. Correct filters have 0.003 in the median, with many sigma points 0.04.
+RIGHT = 0.05
+#: Error of the covariance, relative to its change in the update, that is wrong: correct filters have 0.003 in the
+#: median, an IMM 0.02, and a gain that is 1.3 times the applied one 0.09.
+WRONG = 0.08
+#: How many times as well as its alternative a statement has to fit. Process noise that is added before the update
+#: changes the covariance 10 times as much as the gain.
+RATIO = 20.0
+#: A factor of the gain that is one, with the covariance of the right gain, and with its own: a larger gain than the
+#: optimal one is a tuning, as far as `gain` takes the noise of half the variance for one.
+FACTOR, TUNING = 1.1, 1.4
+#: By how much the factors of the trials may differ: the gain of a wrong noise has another one at each prediction.
+EQUAL = 0.03
+#: Error of the gain in the share `MOST` of the trials from which on another one is looked for: correct filters have up
+#: to 0.04.
+CLEAR, MOST = 0.05, 0.9
+#: How often one measurement is applied, at most.
+TIMES = 5
+
+
+class UpdateErrors(NamedTuple):
+    """One update held against the right one."""
+
+    update: TrialUpdate
+    right: Array
+    """``(4, m)`` the right gain of the stated covariance."""
+    right_covariance: Array
+    """``(4, 4)`` after an update with it."""
+    gain: float
+    """Error of the applied gain, relative to the right one."""
+    factor: float
+    """The multiple of the right gain that is nearest to the applied one."""
+    beside: float
+    """Error of that multiple."""
+    of_right: float
+    """Error of the covariance, held against that of the right gain, relative to the change in the update."""
+    of_applied: float
+    """The same, held against that of the applied gain."""
+
+
+def update_faults(tracker: TrackerUnderTest) -> dict[str, Finding]:
+    """By sensor."""
+    errors = {
+        name: [one for trial in trials if (one := _errors(trial)) is not None]
+        for name, trials in tracker.trials.items()
+    }
+    found = {
+        name: fault
+        for name, of in errors.items()
+        if len(of) >= 3 and (fault := _of_mean(name, of) or _of_covariance(name, of)) is not None
+    }
+    # Samples move both, each by itself.
+    return {} if found and (tracker.repeats > 1 or tracker.sampling_noise > 0.0) else found
+
+
+def _errors(trial: Trial) -> UpdateErrors | None:
+    update = trial.linear_update()
+    if update is None:
+        return None
+    gain, right = gain_error(trial, update.gain, update.used)
+    scale = trial.gain_scale
+    factor = float(np.sum(update.gain * right * scale**2) / np.sum((right * scale) ** 2))
+    beside = relative_error(update.gain, factor * right, scale) if factor > 0.0 else np.inf
+    after = joseph(trial, right)
+    of_right, of_applied = (_covariance_error(update, p, after) for p in (after, joseph(trial, update.gain)))
+    return UpdateErrors(update, right, after, gain, factor, beside, of_right, of_applied)
+
+
+def _covariance_error(update: TrialUpdate, expected: Array, right: Array) -> float:
+    spread = update.trial.variance_scale
+    change = np.linalg.norm((update.trial.prediction.covariance - right) / spread)
+    return float(np.linalg.norm((update.estimate.covariance - expected) / spread) / change)
+
+
+def _of_mean(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
+    """The mean is moved by a multiple of the right gain, several times, or by a simpler gain."""
+    found = _multiple(errors) or _simpler(errors)
+    if found is None:
+        return None
+    words, factor = found
+    worst = max(errors, key=lambda one: one.gain)
+    trial = worst.update.trial
+    exhibit = gain_shown(trial, worst.update.gain, worst.right)
+    text = f"the gain of {sensor} is {words} ({len(errors)} trials){_covariance_of(errors)}"
+    return Finding("gain_inconsistent", 0.95, text, sensor=sensor, factor=factor, shown_by=trial.name, exhibit=exhibit)
+
+
+def _covariance_of(errors: Sequence[UpdateErrors]) -> str:
+    """Of which gain the covariance is."""
+    of_right, of_applied = _covariance_errors(errors)
+    if of_right < min(WRONG, of_applied / RATIO):
+        return ", while the covariance after it is that of one update with the right gain"
+    return ", and the covariance after it is that of this gain" if of_applied < WRONG else ""
+
+
+def _covariance_errors(errors: Sequence[UpdateErrors]) -> tuple[float, float]:
+    """Held against the covariance of the right gain and of the applied one: medians over the trials."""
+    return float(np.median([one.of_right for one in errors])), float(np.median([one.of_applied for one in errors]))
+
+
+def _multiple(errors: Sequence[UpdateErrors]) -> tuple[str, float] | None:
+    """One multiple in all components and trials, and that."""
+    factors = np.array([one.factor for one in errors])
+    factor = float(np.median(factors))
+    if np.ptp(factors) > EQUAL * factor or max(one.beside for one in errors) > RIGHT:
+        return None
+    of_right, of_applied = _covariance_errors(errors)
+    allowed = FACTOR if of_right < min(WRONG, of_applied / RATIO) else TUNING
+    if abs(np.log(max(factor, 1e-9))) < np.log(allowed):
+        return None
+    words = (
+        f"{factor:.4g} times that of its own predicted covariance, the geometry and the stated noise, in all components"
+    )
+    return words, factor
+
+
+def _simpler(errors: Sequence[UpdateErrors]) -> tuple[str, float | None] | None:
+    """A gain that fits far better than the right one, and how often the measurement is applied, if it is that."""
+    ways: list[tuple[str, float | None, Callable[[UpdateErrors], Array]]] = [
+        ("that of the diagonal of the innovation covariance alone", None, _of_diagonal)
+    ]
+    if not _optimal(errors):
+        ways += [
+            (f"that of {times} updates with the same measurement", float(times), partial(_repeated, times=times))
+            for times in range(2, TIMES + 1)
+        ]
+    misfits = [float(np.quantile([_gain_misfit(one, way(one)) for one in errors], MOST)) for _, _, way in ways]
+    best, alone = int(np.argmin(misfits)), float(np.quantile([one.gain for one in errors], MOST))
+    if misfits[best] > min(RIGHT, alone / RATIO) or alone < CLEAR:
+        return None
+    words, factor, _ = ways[best]
+    return f"{words} (within {misfits[best]:.2g} of it, and within {alone:.2g} of the right one)", factor
+
+
+def _optimal(errors: Sequence[UpdateErrors]) -> bool:
+    """Whether the covariances are ``(I - K H) P`` of the applied gains: these are then the best ones for some noise."""
+    misfits = []
+    for one in errors:
+        p = linalg.symmetrise(one.update.trial.prediction.covariance)
+        left = p - one.update.gain @ one.update.trial.jacobian @ p
+        misfits.append(_covariance_error(one.update, left, one.right_covariance))
+    return float(np.median(misfits)) < WRONG
+
+
+def _repeated(one: UpdateErrors, times: int) -> Array:
+    """The gain of so many updates of the mean, each with the gain of the first."""
+    kept = np.eye(4) - one.right @ one.update.trial.jacobian
+    return np.asarray(sum(np.linalg.matrix_power(kept, k) @ one.right for k in range(times)))
+
+
+def _of_diagonal(one: UpdateErrors) -> Array:
+    trial = one.update.trial
+    cross = linalg.symmetrise(trial.prediction.covariance) @ trial.jacobian.T
+    innovation = trial.jacobian @ cross + trial.scan.noise_covariance
+    return np.asarray(np.where(one.update.used, cross / np.diag(innovation), 0.0))
+
+
+def _gain_misfit(one: UpdateErrors, gain: Array) -> float:
+    return relative_error(one.update.gain, gain, one.update.trial.gain_scale)
+
+
+def _of_covariance(sensor: str, errors: Sequence[UpdateErrors]) -> Finding | None:
+    """The mean is moved by the right gain, and the covariance is not that of it."""
+    gain, (off, _) = float(np.median([one.gain for one in errors])), _covariance_errors(errors)
+    if gain > RIGHT or off < max(WRONG, RATIO * gain):
+        return None
+    # A fading memory may multiply the covariance after the update, and one that is not reduced has a name of its own.
+    if min(float(np.median([_best_multiple(one, p) for one in errors])) for p in (False, True)) < off / RATIO:
+        return None
+    worst = max(errors, key=lambda one: one.of_right)
+    text = (
+        f"measurements of {sensor} move the mean by the right gain of the predicted covariance (within {gain:.1g}), "
+        f"and the covariance after them is off by {off:.0%} of its right change (medians of {len(errors)} trials)"
+        f"{_said(errors, off)}"
+    )
+    trial = worst.update.trial
+    panels = (
+        Panel("before the measurement", trial.prediction.covariance, "before"),
+        Panel("after it", worst.update.estimate.covariance),
+        Panel("right, after it", worst.right_covariance, "right"),
+    )
+    apart = np.abs(panels[1].values - panels[2].values) / trial.variance_scale
+    i, j = np.unravel_index(int(np.argmax(apart)), (4, 4))
+    exhibit = state_matrices(f"Covariance and {sensor}: {trial.description}", panels, ((int(i), int(j)),))
+    return Finding("covariance_update_wrong", 0.95, text, sensor=sensor, shown_by=trial.name, exhibit=exhibit)
+
+
+def _best_multiple(one: UpdateErrors, of_predicted: bool) -> float:
+    """Error of the multiple of the right covariance, or of the predicted one, that is nearest to the stated one."""
+    trial = one.update.trial
+    spread, stated = trial.variance_scale, one.update.estimate.covariance
+    base = (trial.prediction.covariance if of_predicted else one.right_covariance) / spread
+    factor = float(np.sum(stated / spread * base) / np.sum(base**2))
+    return _covariance_error(one.update, factor * base * spread, one.right_covariance)
+
+
+def _said(errors: Sequence[UpdateErrors], off: float) -> str:
+    """The wrong update that gives the stated covariances."""
+    factor = _joseph_factor(errors)
+    ways: dict[str, Callable[[Trial, Array], Array]] = {
+        "that of Joseph's form without K R K^T": _without_noise,
+        "that of two updates": _twice,
+        "the right one without the entries beside its diagonal": lambda trial, k: np.diag(np.diag(joseph(trial, k))),
+        f"that of Joseph's form with {1 + factor:.3g} or {1 - factor:.3g} times the applied gain": (
+            lambda trial, k: joseph(trial, (1 + factor) * k)
+        ),
+    }
+    misfits = {
+        words: float(np.median([_misfit(one, way(one.update.trial, one.right)) for one in errors]))
+        for words, way in ways.items()
+    }
+    best = min(misfits, key=lambda words: misfits[words])
+    return f": it is {best}" if misfits[best] < off / RATIO else ""
+
+
+def _without_noise(trial: Trial, gain: Array) -> Array:
+    kept = np.eye(4) - gain @ trial.jacobian
+    return np.asarray(kept @ linalg.symmetrise(trial.prediction.covariance) @ kept.T)
+
+
+def _twice(trial: Trial, gain: Array) -> Array:
+    return joseph(trial, gain, joseph(trial, gain))
+
+
+def _misfit(one: UpdateErrors, expected: Array) -> float:
+    return _covariance_error(one.update, expected, one.right_covariance)
+
+
+def _joseph_factor(errors: Sequence[UpdateErrors]) -> float:
+    """How far the gain of Joseph's form is from the applied one: it adds ``(factor - 1)^2 K S K^T``."""
+    squares = []
+    for one in errors:
+        spread = one.update.trial.variance_scale
+        removed = (one.update.trial.prediction.covariance - one.right_covariance) / spread
+        added = (one.update.estimate.covariance - one.right_covariance) / spread
+        squares.append(float(np.sum(added * removed) / np.sum(removed**2)))
+    return float(np.sqrt(max(0.0, np.median(squares))))

@@ -1,0 +1,291 @@
+"""All errors of time, mounting and bias of a sensor in one robust fit, and which of them a log can show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trackbench.base.distributions import normal_density, normal_within
+from trackbench.base.types import Array, Mask
+from trackbench.base.units import wrap_angle
+from trackbench.subjects.log_audit.blocks import BlockInterval, Blocks, blocks_of
+from trackbench.subjects.log_audit.sensor_log import SensorLog
+
+#: Rows with a residual beyond this many standard deviations are outliers and not used.
+OUTLIER = 4.0
+#: An error of which the others leave less than this share of the information cannot be told from them.
+LEAST_INFORMATION = 0.01
+#: Two errors that no log tells apart, such as a turned mount and a bias of the azimuth, agree to this.
+SAME = 1e-6
+#: Time offsets that are tried before the fit, s.
+OFFSETS = np.linspace(-2.0, 2.0, 101)
+#: Rows that they are tried on.
+TRIED = 2000
+#: A time offset is started from if it makes the spread of the residuals smaller by this share.
+WORTH = 0.1
+STEPS = 15
+FEWEST_ROWS = 20
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """One of the errors that were estimated together."""
+
+    name: str
+    unit: str
+    interval: BlockInterval
+    effect: float
+    """RMS of what it does to a measurement, in standard deviations of its noise."""
+    same_as: dict[str, float] = field(default_factory=dict)
+    """Errors that no log tells from this one, with the value that would explain the same."""
+    or_else: tuple[str, ...] = ()
+    """Errors that this log does not tell from this one; the value holds if they are zero."""
+    correlated: tuple[str, float] | None = None
+    """The other estimate that is most correlated with this one, and the correlation."""
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """What the fit found."""
+
+    estimates: dict[str, ErrorEstimate]
+    unidentified: dict[str, tuple[str, ...]]
+    """Errors that this log does not show, with those that they cannot be told from (none: without any effect)."""
+    condition: float
+    """Condition number of the correlation matrix of the estimates."""
+    sigma: Array
+    """``(m,)`` standard deviation of what remains."""
+    residual: Array
+    """``(m, rows)`` what remains."""
+    derivatives: Array
+    """``(p, m, rows)`` of the estimates, in their order."""
+    inlier: Mask
+    """``(rows,)``."""
+    outlier: Mask
+    """``(rows,)``; rows at the edge of the truth's time are neither."""
+    blocks: Blocks
+    """Of the inliers."""
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The estimates by name."""
+        return {name: estimate.interval.value for name, estimate in self.estimates.items()}
+
+
+def joint_fit(log: SensorLog) -> JointFit:
+    """Estimate the errors of a sensor together.
+
+    The residual is linearised in the errors around the best ones so far and solved by least squares, weighted by the
+    noise that is estimated with them, without outliers, until nothing changes (Gauss-Newton). Of errors that the log
+    cannot tell apart, one is estimated as if the others were zero, and named with them.
+    """
+    start = {"time_offset": _best_offset(log)}
+    names, unidentified, same = _identifiable(log, start, residual_scale(log.residual(start)))
+    errors = {name: start.get(name, 0.0) for name in names}
+    for round_number in range(2):
+        errors = _converged(log, names, errors)
+        found = _identifiable(log, errors, residual_scale(log.residual(errors)))
+        if round_number or found[0] == names:
+            break
+        names, unidentified, same = found
+        errors = {name: errors.get(name, 0.0) for name in names}
+    return _finished(log, names, errors, unidentified, same)
+
+
+def refit(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
+    """The best values of some of the errors, were all others zero."""
+    return _converged(log, names, {name: start[name] for name in names}) if names else {}
+
+
+def clipped_sigma(residual: Array, axis: int = -1) -> Array:
+    """Standard deviation of a normal distribution, from the values within three of it of the middle."""
+    middle = np.nanmedian(residual, axis=axis, keepdims=True)
+    sigma = 1.4826 * np.nanmedian(np.abs(residual - middle), axis=axis, keepdims=True)
+    for _ in range(20):
+        inside = np.abs(residual - middle) <= 3 * sigma
+        middle = np.nanmean(np.where(inside, residual, np.nan), axis=axis, keepdims=True)
+        sigma = np.sqrt(np.nanmean(np.where(inside, (residual - middle) ** 2, np.nan), axis=axis, keepdims=True) / KEPT)
+    return np.asarray(np.squeeze(sigma, axis))
+
+
+#: Variance of a standard normal variable within three standard deviations.
+KEPT = 1 - 6 * normal_density(3) / normal_within(3)
+
+
+def residual_scale(residual: Array) -> Array:
+    """Standard deviations ``(m, 1)``, never zero, so that a component without noise does not divide by it."""
+    sigma = clipped_sigma(residual)
+    reach = np.nanmax(np.abs(residual), axis=-1)
+    return np.asarray(np.maximum(np.maximum(sigma, 1e-9 * reach), 1e-12))[:, None]
+
+
+def _best_offset(log: SensorLog) -> float:
+    """The time offset from which the fit starts: zero unless another makes the residuals clearly smaller, s."""
+    rows = log.rows(np.unique(np.linspace(0, len(log.log.time) - 1, TRIED).astype(np.intp)))
+    longest = 0.2 * float(log.log.time[-1] - log.log.time[0])
+    offsets = OFFSETS[np.abs(OFFSETS) <= longest]
+
+    def spread(offset: float) -> float:
+        residual = rows.residual({"time_offset": offset})
+        known = np.isfinite(residual).all(axis=0)
+        if known.mean() < 0.5:
+            return np.inf
+        kept = residual[:, known]
+        away = np.median(np.abs(kept - np.median(kept, axis=1, keepdims=True)), axis=1)
+        return float(np.log(np.maximum(away, 1e-12)).sum())
+
+    spreads = [spread(offset) for offset in offsets.tolist()]
+    best = int(np.argmin(spreads)) if spreads else 0
+    return float(offsets[best]) if spreads and spreads[best] < spread(0.0) - WORTH else 0.0
+
+
+def _identifiable(
+    log: SensorLog, errors: Mapping[str, float], scale: Array
+) -> tuple[list[str], dict[str, tuple[str, ...]], dict[str, list[str]]]:
+    """The errors that can be estimated together; those that cannot, with what hides them; those that are the same."""
+    every = list(log.errors)
+    columns = log.derivatives(errors, every) / scale
+    known = np.isfinite(columns).all(axis=(0, 1)) & np.isfinite(log.residual(errors)).all(axis=0)
+    flat = columns[:, :, known].reshape(len(every), -1)
+    size = np.sqrt((flat**2).sum(axis=1))
+    unit = flat / np.where(size > 0, size, 1.0)[:, None]
+    alike = unit @ unit.T
+    # A bias before the place of the mount, which is measured with a tape; but a bias that is the same as an error of
+    # the mount, in any log, is a second name for that.
+    mount = [every.index(name) for name in ("mount_yaw", "mount_x", "mount_y")]
+    second_names = {}
+    for i, name in enumerate(every):
+        if name.startswith("bias_"):
+            share, left = _explained(alike, i, mount)
+            if left < SAME:
+                second_names[i] = mount[int(np.argmax(np.abs(share)))]
+    first = [every.index(name) for name in ("time_offset", "mount_yaw")]
+    rest = [i for i, name in enumerate(every) if name.startswith("bias_") and i not in second_names]
+    kept: list[int] = []
+    hidden: dict[str, tuple[str, ...]] = {}
+    for i in (*first, *rest, every.index("mount_x"), every.index("mount_y")):
+        if size[i] < 1e-9 * np.sqrt(max(known.sum(), 1)):
+            hidden[every[i]] = ()
+            continue
+        share, left = _explained(alike, i, kept)
+        if left < LEAST_INFORMATION:
+            strong = np.abs(share) > 0.2 * np.abs(share).max()
+            hidden[every[i]] = tuple(every[j] for j, by in zip(kept, strong, strict=True) if by)
+        else:
+            kept.append(i)
+    same: dict[str, list[str]] = {}
+    for i, j in second_names.items():
+        same.setdefault(every[j], []).append(every[i])
+    return [every[i] for i in kept], hidden, same
+
+
+def _explained(alike: Array, one: int, others: list[int]) -> tuple[Array, float]:
+    """How the derivatives of some errors add up to those of another, and the share of its information that is left."""
+    if not others:
+        return np.empty(0), 1.0
+    share = np.linalg.lstsq(alike[np.ix_(others, others)], alike[others, one], rcond=None)[0]
+    return np.asarray(share, dtype=float), 1.0 - float(alike[others, one] @ share)
+
+
+def _converged(log: SensorLog, names: list[str], start: Mapping[str, float]) -> dict[str, float]:
+    errors = dict(start)
+    for _ in range(STEPS):
+        derivatives, residual, inlier = _linearised(log, names, errors)
+        scale = residual_scale(residual)
+        columns = (derivatives / scale)[:, :, inlier].reshape(len(names), -1)
+        step = np.linalg.lstsq(columns.T, (residual / scale)[:, inlier].reshape(-1), rcond=None)[0]
+        if "time_offset" in names:
+            # Further than this the truth is no straight line.
+            step[names.index("time_offset")] = np.clip(step[names.index("time_offset")], -0.5, 0.5)
+        errors = {name: errors[name] + float(change) for name, change in zip(names, step, strict=True)}
+        if "mount_yaw" in errors:
+            errors["mount_yaw"] = float(wrap_angle(np.array(errors["mount_yaw"])))
+        if np.abs(columns.T @ step).max(initial=0.0) < 1e-4:
+            break
+    return errors
+
+
+def _linearised(log: SensorLog, names: list[str], errors: Mapping[str, float]) -> tuple[Array, Array, Mask]:
+    """Derivatives ``(p, m, rows)``, residuals ``(m, rows)``, and which rows are known and no outliers."""
+    residual = log.residual(errors)
+    derivatives = log.derivatives(errors, names) if names else np.zeros((0, *residual.shape))
+    known = np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1))
+    away = np.abs(residual - np.nanmedian(residual, axis=1, keepdims=True))
+    inlier = known & (np.where(known, away, 0.0) <= OUTLIER * residual_scale(residual)).all(axis=0)
+    return derivatives, residual, np.asarray(inlier)
+
+
+def _finished(
+    log: SensorLog,
+    names: list[str],
+    errors: Mapping[str, float],
+    unidentified: dict[str, tuple[str, ...]],
+    same: Mapping[str, list[str]],
+) -> JointFit:
+    derivatives, residual, inlier = _linearised(log, names, errors)
+    scale = residual_scale(residual)
+    columns, rest = (derivatives / scale)[:, :, inlier], (residual / scale)[:, inlier]
+    blocks = blocks_of(log.log.time[inlier], log.log.object[inlier], rest)
+    size = len(names)
+    squares = np.einsum("pmr,qmr->pqr", columns, columns).reshape(size * size, -1)
+    products = np.einsum("pmr,mr->pr", columns, rest)
+
+    def solved(sums: Array) -> Array:
+        matrix = np.moveaxis(sums[: size * size].reshape(size, size, -1), -1, 0)
+        right = np.moveaxis(sums[size * size :].reshape(size, -1), -1, 0)
+        # Blocks that were drawn may not determine every error: the least of the solutions.
+        return np.asarray((np.linalg.pinv(matrix, hermitian=True) @ right[:, :, None])[:, :, 0].T)
+
+    steps = blocks.intervals(np.concatenate([squares, products]), lambda sums: _shaped(solved(sums), sums))
+    gram = squares.sum(axis=1).reshape(size, size)
+    inverse = np.linalg.pinv(gram, hermitian=True)
+    spread = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+    correlation = inverse / np.outer(spread, spread)
+    equal = _second_values(log, errors, same)
+    estimates = {}
+    for i, name in enumerate(names):
+        others = np.abs(correlation[i]) * (np.arange(size) != i)
+        most = int(np.argmax(others)) if size > 1 else i
+        own = np.sqrt(gram[i, i] / max(int(inlier.sum()), 1))
+        interval = steps[i]._replace(value=errors[name])
+        estimates[name] = ErrorEstimate(
+            name=name,
+            unit=log.errors[name],
+            interval=interval,
+            effect=float(abs(errors[name]) * own),
+            same_as={other: equal[other] for other in same.get(name, [])},
+            or_else=tuple(other for other, hiding in unidentified.items() if name in hiding),
+            correlated=(names[most], float(correlation[i, most])) if most != i else None,
+        )
+    condition = float(np.linalg.cond(correlation)) if size else 1.0
+    return JointFit(
+        estimates,
+        unidentified,
+        condition,
+        clipped_sigma(residual[:, inlier]),
+        residual,
+        derivatives,
+        inlier,
+        ~inlier & np.isfinite(residual).all(axis=0) & np.isfinite(derivatives).all(axis=(0, 1)),
+        blocks,
+    )
+
+
+def _shaped(solution: Array, sums: Array) -> Array:
+    """Without the axis of draws where there is one set of sums."""
+    return solution[:, 0] if sums.ndim == 1 else solution
+
+
+def _second_values(log: SensorLog, errors: Mapping[str, float], same: Mapping[str, list[str]]) -> dict[str, float]:
+    """The biases that would do what the errors of the mount do of which they are second names."""
+    mount = [name for name in same if name in errors]
+    biases = [other for name in mount for other in same[name]]
+    if not biases:
+        return {}
+    flat = log.derivatives(errors, [*mount, *biases]).reshape(len(mount) + len(biases), -1)
+    flat = flat[:, np.isfinite(flat).all(axis=0)]
+    done = np.array([errors[name] for name in mount]) @ flat[: len(mount)]
+    values = np.linalg.lstsq(flat[len(mount) :].T, done, rcond=None)[0]
+    return dict(zip(biases, values.tolist(), strict=True))

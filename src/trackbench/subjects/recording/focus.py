@@ -1,0 +1,128 @@
+"""Where a recording opens: at a time, with a vehicle in the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.metrics.moments import EstimateMoment, distinct, require_name, require_time, worst
+from trackbench.metrics.recorded_run import RecordedRun, recorded_run
+from trackbench.metrics.track_events import TrackEvent, events_of
+from trackbench.results import Result
+from trackbench.results.columns import split
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Where the viewer is asked to open; unless stated, with the whole scene from the start."""
+
+    at_s: float | None = None
+    worst: int | None = None
+    """At the moment of the largest position error, the second largest, and so on."""
+    vehicle: str | None = None
+    tracker: str | None = None
+    """Whose error is the worst; unless stated, any tracker's. With hidden identities also whose tracks are shown."""
+
+
+@dataclass(frozen=True)
+class Focus:
+    """What is looked at first; unless stated, the whole scene from the start."""
+
+    vehicle: str | None = None
+    time_s: float | None = None
+    error_m: float = 0.0
+    """A position error that the plot of the vehicle has to show."""
+    tracker: str | None = None
+    """Where identities are hidden, the one whose tracks are shown."""
+    beside: tuple[float, float] = (0.0, 0.0)
+    """Where identities are hidden, the place of the event from the vehicle in the middle, m in x and y."""
+
+
+def focus_of(results: Sequence[Result], opening: Opening) -> Focus:
+    """What runs of the same traffic open with.
+
+    Raises:
+        InputError: a vehicle, tracker, time or moment that they do not have.
+    """
+    summary = results[0].summary
+    for result in results:
+        require_worst(result, opening.worst, opening.tracker)
+    if opening.vehicle is not None:
+        require_name(opening.vehicle, summary.truth.objects, "vehicle")
+    if opening.worst is not None and summary.identities == "hidden":
+        event = nth_event(results[0], opening.worst, opening.tracker, opening.vehicle)
+        vehicle, beside = _vehicle_at(results[0], event)
+        return Focus(vehicle, event.time_s, tracker=event.tracker, beside=beside)
+    if opening.worst is not None:
+        moment = _worst([recorded_run(result) for result in results], opening.worst, opening)
+        return Focus(moment.object, moment.time_s, moment.position_error_m or 0.0)
+    if opening.at_s is not None:
+        for result in results:
+            require_time(0.0, result.summary.truth.duration_s, opening.at_s)
+        if opening.vehicle is not None:
+            _require_presence(results[0], opening.vehicle, opening.at_s)
+    return Focus(opening.vehicle, opening.at_s, tracker=opening.tracker)
+
+
+def require_worst(result: Result, worst: int | None, tracker: str | None) -> None:
+    """Make sure that a tracker is named for its worst moments, or, where identities are hidden, for its tracks.
+
+    Raises:
+        InputError: it is not, or with hidden identities there is no such tracker or it failed.
+    """
+    if tracker is None:
+        return
+    if result.summary.identities == "hidden":
+        failed = result[require_name(tracker, list(result), "tracker")].failed
+        if failed is not None:
+            raise InputError(f"{tracker} failed, so it has no tracks: {failed}", key="--tracker")
+    elif worst is None:
+        raise InputError("names whose worst moments are meant: give --worst with it", key="--tracker")
+
+
+def nth_event(result: Result, number: int, tracker: str | None, vehicle: str | None) -> TrackEvent:
+    """The event of the recorded run that is the Nth in the order of cost.
+
+    Raises:
+        InputError: there are fewer events that cost something.
+    """
+    every = events_of(result, tracker, result.summary.recorded_run, vehicle)
+    found = [event for event in every if event.cost_m2 > 0]
+    if len(found) < number:
+        raise InputError(f"only {len(found)} such events: no other costs anything", key="--worst")
+    return found[number - 1]
+
+
+def _vehicle_at(result: Result, event: TrackEvent) -> tuple[str, tuple[float, float]]:
+    """The vehicle of an event, or the nearest to it, and where the event is from there, m."""
+    away = {}
+    for (_, name), rows in split(result.tables.truth, "role", "object").items():
+        step = int(np.searchsorted(rows["time_s"], event.time_s - 1e-9))
+        if rows["alive"][step]:
+            away[name] = (float(event.x_m - rows["px_m"][step]), float(event.y_m - rows["py_m"][step]))
+    found = event.object if event.object in away else min(away, key=lambda name: np.hypot(*away[name]))
+    return found, away[found]
+
+
+def _worst(runs: Sequence[RecordedRun], number: int, opening: Opening) -> EstimateMoment:
+    known = list(dict.fromkeys(name for run in runs for name in run.tracks))
+    trackers = known if opening.tracker is None else [require_name(opening.tracker, known, "tracker")]
+    found = distinct(
+        moment
+        for run in runs
+        for moment in worst(run, [name for name in trackers if name in run.tracks], number, opening.vehicle)
+    )
+    if len(found) < number:
+        raise InputError(f"only {len(found)} such moments: no other estimate counts", key="--worst")
+    return found[number - 1]
+
+
+def _require_presence(result: Result, vehicle: str, time: float) -> None:
+    rows = split(result.tables.truth, "object")[vehicle,]
+    present = rows["time_s"][rows["alive"].astype(bool)]
+    if not len(present) or not present[0] - 1e-9 <= time <= present[-1] + 1e-9:
+        when = f"from {present[0]:g} s to {present[-1]:g} s" if len(present) else "at no time"
+        raise InputError(f"{vehicle} is not there at {time:g} s: it is there {when}", key="--at")

@@ -1,0 +1,116 @@
+"""Draws a run while it goes on, some instants at a time, and its whole recording at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import groupby
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import rerun as rr
+
+from trackbench.base.types import Gaussian, Scan
+from trackbench.document.palette import sensor_colours
+from trackbench.results import Result
+from trackbench.runner.recorded import RecordedEstimates, RecordedInstant
+from trackbench.runner.recorded_tables import estimates_table, measurements_table, roads_table, truth_table
+from trackbench.subjects.recording import layout, legend, scene, series, views
+from trackbench.subjects.recording.charts import send_chart
+from trackbench.subjects.recording.live import LiveRun
+from trackbench.subjects.recording.stream import Stream
+from trackbench.subjects.recording.writer import application, send
+
+
+class Painter:
+    """One viewer, to which one run after another is drawn."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._run: _Run | None = None
+
+    def take(self, batch: Iterable[LiveRun | list[Scan] | RecordedInstant | Result]) -> None:
+        """Draw parts of runs, in their order."""
+        for _, items in groupby(batch, key=type):
+            same_kind = list(items)
+            instants = [item for item in same_kind if isinstance(item, RecordedInstant)]
+            if instants and self._run is not None:
+                self._run.estimate(instants)
+            for item in same_kind:
+                self._change(item)
+
+    def _change(self, item: LiveRun | list[Scan] | RecordedInstant | Result) -> None:
+        if isinstance(item, LiveRun):
+            self.finish()
+            self._run = _Run(self._url, item)
+        elif isinstance(item, Result) and self._run is not None:
+            self._run.complete(item)
+        elif isinstance(item, list) and self._run is not None:
+            self._run.sense(item)
+
+    def finish(self) -> None:
+        """Wait until the viewer has everything."""
+        if self._run is not None:
+            self._run.recording.disconnect()
+            self._run = None
+
+
+class _Run:
+    """One run on the viewer."""
+
+    def __init__(self, url: str, about: LiveRun) -> None:
+        self._about = about
+        self._motion = truth_table(about.truth, 0)
+        self._measurements = pa.table({})
+        self._steps = np.empty(0, dtype=np.intp)
+        self._drawn = -np.inf
+        self.recording = rr.RecordingStream(application(about.name))
+        self.recording.connect_grpc(url)
+        self._wide, vehicles = views.wide_window(self._motion), list(about.truth.ids)
+        self.recording.send_blueprint(layout.live_blueprint(self._wide, vehicles, about.sensors, dict(about.colours)))
+        self.recording.send_recording_name(about.name)
+        self._stream = Stream(self.recording)
+        scene.send_roads(self._stream, roads_table(about.truth))
+        views.send_scales(self._stream, self._wide, vehicles)
+        legend.send_legend(self._stream, legend.entries(about.colours, about.sensors))
+
+    def complete(self, result: Result) -> None:
+        """The whole recording."""
+        send(self.recording, result, self._about.colours)
+
+    def sense(self, scans: list[Scan]) -> None:
+        """The measurements, which are drawn as far as the trackers have come."""
+        truth = self._about.truth
+        self._measurements = measurements_table(scans, truth.ids)
+        self._steps = np.searchsorted(truth.time, np.unique([scan.time for scan in scans]))
+
+    def estimate(self, instants: list[RecordedInstant]) -> None:
+        """The estimates of all trackers at some instants; one that has failed has none."""
+        if not len(self._steps):
+            return
+        truth, nothing = self._about.truth, pa.table({})
+        none = Gaussian(np.full((4, len(truth.ids)), np.nan), np.full((4, 4, len(truth.ids)), np.nan))
+        steps = self._steps[[item.number for item in instants]]
+        self._advance(float(truth.time[steps[-1]]))
+        recorded = {}
+        for tracker in self._about.colours:
+            found = [item.estimates.get(tracker, none) for item in instants]
+            mean = np.stack([estimate.mean for estimate in found], axis=1)
+            covariance = np.stack([estimate.covariance for estimate in found], axis=2)
+            recorded[tracker] = RecordedEstimates(mean, covariance, np.isfinite(mean[0]))
+        estimates = estimates_table(recorded, truth, steps, 0)
+        scene.send_estimates(self._stream, estimates, self._motion, self._about.colours)
+        for chart in series.recorded_run(estimates, nothing, nothing, self._about.colours).all:
+            send_chart(self._stream, chart)
+
+    def _advance(self, time: float) -> None:
+        """Vehicles and measurements up to a time."""
+        if time <= self._drawn:
+            return
+        vehicles, measurements = (
+            table.filter(pc.and_(pc.greater(table["time_s"], self._drawn), pc.less_equal(table["time_s"], time)))
+            for table in (self._motion, self._measurements)
+        )
+        scene.send_vehicles(self._stream, vehicles, self._wide.metres_per_pixel)
+        scene.send_measurements(self._stream, measurements, sensor_colours(self._about.sensors))
+        self._drawn = time

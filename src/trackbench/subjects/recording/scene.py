@@ -1,0 +1,137 @@
+"""The scene of the recorded run, seen from above: roads, vehicles, measurements, estimates and their covariances.
+
+Everything below ``world`` is in metres of the fixed frame. A 2D view of Rerun has y down, so a view takes one of the
+frames as its origin: they move with a vehicle, which the view then follows, and have y down too, so that a left turn
+goes left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+
+from trackbench.base.types import Array
+from trackbench.document.palette import OBSERVER_COLOUR, TRUTH_COLOUR
+from trackbench.results.columns import columns, split
+from trackbench.subjects.recording.labels import label_points
+from trackbench.subjects.recording.shapes import in_plane, pose, send_ellipses, send_points
+from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
+
+WORLD = ("world",)
+ROADS = (*WORLD, "roads")
+VEHICLES = (*WORLD, "vehicles")
+MEASUREMENTS = (*WORLD, "measurements")
+ESTIMATES = (*WORLD, "estimates")
+LABELS = (*WORLD, "labels")
+#: Move with each vehicle without turning.
+FRAMES = (*WORLD, "frames")
+ROAD_COLOUR = "#4A4F57"
+LABEL_COLOUR = "#C8CDD4"
+
+
+def send_roads(stream: Stream, roads: pa.Table) -> None:
+    """The lane edges."""
+    rows = columns(roads)
+    line = rows["line"]
+    points = np.stack([rows["x_m"], rows["y_m"]], axis=1)
+    strips = np.split(points, np.flatnonzero(np.diff(line)) + 1) if len(line) else []
+    lanes = rr.LineStrips2D(strips, colors=rgba(ROAD_COLOUR), radii=pixels(1.0), draw_order=0.0)
+    stream.static(path(*ROADS), lanes)
+
+
+def send_vehicles(stream: Stream, truth: pa.Table, metres_per_pixel: float, names_above: bool = False) -> None:
+    """The observer and the targets, as oriented boxes with an arrow for the heading, and their names.
+
+    ``metres_per_pixel`` is the scale of the view that shows the names, which stand below the vehicles unless
+    ``names_above``.
+    """
+    if not truth.num_rows:
+        return
+    for (name, role), rows in split(truth, "object", "role").items():
+        observer = role == "observer"
+        colour = OBSERVER_COLOUR if observer else TRUTH_COLOUR
+        alive = rows["alive"].astype(bool)
+        px, py = rows["px_m"][alive], rows["py_m"][alive]
+        y_down = np.tile(np.diag([1.0, -1.0, 1.0]), (len(px), 1, 1))
+        frame = rr.Transform3D.columns(translation=in_plane(px, py), mat3x3=y_down)
+        stream.columns(path(*FRAMES, name), rows["time_s"][alive], frame)
+
+        entity = path(*VEHICLES, name)
+        # A fixed observer has no size; it is drawn as a square metre.
+        half = np.maximum(np.stack([rows["length_m"], rows["width_m"]], axis=1)[alive] / 2, 0.5)
+        nose = half * (1.0, 0.0)
+        batches = (
+            pose(px, py, rows["heading_rad"][alive]),
+            rr.Boxes2D.columns(half_sizes=half, centers=np.zeros_like(half)),
+            rr.Arrows2D.columns(vectors=nose, origins=np.zeros_like(half)),
+        )
+        stream.columns(entity, rows["time_s"], *(batch.partition(alive.astype(int)) for batch in batches))
+        box = rr.Boxes2D.from_fields(colors=rgba(colour), radii=pixels(1.5))
+        arrow = rr.Arrows2D.from_fields(colors=rgba(colour), radii=pixels(1.0))
+        stream.static(entity, box, arrow)
+    _labels(stream, truth, metres_per_pixel, names_above)
+
+
+def send_measurements(stream: Stream, measurements: pa.Table, colours: Mapping[str, str]) -> None:
+    """Each sensor's measurements, where they lie in the fixed frame."""
+    for (sensor,), rows in split(measurements, "sensor").items():
+        valid = rows["valid"].astype(bool)
+        time, count = np.unique(rows["time_s"][valid], return_counts=True)
+        at = np.stack([rows["x_m"], rows["y_m"]])[:, valid]
+        send_points(stream, path(*MEASUREMENTS, sensor), time, at, colours[sensor], 1.5, 20.0, count)
+
+
+def send_estimates(
+    stream: Stream, estimates: pa.Table, truth: pa.Table, colours: Mapping[str, str], hold: float | None = None
+) -> None:
+    """Each tracker's estimate and 95 % ellipse of every target.
+
+    Args:
+        stream: the recording.
+        estimates: table of all trackers.
+        truth: table of the recorded run.
+        colours: by tracker.
+        hold: how long an estimate stays in the picture when none follows, s; None while a run goes on, when nothing
+            is known of what follows the last one.
+    """
+    vehicles = split(truth, "object")
+    for (tracker, name), found in split(estimates, "tracker", "object").items():
+        known = np.isfinite(found["px_m"]) & np.isfinite(found["py_m"])
+        rows = {key: values[known] for key, values in found.items()}
+        time, count = found["time_s"], known.astype(int)
+        if hold is not None:
+            truth_rows = vehicles[name,]
+            gone = truth_rows["time_s"][~truth_rows["alive"].astype(bool)]
+            time, count = _with_ends(rows["time_s"], gone, hold, truth_rows["time_s"][-1])
+        entity = path(*ESTIMATES, tracker, name)
+        at, colour = np.stack([rows["px_m"], rows["py_m"]]), colours[tracker]
+        covariance = np.array([[rows["p_00"], rows["p_01"]], [rows["p_01"], rows["p_11"]]])
+        send_points(stream, entity, time, at, colour, 2.5, 30.0, count)
+        send_ellipses(stream, f"{entity}/covariance", time, at, covariance, colour, 25.0, count)
+
+
+def _labels(stream: Stream, truth: pa.Table, metres_per_pixel: float, above: bool) -> None:
+    # Rerun 0.41 draws the labels of boxes and ellipses where they would be without transforms; those of points follow.
+    vehicles = {name: rows for (name,), rows in split(truth, "object").items()}
+    points = label_points(list(vehicles.values()), list(vehicles), metres_per_pixel, above)
+    alive = np.stack([rows["alive"].astype(bool) for rows in vehicles.values()], axis=1)
+    names = np.broadcast_to(np.array(list(vehicles)), alive.shape)
+    shown = rr.Points2D.columns(positions=np.stack(points, axis=1)[alive], labels=[str(name) for name in names[alive]])
+    time = next(iter(vehicles.values()))["time_s"]
+    stream.columns(path(*LABELS), time, shown.partition(alive.sum(axis=1)))
+    style = rr.Points2D.from_fields(colors=rgba(LABEL_COLOUR), radii=0.0, show_labels=True, draw_order=40.0)
+    stream.static(path(*LABELS), style)
+
+
+def _with_ends(time: Array, gone: Array, hold: float, last: float) -> tuple[Array, np.ndarray]:
+    """Times, with an empty row wherever nothing follows within ``hold`` or the object is gone; each row's length."""
+    following = np.append(time[1:], np.inf)
+    first_gone = np.append(gone, np.inf)[np.searchsorted(gone, time, side="right")]
+    end = np.minimum(time + hold, first_gone)
+    ends = end[(end < following - 1e-9) & (end < last + 1e-9)]
+    every = np.concatenate([time, ends])
+    order = np.argsort(every, kind="stable")
+    return every[order], np.repeat([1, 0], [len(time), len(ends)])[order]

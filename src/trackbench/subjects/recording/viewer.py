@@ -1,0 +1,220 @@
+"""The Rerun viewer as a process of its own: in a window, in a browser or without a screen."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import IO, TypeVar
+from urllib.parse import quote
+
+from rerun.experimental import ViewerClient
+
+from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.subjects.recording.stream import TIMELINE
+
+LOOPBACK = "127.0.0.1"
+EVERYWHERE = ("0.0.0.0", "::")
+#: For how long a viewer may take to start, to load a file and to draw it, s.
+PATIENCE = 30.0
+#: Pixels of a picture.
+SIZE = (1600, 1000)
+NO_SCREEN = (
+    "there is no screen here for the viewer; take a picture with `trackbench snapshot`, watch a run in a browser with"
+    " `trackbench run --serve`, or copy the recording to where a screen is"
+)
+NO_DRIVER = (
+    "the viewer found no Vulkan driver to draw with; install one that needs no graphics card (Debian and Ubuntu:"
+    " apt-get install mesa-vulkan-drivers libvulkan1; Fedora: dnf install mesa-vulkan-drivers vulkan-loader)"
+)
+
+
+Answer = TypeVar("Answer")
+
+
+@dataclass
+class Viewer:
+    """A viewer that was started here and listens on a port."""
+
+    process: subprocess.Popen[bytes]
+    host: str
+    port: int
+    log: IO[bytes]
+
+    @property
+    def url(self) -> str:
+        """Where it takes data and commands."""
+        return grpc_url(LOOPBACK if self.host in EVERYWHERE else self.host, self.port)
+
+    def wait(self) -> ViewerClient:
+        """Wait until it draws and takes commands; to listen at its port is not enough.
+
+        Raises:
+            InputError: it ended, for want of a screen or of a driver.
+            TrackbenchError: it does not answer.
+        """
+        client = self._patiently(lambda: ViewerClient.connect(self.url))
+        self._patiently(client.get_state)
+        return client
+
+    def open(self, files: Sequence[Path], at: float | None = None) -> ViewerClient:
+        """Load recordings, show the first one, and pause at a time (s) if one is given.
+
+        Raises:
+            InputError: it ended, for want of a screen or of a driver.
+            TrackbenchError: it does not load them in time.
+        """
+        client = self.wait()
+        for file in reversed(files):
+            self._patiently(partial(client.open, str(file.resolve())))
+        self._patiently(lambda: client.get_state().loading == [] or None)
+        if at is not None:
+            self._patiently(lambda: client.set_time(TIMELINE, duration=at, play_state="paused") or True)
+        return client
+
+    def stop(self) -> None:
+        """End the viewer."""
+        # What was started is a Python program that runs the viewer: both are of one group.
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGTERM)
+        self.process.wait()
+        self.log.close()
+
+    def _patiently(self, ask: Callable[[], Answer | None]) -> Answer:
+        """Ask until there is an answer: a viewer that starts or loads does not answer at once."""
+        limit = time.monotonic() + PATIENCE
+        while True:
+            cause = ""
+            try:
+                answer = ask()
+                if answer is not None:
+                    return answer
+            except (ConnectionError, RuntimeError) as error:
+                cause = f": {error}"
+            if self.process.poll() is not None:
+                raise ended(self.log)
+            if time.monotonic() > limit:
+                self.stop()
+                raise TrackbenchError(f"the viewer did not answer within {PATIENCE:g} s{cause}")
+            time.sleep(0.1)
+
+
+def start(*options: str, host: str = LOOPBACK, port: int | None = None) -> Viewer:
+    """Start a viewer that listens on a port of ``host``; with ``--headless`` it needs no screen.
+
+    It goes on when this process ends, unless it is stopped.
+
+    Raises:
+        InputError: it cannot start here.
+    """
+    port = port or free_port(host)
+    log = tempfile.TemporaryFile()  # noqa: SIM115 (the viewer writes to it, and may outlive this process)
+    command = [sys.executable, "-m", "rerun", "--bind", host, "--port", str(port), "--hide-welcome-screen", *options]
+    process = subprocess.Popen(
+        command,
+        env={"XDG_RUNTIME_DIR": tempfile.gettempdir(), **os.environ},
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True,
+    )  # fmt: skip
+    viewer = Viewer(process, host, port, log)
+    limit = time.monotonic() + PATIENCE
+    while not listens(LOOPBACK if host in EVERYWHERE else host, port):
+        if process.poll() is not None:
+            raise ended(log)
+        if time.monotonic() > limit:
+            viewer.stop()
+            raise TrackbenchError(f"the viewer did not start within {PATIENCE:g} s")
+        time.sleep(0.05)
+    return viewer
+
+
+def serve(host: str) -> tuple[Viewer, str]:
+    """A viewer for browsers, and the address of its page.
+
+    Args:
+        host: this machine's address to listen at; all of them for 0.0.0.0.
+
+    Raises:
+        InputError: ``host`` is not an address of this machine.
+    """
+    port, page = free_port(host), free_port(host)
+    options = ["--serve-web", "--web-viewer-port", str(page)]
+    name = host
+    if host != LOOPBACK:
+        name = socket.gethostname() if host in EVERYWHERE else host
+        # Rerun lets pages of this machine alone read its data.
+        options += ["--cors-allow-origin", f"http://*:{page}"]
+    viewer = start(*options, host=host, port=port)
+    return viewer, f"http://{name}:{page}/?url={quote(grpc_url(name, port), safe='')}"
+
+
+def picture(files: Sequence[Path], at: float) -> bytes:
+    """What the viewer shows of recordings at a time (s), as a PNG, drawn without a screen.
+
+    Raises:
+        InputError: there is no Vulkan driver.
+        TrackbenchError: the viewer does not draw.
+    """
+    viewer = start("--headless", "--window-size", f"{SIZE[0]}x{SIZE[1]}")
+    try:
+        client = viewer.open(files, at)
+        limit = time.monotonic() + PATIENCE
+        before, png = b"", client.take_screenshot()
+        # Views fill up over several frames; two pictures that are the same are of the last one.
+        while png != before and time.monotonic() < limit:
+            time.sleep(0.3)
+            before, png = png, client.take_screenshot()
+        return bytes(png)
+    except (ConnectionError, RuntimeError) as error:
+        raise (ended(viewer.log) if viewer.process.poll() is not None else TrackbenchError(str(error))) from error
+    finally:
+        viewer.stop()
+
+
+def ended(log: IO[bytes]) -> InputError:
+    """Why a viewer ended by itself, and what to do about it."""
+    with log:
+        log.seek(0)
+        text = log.read().decode(errors="replace")
+    if "WAYLAND_DISPLAY" in text or "DISPLAY is set" in text:
+        return InputError(NO_SCREEN)
+    if "render context" in text or "graphics adapter" in text:
+        return InputError(NO_DRIVER)
+    said = [line for line in text.splitlines() if line.startswith(("Error", "thread"))]
+    return InputError(f"the viewer ended: {said[0] if said else 'it gave no reason'}")
+
+
+def grpc_url(host: str, port: int) -> str:
+    """The address under which Rerun's programs talk to each other."""
+    shown = f"[{host}]" if ":" in host else host
+    return f"rerun+http://{shown}:{port}/proxy"
+
+
+def listens(host: str, port: int) -> bool:
+    """Whether anything takes connections there."""
+    try:
+        socket.create_connection((host, port), timeout=1.0).close()
+    except OSError:
+        return False
+    return True
+
+
+def free_port(host: str = LOOPBACK) -> int:
+    """A port that nothing uses.
+
+    Raises:
+        InputError: ``host`` is not an address of this machine.
+    """
+    try:
+        with socket.create_server((host, 0)) as probe:
+            return int(probe.getsockname()[1])
+    except OSError as error:
+        raise InputError(f"{host} is not an address of this machine", key="--host") from error

@@ -1,0 +1,161 @@
+"""The views of the scene: the observer or a vehicle with its surroundings, and vehicles close up, all following."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+
+from trackbench.results.columns import split
+from trackbench.subjects.recording.focus import Focus
+from trackbench.subjects.recording.scene import FRAMES, LABELS, MEASUREMENTS, WORLD
+from trackbench.subjects.recording.stream import TIMELINE, Stream, path, pixels, rgba
+from trackbench.subjects.recording.trails import TRAIL_S, trails
+
+#: How long a measurement stays in the picture, s.
+RECENT_S = 0.3
+#: The most that the wide view shows around the observer unless even the nearest target is farther, and its margin, m.
+REACH, MARGIN = 55.0, 7.0
+#: Half the size of a close-up, m.
+CLOSE = 3.0
+#: Half the size of a view of a vehicle and its neighbours, m.
+NEAR = 9.0
+#: About the size of the wide view on a screen, pixels.
+WIDE_PIXELS = (750.0, 360.0)
+BACKGROUND = (16, 18, 22)
+SCALE_COLOUR = "#C8CDD4"
+
+
+class Window(NamedTuple):
+    """A view around a frame; x to the right and y down from the frame's origin, m."""
+
+    frame: str
+    kind: str
+    across: tuple[float, float]
+    down: tuple[float, float]
+    scale: float
+    """Length of its scale bar, m."""
+
+    @property
+    def metres_per_pixel(self) -> float:
+        """About how much a pixel of the wide view shows."""
+        sides = (self.across[1] - self.across[0], self.down[1] - self.down[0])
+        return max(side / pixels for side, pixels in zip(sides, WIDE_PIXELS, strict=True))
+
+    def around(self, vehicle: str) -> Window:
+        """As large, with a vehicle in the middle."""
+        half = [(high - low) / 2 for low, high in (self.across, self.down)]
+        return Window(vehicle, "around", (-half[0], half[0]), (-half[1], half[1]), self.scale)
+
+    def closer(self, beside: tuple[float, float] = (0.0, 0.0)) -> Window:
+        """What is up to ``NEAR`` from its middle, or from a place ``beside`` that, m to the right and up."""
+        (left, right), (top, bottom) = self.across, self.down
+        x, y = (left + right) / 2 + beside[0], (top + bottom) / 2 - beside[1]
+        return self._replace(across=(x - NEAR, x + NEAR), down=(y - NEAR, y + NEAR))
+
+
+def wide_window(truth: pa.Table) -> Window:
+    """The observer's, which has the vehicles near it most of the time, or its surroundings where there is none."""
+    vehicles = split(truth, "role", "object")
+    observer, at = next((name, rows) for (role, name), rows in vehicles.items() if role == "observer")
+    targets = [rows for (role, _), rows in vehicles.items() if role == "target"]
+    alive = np.array([rows["alive"] for rows in targets], dtype=bool)
+    if not alive.any():
+        side = REACH + MARGIN
+        return Window(observer, "wide", (-side, side), (-side / 2, side / 2), 10.0)
+    x = np.array([rows["px_m"] - at["px_m"] for rows in targets])
+    y_down = np.array([at["py_m"] - rows["py_m"] for rows in targets])
+    nearest = np.where(alive, np.hypot(x, y_down), np.inf).min(axis=0)
+    reach = max(REACH, float(np.percentile(nearest[np.isfinite(nearest)], 90)))
+
+    def extent(offsets: Any) -> tuple[float, float]:
+        low, high = np.clip(np.percentile(offsets[alive], [5, 95]), -reach, reach)
+        return float(min(low, 0.0)) - MARGIN, float(max(high, 0.0)) + MARGIN
+
+    return Window(observer, "wide", extent(x), extent(y_down), 10.0)
+
+
+def close_up(vehicle: str) -> Window:
+    """A vehicle and little else."""
+    return Window(vehicle, "close", (-CLOSE, CLOSE), (-CLOSE, CLOSE), 1.0)
+
+
+def send_scales(stream: Stream, wide: Window, vehicles: Iterable[str]) -> None:
+    """A scale bar at the lower left of each view that may be opened."""
+    for window in (wide, *(each for name in vehicles for each in (wide.around(name), close_up(name)))):
+        top, bottom = window.down
+        x, y = window.across[0] + window.scale / 2, bottom - 0.08 * (bottom - top)
+        bar = rr.LineStrips2D(
+            [[(x, y), (x + window.scale, y)]],
+            colors=rgba(SCALE_COLOUR),
+            radii=pixels(1.0),
+            labels=f"{window.scale:g} m",
+            show_labels=True,
+        )
+        stream.static(path(*FRAMES, window.frame, window.kind), bar)
+
+
+def scene_views(
+    wide: Window, vehicles: list[str], sensors: Iterable[str], trackers: Iterable[str], focus: Focus
+) -> rrb.Container:
+    """The wide view beside tabs of the close-ups.
+
+    Args:
+        wide: the observer's.
+        vehicles: those that have a close-up.
+        sensors: all that measure.
+        trackers: all that estimate.
+        focus: the vehicle in the middle.
+    """
+    shown = {path(*MEASUREMENTS, sensor): RECENT_S for sensor in sensors} | dict.fromkeys(trails(trackers), TRAIL_S)
+    name = "Seen from above"
+    if focus.vehicle is not None:
+        wide, name = wide.around(focus.vehicle), f"{name}, around {focus.vehicle}"
+    tabs = [scene_view(close_up(each), each, shown, f"- {path(*LABELS)}") for each in vehicles]
+    tab = 0 if focus.vehicle is None else vehicles.index(focus.vehicle)
+    return rrb.Horizontal(scene_view(wide, name, shown), rrb.Tabs(*tabs, active_tab=tab), column_shares=[2, 1])
+
+
+def scene_view(window: Window, name: str, shown: Mapping[str, float], *without: str) -> rrb.Spatial2DView:
+    frame = path(*FRAMES, window.frame)
+    scale = path(*FRAMES, window.frame, window.kind)
+    contents = [f"+ {path(*WORLD)}/**", f"- {path(*FRAMES)}/**", f"+ {frame}", f"+ {scale}", *without]
+    return from_above(frame, name, contents, (window.across, window.down), shown)
+
+
+def from_above(
+    frame: str,
+    name: str,
+    contents: list[str],
+    bounds: tuple[tuple[float, float], tuple[float, float]],
+    shown: Mapping[str, float],
+) -> rrb.Spatial2DView:
+    """A view of a scene.
+
+    Args:
+        frame: entity whose frame is the view's own; y is down in it.
+        name: above the view.
+        contents: what is in it, as Rerun's queries.
+        bounds: left and right, top and bottom in the frame, m.
+        shown: entities of which the last ones are shown, and not only the latest: for how long, s.
+    """
+    overrides: Any = {
+        entity: rrb.VisibleTimeRanges(
+            timeline=TIMELINE,
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-duration),
+            end=rrb.TimeRangeBoundary.cursor_relative(),
+        )
+        for entity, duration in shown.items()
+    }
+    return rrb.Spatial2DView(
+        origin=frame,
+        contents=contents,
+        name=name,
+        visual_bounds=rrb.VisualBounds2D(x_range=bounds[0], y_range=bounds[1]),
+        background=BACKGROUND,
+        overrides=overrides,
+    )

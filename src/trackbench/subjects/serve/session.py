@@ -1,0 +1,213 @@
+"""One client's tracker, its truth and the running RMSE."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from trackbench.base.errors import InputError, nearest
+from trackbench.base.types import Array, Estimate, Observer, Scan
+from trackbench.base.units import wrap_angle
+from trackbench.driving.faults import TrackFault, fault_of
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.driving.remote import start
+from trackbench.driving.steppers import Stepper, masked
+from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.sums import OVERFLOW
+from trackbench.models.sensors import Lidar, Radar
+from trackbench.scenario import Scenario
+from trackbench.sensing.geometry import sensor_motion
+from trackbench.sensing.schedule import silent
+from trackbench.subjects.serve.protocol import Marker
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TOO_LARGE
+from trackbench.trackers.config import FilterConfig, PluginConfig
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.truth.config import FixedObserver
+from trackbench.truth.recorded.udacity import Measurement
+
+#: Microseconds.
+SECOND = 1e6
+
+
+class TrackerFailed(Exception):
+    """The tracker cannot go on; when and why."""
+
+
+class ServedSensor(NamedTuple):
+    """A sensor of the scenario."""
+
+    name: str
+    config: Lidar | Radar
+    noise_covariance: Array
+    """``(m, m)``"""
+    pose: Array
+    """``(3,)`` x m, y m, yaw rad in the simulator's frame."""
+
+
+@dataclass(frozen=True)
+class Served:
+    """A scenario's tracker, which every session makes afresh, and the sensors that it reads."""
+
+    name: str
+    config: FilterConfig | PluginConfig
+    folder: Path
+    sensors: Mapping[str, ServedSensor]
+    """By kind: the scenario's lidar and radar."""
+    isolation: Isolation
+
+    def stepper(self) -> Stepper:
+        """A fresh tracker.
+
+        Raises:
+            InputError: it starts from the truth, or is a plug-in that does not start.
+        """
+        return start(self.config, self.folder, 1, _refuse_truth, self.isolation)
+
+
+def served(loaded: Scenario, name: str, isolation: Isolation = ISOLATED) -> Served:
+    """The tracker of that name, started once to see that it can be.
+
+    Raises:
+        InputError: no such tracker, it cannot start, or not one lidar and one radar at most.
+    """
+    config, folder = loaded.config, loaded.path.resolve().parent
+    tracker = config.trackers.get(name)
+    if tracker is None:
+        raise InputError(f"no tracker {name!r} in this scenario; {nearest(name, config.trackers)}", file=loaded.path)
+    if loaded.config.sensing.identities == "hidden":
+        message = "hidden, and the simulator's client asks for one object; serve a tracker of known identities"
+        raise loaded.locate(InputError(message, key="sensing.identities"))
+    sensors: dict[str, ServedSensor] = {}
+    for sensor_name, sensor in config.sensors.items():
+        other = sensors.get(sensor.type)
+        if other is not None:
+            message = f"a second {sensor.type} beside {other.name}; the simulator has one lidar and one radar"
+            raise loaded.locate(InputError(message, key=f"sensors.{sensor_name}"))
+        if isinstance(sensor, Lidar | Radar):
+            sensors[sensor.type] = ServedSensor(
+                sensor_name, sensor, *_noise_and_pose(sensor, getattr(config.truth, "observer", None))
+            )
+    if not sensors:
+        raise loaded.locate(InputError("no lidar and no radar, which is what the simulator has", key="sensors"))
+    found = Served(name, tracker, folder, sensors, isolation)
+    try:
+        found.stepper().close()
+    except (InputError, TrackFault) as error:
+        message = error.message if isinstance(error, InputError) else str(error)
+        raise loaded.locate(InputError(message, key=f"trackers.{name}")) from error
+    return found
+
+
+class Session:
+    """Follows one data set of one client. Every estimate counts in the RMSE, from the first on."""
+
+    def __init__(self, served: Served) -> None:
+        """Start a fresh tracker.
+
+        Raises:
+            TrackerFailed: a plug-in does not start again.
+        """
+        self._served = served
+        try:
+            self._stepper = served.stepper()
+        except (Exception, SystemExit) as error:
+            raise TrackerFailed(f"to start: {fault_of(error)}") from error
+        self._first: int | None = None
+        self._squares = np.zeros(4)
+        self.measurements = 0
+        self.estimates = 0
+
+    @property
+    def rmse(self) -> Array:
+        """``(4,)`` px, py m, vx, vy m/s; NaN before the first estimate."""
+        return np.sqrt(self._squares / self.estimates) if self.estimates else np.full(4, np.nan)
+
+    def take(self, measurement: Measurement) -> Marker | None:
+        """The estimate after a measurement, or None while there is none.
+
+        Args:
+            measurement: not older than the one before; its kind is one that the scenario has.
+
+        Raises:
+            TrackerFailed: the tracker raised, or what it gave is not an estimate.
+        """
+        if self._first is None:
+            self._first = measurement.stamp
+        self.measurements += 1
+        estimate = self._step(self._scan(measurement, self._first))
+        if estimate is None:
+            return None
+        error = estimate.mean[:, 0] - measurement.truth
+        self._squares += error * error
+        self.estimates += 1
+        if not self._squares.max() < OVERFLOW:
+            raise self._failed(TOO_LARGE)
+        x, y = estimate.mean[:2, 0]
+        return Marker(float(x), float(y), *(float(value) for value in self.rmse))
+
+    def close(self) -> None:
+        """The session is over."""
+        self._stepper.close()
+
+    def _scan(self, measurement: Measurement, first: int) -> Scan:
+        sensor = self._served.sensors[measurement.kind]
+        values = np.array(measurement.measurement)[:, None]
+        if measurement.kind == "radar":
+            values[1] = wrap_angle(values[1])
+        time = (measurement.stamp - first) / SECOND
+        valid = ~silent(sensor.config, np.array([time]))
+        scan = Scan(
+            time=time,
+            sensor=sensor.name,
+            kind=measurement.kind,
+            measurement=np.where(valid, values, np.nan),
+            valid=valid,
+            noise_covariance=sensor.noise_covariance,
+            sensor_pose=sensor.pose,
+            sensor_velocity=np.zeros(2),
+            arrival_time=time,
+        )
+        named = self._served.config.sensors_used
+        return scan if named is None or sensor.name in named else masked(scan)
+
+    def _step(self, scan: Scan) -> Estimate | None:
+        """The tracker's estimate, held against what the runner asks of one."""
+        try:
+            with np.errstate(all="ignore"):
+                estimate = self._stepper.step(scan)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            raise self._failed(str(fault_of(error))) from error
+        if estimate is None or not np.isfinite(estimate.mean.sum() + estimate.covariance.sum()):
+            if self.estimates:
+                raise self._failed(GIVEN_UP if estimate is None else NOT_FINITE)
+            return None
+        if not normalised_square(estimate.mean, estimate.covariance)[2].all():
+            raise self._failed(NOT_DEFINITE)
+        return estimate
+
+    def _failed(self, cause: str) -> TrackerFailed:
+        return TrackerFailed(f"at measurement {self.measurements}: {cause}")
+
+
+def _noise_and_pose(config: Lidar | Radar, observer: object) -> tuple[Array, Array]:
+    """The simulator's sensors sit at its origin, unless the scenario puts them elsewhere; they never move."""
+    at = observer if isinstance(observer, FixedObserver) else FixedObserver()
+    x, y, yaw, rest = (np.array([value]) for value in (at.x, at.y, np.deg2rad(at.yaw_deg), 0.0))
+    pose = sensor_motion(Observer(x, y, yaw, rest, rest, rest), config.mount).pose[:, 0]
+    noise = config.noise_covariance()
+    for shared in (noise, pose):
+        # One client's tracker must not change what another's reads.
+        shared.setflags(write=False)
+    return noise, pose
+
+
+def _refuse_truth(tracker: FilterTracker) -> FilterTracker:
+    if tracker.starts_from_truth:
+        raise InputError("starts from the truth, which a live client does not have; use initial: two_readings")
+    return tracker

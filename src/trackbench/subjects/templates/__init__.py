@@ -1,0 +1,9 @@
+"""A working start for the author of a plug-in: a module, its test and, for trackers, a scenario."""
+
+from trackbench.base.subjects import Command, Subject
+
+SUBJECT = Subject(
+    commands={
+        "new": Command(f"{__name__}.command:new_command", "Write a plug-in of your own that works, with its test.")
+    },
+)

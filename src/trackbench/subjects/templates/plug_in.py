@@ -1,0 +1,107 @@
+"""The files of a new plug-in: a module, its test and, for trackers, a scenario."""
+
+from __future__ import annotations
+
+import keyword
+import sys
+from collections.abc import Mapping
+from importlib.metadata import packages_distributions
+from importlib.resources import files
+from pathlib import Path
+
+import jinja2
+
+from trackbench.base.errors import InputError
+from trackbench.metrics.plugin import unfit_name
+from trackbench.subjects.templates.around import Wrapped, wrapped
+
+#: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.
+KINDS: Mapping[str, Mapping[str, str]] = {
+    "tracker": {
+        "{name}.py": "tracker.py.j2",
+        "test_{name}.py": "test_tracker.py.j2",
+        "{name}.yaml": "tracker.yaml.j2",
+    },
+    "multi-tracker": {
+        "{name}.py": "multi_tracker.py.j2",
+        "test_{name}.py": "test_multi_tracker.py.j2",
+        "{name}.yaml": "multi_tracker.yaml.j2",
+    },
+    "motion-model": {"{name}.py": "motion_model.py.j2", "test_{name}.py": "test_motion_model.py.j2"},
+    "sensor": {"{name}.py": "sensor.py.j2", "test_{name}.py": "test_sensor.py.j2"},
+    "truth": {"{name}.py": "truth.py.j2", "test_{name}.py": "test_truth.py.j2"},
+    "metric": {"{name}.py": "metric.py.j2", "test_{name}.py": "test_metric.py.j2"},
+}
+
+
+def new(kind: str, name: str, out: Path, around: str | None = None) -> list[Path]:
+    """Write the files of a new plug-in.
+
+    Args:
+        kind: one of ``KINDS``.
+        name: of the module; the class is named after it, and a metric in results too.
+        out: the folder, made if there is none.
+        around: ``"module:Class"`` of a filter with ``predict`` and ``update`` that the tracker runs.
+
+    Returns:
+        The files, in the order of ``KINDS``.
+
+    Raises:
+        InputError: the name is no name of a module, a file is there already, or the filter cannot be wrapped. Nothing
+            is written then.
+    """
+    if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower():
+        raise InputError(f"{name!r} is no name for a module: write it in small letters, digits and _")
+    if name in sys.stdlib_module_names or name in packages_distributions():
+        raise InputError(f"{name!r} would hide an installed module of this name: use another one")
+    if around is not None and kind != "tracker":
+        raise InputError(f"--around goes with a tracker, not with a {kind}")
+    if kind == "metric" and (unfit := unfit_name(name)):
+        raise InputError(f"no metric can be written: {unfit}")
+    filter_ = None if around is None else wrapped(around)
+    texts = {
+        out / pattern.format(name=name): _rendered(_template(template, filter_), name, filter_)
+        for pattern, template in KINDS[kind].items()
+    }
+    there = [str(path) for path in texts if path.exists()]
+    if there:
+        raise InputError(f"{' and '.join(there)} {'is' if len(there) == 1 else 'are'} there already: use another name")
+    _write(texts)
+    return list(texts)
+
+
+def class_name(name: str) -> str:
+    """The class that a module is named after: ``my_tracker`` has ``MyTracker``."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def decisions(path: Path) -> list[int]:
+    """The lines of a written module that name a decision left to its author."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [number for number, line in enumerate(lines, 1) if line.lstrip().startswith("# Decide:")]
+
+
+def _template(template: str, around: Wrapped | None) -> str:
+    return "around.py.j2" if around is not None and template == "tracker.py.j2" else template
+
+
+def _rendered(template: str, name: str, around: Wrapped | None) -> str:
+    text = files(__package__).joinpath("templates", template).read_text(encoding="utf-8")
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    return environment.from_string(text).render(name=name, cls=class_name(name), around=around)
+
+
+def _write(texts: Mapping[Path, str]) -> None:
+    written: list[Path] = []
+    try:
+        for path, text in texts.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8") as stream:
+                written.append(path)
+                stream.write(text)
+    except OSError as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None

@@ -1,0 +1,131 @@
+"""``trackbench tune``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from trackbench import results
+from trackbench.api.scenario import load_several
+from trackbench.base.execution import executor
+from trackbench.base.interruption import INTERRUPTED
+from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
+from trackbench.cli.engine import engine_option
+from trackbench.cli.isolation import isolation_options
+from trackbench.cli.run_output import RunOutput
+from trackbench.cli.verbosity import quiet_option, verbose_option
+from trackbench.driving.isolation import Isolation
+from trackbench.engine.choice import EngineName
+from trackbench.scenario.shipped import scenario_files
+
+
+@click.command("tune")
+@scenarios_argument
+@click.option("--trackers", required=True, metavar="A,B", shell_complete=trackers_of_scenarios, help="Tune these.")
+@click.option(
+    "--range", "ranges", multiple=True, metavar="KEY=LOW:HIGH", help="An option and its range, or KEY=A,B,C; again."
+)
+@click.option(
+    "--objective",
+    metavar="NAME",
+    help="likelihood, position_rmse, consistent_rmse, gospa or pareto.  [gospa with hidden identities and a truth, "
+    "else likelihood]",
+)
+@click.option("--trials", type=click.IntRange(2, 100_000), metavar="N", help="How many sets of values are tried.")
+@click.option(
+    "--storage", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="SQLite file of the trials."
+)
+@click.option("--train-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that are tuned on.")
+@click.option("--test-scenes", type=click.IntRange(1, 1000), metavar="N", help="Scenes that the values are tried on.")
+@click.option("--train-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tuned on.")
+@click.option("--test-runs", type=click.IntRange(1), metavar="N", help="Runs of each scene that is tried on.")
+@click.option("--train-seed", type=click.IntRange(0), metavar="S", help="Seed of the noise that is tuned on.")
+@click.option("--test-seed", type=click.IntRange(0), metavar="S", help="Seed of the noise that is tried on.")
+@click.option("--seed", type=click.IntRange(0), metavar="S", default=0, help="Seed of the search.")
+@click.option("--set", "settings", multiple=True, metavar="KEY.PATH=VALUE", help="Change a key of the scenario.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The scenario with the found values.  [tuned.yaml; for several the folder tuned]",
+)
+@click.option("--workers", type=click.IntRange(1), metavar="N", default=1, help="Processes; same result.")
+@engine_option
+@isolation_options
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
+@quiet_option("The verdict on each tracker alone.")
+@verbose_option
+def tune_command(
+    scenarios: tuple[Path, ...],
+    trackers: str,
+    ranges: tuple[str, ...],
+    objective: str | None,
+    trials: int | None,
+    storage: Path | None,
+    train_scenes: int | None,
+    test_scenes: int | None,
+    train_runs: int | None,
+    test_runs: int | None,
+    train_seed: int | None,
+    test_seed: int | None,
+    seed: int,
+    settings: tuple[str, ...],
+    out: Path | None,
+    workers: int,
+    engine: EngineName,
+    isolation: Isolation,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Find the options with which trackers do best.
+
+    Each tracker is tuned by itself, with one set of values for all scenarios, on some scenes and noise, and then held
+    against its start on others. Writes the scenario with the found values, a report and all numbers. An interrupted
+    search goes on where it was if its trials are kept in a --storage.
+
+    \b
+    Examples:
+      trackbench tune highway --trackers ukf_ctrv --out tuned.yaml
+      trackbench tune u_turn racetrack --trackers ekf_cv --storage study.db
+
+    \b
+    Exit status: 0 tuned, 2 bad input, 4 cannot write
+    """
+    from trackbench.document.terminal import print_document
+    from trackbench.subjects.tuning.api import TunePlan, objective_of, tune_trackers
+    from trackbench.subjects.tuning.as_json import to_json
+    from trackbench.subjects.tuning.files import command_of_tuning, default_out, require_out, save_tuning
+    from trackbench.subjects.tuning.outcome import headline
+    from trackbench.subjects.tuning.report import tuning_summary
+    from trackbench.subjects.tuning.split import Split
+
+    loaded, notes = load_several(scenario_files(scenarios), settings)
+    split = Split(train_scenes, test_scenes, train_runs, test_runs, train_seed, test_seed)
+    plan = TunePlan(objective_of(objective, loaded), ranges, trials, seed, storage, split, isolation, engine)
+    names = [name for item in trackers.split(",") if (name := item.strip())]
+    out = out or default_out(loaded)
+    require_out(out, loaded)
+    output = RunOutput(as_json, quiet)
+    for note in notes:
+        output.note(note)
+    command = command_of_tuning(loaded, names, plan, out)
+    try:
+        with executor(workers, None) as chosen:
+            found = tune_trackers(loaded, names, plan, chosen, output)
+    except KeyboardInterrupt:
+        if storage is None:
+            raise
+        click.echo(f"interrupted: the trials so far are kept; the same command goes on from {storage}", err=True)
+        raise click.exceptions.Exit(INTERRUPTED) from None
+    files = save_tuning(found, loaded, out, command)
+    if as_json:
+        click.echo(results.to_json(to_json(found, command)), nl=False)
+        return
+    if quiet:
+        for item in found:
+            click.echo(f"{item.tracker}: {headline(item)[0]}")
+        return
+    print_document(tuning_summary(found), Console())
+    click.echo(f"\n{', '.join(map(str, files))}")

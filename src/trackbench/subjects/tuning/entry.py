@@ -1,0 +1,158 @@
+"""The entry of a tracker with other values, for one trial or for several in one batch."""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from trackbench.base.config.explain import explain
+from trackbench.base.errors import InputError
+from trackbench.base.types import Array
+from trackbench.models.motion import MotionModel
+from trackbench.scenario import Scenario
+from trackbench.scenario.config import ScenarioConfig
+from trackbench.scenario.overrides import set_value
+from trackbench.scenario.source import Origin
+from trackbench.subjects.tuning.defaults import stated_default
+from trackbench.subjects.tuning.parameters import Values
+from trackbench.trackers.config import AnyTracker, FilterConfig, PluginConfig
+from trackbench.trackers.imm import ImmConfig
+
+Entry = FilterConfig | PluginConfig
+#: Before the number of a model in the key of its mean time.
+STAYS = "motion.stay_s."
+
+_TRACKER: TypeAdapter[Entry] = TypeAdapter(AnyTracker)
+
+
+def plain(loaded: Scenario, tracker: str, values: Values = {}) -> dict[str, Any]:  # noqa: B006
+    """The entry as a scenario writes it, with some options changed."""
+    entry: dict[str, Any] = copy.deepcopy(loaded.document.value["trackers"][tracker])
+    for key, value in values.items():
+        set_value(entry, key.split("."), copy.deepcopy(value), Origin("--range"))
+    return entry
+
+
+def entry_with(loaded: Scenario, tracker: str, values: Values) -> Entry:
+    """The entry of a tracker, some of its options changed.
+
+    Raises:
+        ValidationError: the values do not go together.
+    """
+    return _TRACKER.validate_python(plain(loaded, tracker, values), context={"folder": loaded.path.resolve().parent})
+
+
+def problem_with(loaded: Scenario, tracker: str, values: Values) -> str | None:
+    """Why the scenario does not take these values of a tracker's options; None where it does."""
+    try:
+        trackers = {**loaded.document.value["trackers"], tracker: plain(loaded, tracker, values)}
+        ScenarioConfig.model_validate(
+            {**loaded.document.value, "trackers": trackers}, context={"folder": loaded.path.resolve().parent}
+        )
+    except InputError as error:
+        # What it advises is for the command line's --set.
+        return error.message.partition("; set it as a whole")[0]
+    except ValidationError as invalid:
+        return explain(invalid.errors(include_url=False), ScenarioConfig)[0][1]
+    return None
+
+
+def current(loaded: Scenario, tracker: str, key: str) -> Any:
+    """The value that an option has in the scenario, or by default; None where that is not known."""
+    config = loaded.config
+    node: Any = config.trackers[tracker]
+    parts = key.split(".")
+    if parts[0] == "measurement_noise" and len(parts) == 3 and isinstance(node, FilterConfig):
+        stated = node.measurement_noise.get(parts[1], {}).get(parts[2])
+        return getattr(config.sensors.get(parts[1]), parts[2], None) if stated is None else stated
+    if isinstance(node, PluginConfig) and len(parts) == 2 and parts[0] == "options" and parts[1] not in node.options:
+        return stated_default(node.use, parts[1], loaded.path.resolve().parent)
+    if (
+        isinstance(node, FilterConfig)
+        and isinstance(node.motion, MotionModel)
+        and key in type(node.motion).model_fields
+    ):
+        node = node.motion
+    for part in parts:
+        if isinstance(node, Mapping):
+            node = node.get(part)
+        elif isinstance(node, list | tuple):
+            node = node[int(part)] if part.isdecimal() and int(part) < len(node) else None
+        else:
+            node = getattr(node, _attribute(node, part), None)
+    return node
+
+
+def _attribute(config: Any, option: str) -> str:
+    """Under which name a configuration has an option: ``from`` is a word of the language."""
+    fields = getattr(type(config), "model_fields", {})
+    return next((name for name, field in fields.items() if field.alias == option), option)
+
+
+def varies_in_batch(entry: Entry, key: str) -> bool:
+    """Whether trials that differ in this option alone can go through the filter as one batch."""
+    if not isinstance(entry, FilterConfig) or entry.associate is not None:
+        return False
+    if key.startswith("measurement_noise."):
+        return True
+    if entry.process_noise_diag is not None:
+        return False
+    if isinstance(entry.motion, ImmConfig) and key.startswith(STAYS):
+        return True
+    found = _motion_option(entry, key)
+    return found is not None and found[1] in found[0].driving_noise
+
+
+def structure(values: Values, batched: Sequence[str]) -> str:
+    """What trials must have in common to be of one batch."""
+    return json.dumps({key: None if key in batched else value for key, value in values.items()}, sort_keys=True)
+
+
+def combined(entry: FilterConfig, columns: Mapping[str, Array]) -> FilterConfig:
+    """The entry with an array ``(batch,)`` for each of some noise levels, one for each of the batch."""
+    noise: dict[str, dict[str, Any]] = {name: dict(sigmas) for name, sigmas in entry.measurement_noise.items()}
+    motion: Any = entry.motion
+    for key, column in columns.items():
+        if key.startswith("measurement_noise."):
+            _, sensor, option = key.split(".")
+            noise.setdefault(sensor, {})[option] = column
+        elif isinstance(motion, ImmConfig) and key.startswith(STAYS):
+            stay_s: list[Any] = list(motion.stay_s)
+            stay_s[int(key.removeprefix(STAYS))] = column
+            motion = motion.model_copy(update={"stay_s": stay_s})
+        elif isinstance(motion, ImmConfig):
+            _, _, place, option = key.split(".")
+            models = list(motion.imm)
+            models[int(place)] = models[int(place)].model_copy(update={option: column})
+            motion = motion.model_copy(update={"imm": models})
+        else:
+            motion = motion.model_copy(update={key.rpartition(".")[2]: column})
+    return entry.model_copy(update={"motion": motion, "measurement_noise": noise})
+
+
+def _motion_option(entry: FilterConfig, key: str) -> tuple[MotionModel, str] | None:
+    """The motion model that a key is an option of, and the option's name."""
+    parts = key.split(".")
+    if isinstance(entry.motion, ImmConfig):
+        if len(parts) == 4 and parts[:2] == ["motion", "imm"] and parts[2].isdecimal():
+            return entry.motion.imm[int(parts[2])], parts[3]
+        return None
+    option = parts[1] if len(parts) == 2 and parts[0] == "motion" else parts[0] if len(parts) == 1 else ""
+    return (entry.motion, option) if option in type(entry.motion).model_fields else None
+
+
+def columns_of(points: Sequence[Values], keys: Sequence[str], size: int) -> dict[str, Array]:
+    """For each key the values ``(trials * size,)`` of a batch in which trials come slowest."""
+    return {key: np.repeat(np.array([float(point[key]) for point in points]), size) for key in keys}
+
+
+def with_tracker(loaded: Scenario, entries: Mapping[str, Entry]) -> Scenario:
+    """The scenario with these trackers alone, of which nothing is expected."""
+    config = loaded.config.model_copy(update={"trackers": dict(entries), "expect": []})
+    return replace(loaded, config=config)

@@ -1,0 +1,276 @@
+"""The trials of one tracker: all on identical measurements, as many in one batch as differ in noise levels alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from trackbench.base.execution import Task
+from trackbench.base.types import Indices, Progress, no_progress
+from trackbench.driving.faults import fault_of
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.engine.choice import EngineName, chosen
+from trackbench.engine.used import EngineUsed, joined
+from trackbench.runner.work import LARGEST_BATCH, BlockRuns, Work, work_of
+from trackbench.scenario import Scenario
+from trackbench.scenario.modules import own_folder
+from trackbench.subjects.tuning.entry import Entry, columns_of, combined, entry_with, structure, varies_in_batch
+from trackbench.subjects.tuning.given import PackedGiven
+from trackbench.subjects.tuning.hidden import score_hidden
+from trackbench.subjects.tuning.labelled import score_labelled, score_start
+from trackbench.subjects.tuning.measures import Sums
+from trackbench.subjects.tuning.parameters import Parameter, Values
+from trackbench.trackers.config import FilterConfig
+from trackbench.truth import LoadedTruth
+
+#: Most trials of one batch, so that several processes share them.
+MOST_TRIALS = 64
+
+
+class Outcome(NamedTuple):
+    """What became of a trial in one scenario."""
+
+    sums: Sums | None
+    failed: str = ""
+    """Why it has none."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A scenario with the truth on which trials are made."""
+
+    scenario: Scenario
+    truths: Sequence[LoadedTruth]
+
+    @property
+    def name(self) -> str:
+        """Of the scenario."""
+        return self.scenario.config.name
+
+    @property
+    def hidden(self) -> bool:
+        """Whether nobody labelled the detections."""
+        return self.scenario.config.sensing.identities == "hidden"
+
+
+class _Batch(NamedTuple):
+    """Trials that go through the measurements together."""
+
+    trials: tuple[int, ...]
+    """Their places among all."""
+    entries: tuple[Entry, ...]
+    points: tuple[Values, ...]
+    keys: tuple[str, ...]
+    """In which they differ."""
+
+    def part(self, here: slice) -> _Batch:
+        """Some of the trials."""
+        return _Batch(self.trials[here], self.entries[here], self.points[here], self.keys)
+
+
+class _Start(NamedTuple):
+    """What the tracker gives as it is in one scenario."""
+
+    outcome: Outcome
+    counted: tuple[PackedGiven | None, ...]
+    """Of each scene; None where it failed, and where nobody labelled the detections."""
+    engine: EngineUsed | None
+    """What computed it; None of a tracker that is not built in."""
+
+
+class _StartPiece(NamedTuple):
+    """The same of some runs of one scene."""
+
+    sums: Sums | str
+    counted: PackedGiven | None = None
+    engine: EngineUsed | None = None
+
+
+class _Scene(NamedTuple):
+    """What all trials of a scene share."""
+
+    work: Work
+    counted: PackedGiven | None
+
+
+class Evaluator:
+    """Makes trials of one tracker, each scored on the estimates and innovations that the tracker gives as it is.
+
+    Args:
+        benches: the scenarios.
+        tracker: its name in each.
+        parameters: what differs between trials.
+        executor: what makes them.
+        isolation: how a tracker that is not built in is kept apart.
+        engine: what computes.
+        trials: about how many will be made.
+    """
+
+    def __init__(
+        self,
+        benches: Sequence[Bench],
+        tracker: str,
+        parameters: Sequence[Parameter],
+        executor: Executor,
+        isolation: Isolation = ISOLATED,
+        engine: EngineName = "numpy",
+        trials: int = 1,
+    ) -> None:
+        self.benches, self.tracker, self.parameters = benches, tracker, parameters
+        self._executor = executor
+        work = [work_of(bench.scenario, bench.truths, isolation) for bench in benches]
+        self.engine = chosen(engine, trials * sum(item.steps for item in work))
+        self._work = [replace(item, engine=self.engine) for item in work]
+
+    def scenes(self, bench: int) -> Indices:
+        """``(runs,)`` number of the scene of each run of a scenario."""
+        return self._work[bench].scene_of_run
+
+    @property
+    def start(self) -> list[Outcome]:
+        """What the tracker gives as it is, in each scenario."""
+        return [found.outcome for found in self._start]
+
+    @property
+    def engine_used(self) -> EngineUsed | None:
+        """What computes the tracker; None of one that is not built in."""
+        return joined(found.engine for found in self._start if found.engine is not None)
+
+    @cached_property
+    def _start(self) -> list[_Start]:
+        submitted = []
+        for bench, work in zip(self.benches, self._work, strict=True):
+            tasks = _tasks(_start_hidden if bench.hidden else _start_labelled, bench, work)
+            entry = bench.scenario.config.trackers[self.tracker]
+            submitted.append(
+                [
+                    [self._executor.submit(tasks[scene], piece, entry) for piece in _pieces(work, scene, 1)]
+                    for scene in range(len(work.scenes))
+                ]
+            )
+        return [_whole([[one.result() for one in scene] for scene in scenes]) for scenes in submitted]
+
+    def __call__(self, points: Sequence[Values], progress: Progress = no_progress) -> list[list[Outcome]]:
+        """Of each point its outcome in each scenario.
+
+        Args:
+            points: values by the parameters' keys; empty for the tracker as it is.
+            progress: called with how many parts are done and how many there are.
+        """
+        found: list[list[list[Sums | str]]] = [[[] for _ in self.benches] for _ in points]
+        pending = []
+        for number, (bench, work) in enumerate(zip(self.benches, self._work, strict=True)):
+            tasks = _tasks(_hidden if bench.hidden else _labelled, bench, work, self._start[number].counted)
+            for batch in self._batches(bench.scenario, points, [outcomes[number] for outcomes in found]):
+                for scene, task in enumerate(tasks):
+                    for piece in _pieces(work, scene, len(batch.trials)):
+                        pending.append((number, batch, self._executor.submit(task, piece, batch)))
+        for done, (number, batch, future) in enumerate(pending):
+            progress(done, len(pending))
+            for trial, outcome in zip(batch.trials, future.result(), strict=True):
+                found[trial][number].append(outcome)
+        progress(len(pending), len(pending))
+        return [[_joined(parts) for parts in outcomes] for outcomes in found]
+
+    def _batches(
+        self, loaded: Scenario, points: Sequence[Values], found: Sequence[list[Sums | str]]
+    ) -> Iterator[_Batch]:
+        """The trials in batches; of one whose values do not go together it is noted why."""
+        groups: dict[str, _Batch] = {}
+        for trial, point in enumerate(points):
+            try:
+                entry = entry_with(loaded, self.tracker, point)
+            except ValidationError as invalid:
+                found[trial].append(invalid.errors()[0]["msg"])
+                continue
+            keys = tuple(key for key in point if varies_in_batch(entry, key))
+            name = structure(point, keys)
+            group = groups.get(name, _Batch((), (), (), keys))
+            groups[name] = _Batch((*group.trials, trial), (*group.entries, entry), (*group.points, point), keys)
+        for group in groups.values():
+            for first in range(0, len(group.trials), MOST_TRIALS):
+                yield group.part(slice(first, first + MOST_TRIALS))
+
+
+def _tasks(
+    make: Callable[..., Any], bench: Bench, work: Work, counted: Sequence[PackedGiven | None] = ()
+) -> list[Task]:
+    """A function for each scene, and what its calls share."""
+    scenes = range(len(work.scenes))
+    constants = [_Scene(work.of_scene(scene), counted[scene] if counted else None) for scene in scenes]
+    return [Task(make, constant, own_folder(bench.scenario)) for constant in constants]
+
+
+def _pieces(work: Work, scene: int, trials: int) -> Iterator[BlockRuns]:
+    """The runs of a scene, so many at a time that a batch fits the processor's cache; it does not change them."""
+    size = max(1, LARGEST_BATCH // (trials * max(1, len(work.scenes[scene].truth.ids))))
+    for first in range(0, work.runs, size):
+        yield BlockRuns(scene, range(first, min(first + size, work.runs)))
+
+
+def _start_labelled(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
+    """The tracker as it is."""
+    try:
+        sums, given, engine = score_start(scene.work, piece, entry)
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        return _StartPiece(fault_of(error).cause)
+    return _StartPiece(sums, PackedGiven.of(given), engine)
+
+
+def _start_hidden(scene: _Scene, piece: BlockRuns, entry: Entry) -> _StartPiece:
+    sums, engine = score_hidden(scene.work, piece, entry)
+    return _StartPiece(sums, engine=engine)
+
+
+def _whole(scenes: Sequence[Sequence[_StartPiece]]) -> _Start:
+    """The tracker as it is, all of its runs together."""
+    counted = []
+    for pieces in scenes:
+        given = [piece.counted for piece in pieces if piece.counted is not None]
+        counted.append(PackedGiven.joined(given) if len(given) == len(pieces) else None)
+    every = [piece for pieces in scenes for piece in pieces]
+    engine = joined(piece.engine for piece in every if piece.engine is not None)
+    return _Start(_joined([piece.sums for piece in every]), tuple(counted), engine)
+
+
+def _labelled(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+    """The trials of a batch; where the arithmetic of one fails, each by itself."""
+    number, entry, work = len(batch.trials), batch.entries[0], scene.work
+    if scene.counted is None:
+        return ["the tracker fails as it is"] * number
+    counted = scene.counted.of_runs(piece.runs).unpacked()
+    size = len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
+    if number == 1:
+        try:
+            return [*score_labelled(work, piece, entry, 1, counted)]
+        except (KeyboardInterrupt, GeneratorExit):
+            raise
+        except BaseException as error:
+            return [fault_of(error).cause]
+    if isinstance(entry, FilterConfig) and batch.keys:
+        entry = combined(entry, columns_of(batch.points, batch.keys, size))
+    try:
+        return [*score_labelled(work, piece, entry, number, counted)]
+    except np.linalg.LinAlgError:
+        return [_labelled(scene, piece, batch.part(slice(i, i + 1)))[0] for i in range(number)]
+
+
+def _hidden(scene: _Scene, piece: BlockRuns, batch: _Batch) -> list[Sums | str]:
+    """The trials of a batch, one after the other."""
+    return [score_hidden(scene.work, piece, entry)[0] for entry in batch.entries]
+
+
+def _joined(parts: Sequence[Sums | str]) -> Outcome:
+    """The runs of all scenes together."""
+    failed = next((part for part in parts if isinstance(part, str)), None)
+    if failed is not None:
+        return Outcome(None, failed)
+    return Outcome(Sums.joined([part for part in parts if isinstance(part, Sums)]))

@@ -1,0 +1,131 @@
+"""Start against tuned values on scenes and noise that the search has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
+from trackbench.metrics.intervals import Contrast, Interval, holm, paired
+from trackbench.metrics.protocol import Direction
+from trackbench.metrics.traffic import METRICS
+from trackbench.results.score_summary import MarginSummary
+from trackbench.subjects.tuning.evaluation import Evaluator
+from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, UNITS, Sums
+from trackbench.subjects.tuning.parameters import Values
+
+#: Which values of each measure are better; of the others a verdict says larger or smaller.
+BETTER: dict[str, Direction | None] = {
+    "position_rmse": "smaller",
+    "velocity_rmse": "smaller",
+    "log_likelihood": "larger",
+    "nees": None,
+}
+
+
+@dataclass(frozen=True)
+class MeasureComparison:
+    """A measure of the start and of the tuned values, and their difference on the same runs."""
+
+    scenario: str
+    measure: str
+    unit: str
+    start: Interval
+    tuned: Interval
+    difference: Contrast
+    """Tuned minus start."""
+    p_value: float
+    """Corrected for the number of scenarios."""
+    verdict: str
+    """Of the tuned values: better, worse, larger, smaller, equivalent or undecided."""
+
+
+class LackingMeasure(NamedTuple):
+    """A measure by which start and tuned values are not compared in a scenario."""
+
+    scenario: str
+    measure: str
+    why: str
+    """What the tuned values lack."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What start and tuned values reach where the search has not looked."""
+
+    comparisons: tuple[MeasureComparison, ...]
+    scenes: dict[str, int]
+    """By scenario."""
+    runs: dict[str, int]
+    failed: str = ""
+    """Why there is no comparison."""
+    not_compared: tuple[LackingMeasure, ...] = ()
+
+    def of(self, measure: str) -> list[MeasureComparison]:
+        """The comparisons by one measure."""
+        return [item for item in self.comparisons if item.measure == measure]
+
+
+def compare_held_out(evaluator: Evaluator, tuned: Values) -> HeldOut:
+    """Try the start's and the tuned values on other scenes and noise.
+
+    Args:
+        evaluator: on these.
+        tuned: the values that were found.
+    """
+    start_outcomes, (tuned_outcomes,) = evaluator.start, evaluator([tuned])
+    scenes = {bench.name: len(bench.truths) for bench in evaluator.benches}
+    runs = {bench.name: bench.scenario.config.monte_carlo.runs for bench in evaluator.benches}
+    found: list[MeasureComparison] = []
+    for word, outcomes in (("start", start_outcomes), ("tuned", tuned_outcomes)):
+        for outcome in outcomes:
+            if outcome.sums is None:
+                return HeldOut((), scenes, runs, f"the {word} values fail: {outcome.failed}")
+    without: list[LackingMeasure] = []
+    for measure, unit in {**UNITS, **TRAFFIC_UNITS}.items():
+        pairs = []
+        for number, (own, other) in enumerate(zip(tuned_outcomes, start_outcomes, strict=True)):
+            assert own.sums is not None
+            assert other.sums is not None
+            if measure not in other.sums.values:
+                continue
+            lacking = own.sums.lacking(other.sums, [measure if measure == "log_likelihood" else "position_rmse"])
+            if lacking is None:
+                pairs.append((number, own.sums, other.sums))
+            else:
+                without.append(LackingMeasure(evaluator.benches[number].name, measure, lacking))
+        found += _by(measure, unit, evaluator, pairs)
+    return HeldOut(tuple(found), scenes, runs, not_compared=tuple(without))
+
+
+def _by(
+    measure: str, unit: str, evaluator: Evaluator, pairs: Sequence[tuple[int, Sums, Sums]]
+) -> list[MeasureComparison]:
+    """By one measure, the p-values corrected for the number of scenarios."""
+    better = direction(measure)
+    rows = []
+    for number, own_sums, other_sums in pairs:
+        scene = evaluator.scenes(number)
+        own, other = own_sums.interval(measure, scene), other_sums.interval(measure, scene)
+        if own is None or other is None:
+            continue
+        margin = MarginSummary(**evaluator.benches[number].scenario.config.score.margin.model_dump())
+        # A likelihood has no margin that means nothing: any difference that is shown is one.
+        allowed = margin_between(own, other, unit, better, margin) if measure != "log_likelihood" else 0.0
+        rows.append((evaluator.benches[number].name, own, other, paired(own, other, allowed)))
+    corrected = holm([row[3].p_value for row in rows]) if rows else []
+    return [
+        MeasureComparison(
+            name, measure, unit, other, own, contrast, p, verdict(contrast, p, better) if contrast.ci95 else UNDECIDED
+        )
+        for (name, own, other, contrast), p in zip(rows, corrected, strict=True)
+    ]
+
+
+def direction(measure: str) -> Direction | None:
+    """Which of its values are better."""
+    if measure in BETTER:
+        return BETTER[measure]
+    found = METRICS[measure].better
+    return None if found == "none" else found

@@ -1,0 +1,30 @@
+"""Trials of a tracker that follows several objects from detections of hidden identities, each by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from trackbench.engine.used import EngineUsed
+from trackbench.results import Failure
+from trackbench.runner.traffic import run_traffic_block
+from trackbench.runner.traffic_sums import PATHS
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.subjects.tuning.entry import Entry
+from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, Sums
+
+TRIAL = "trial"
+
+
+def score_hidden(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums | str, EngineUsed | None]:
+    """The sums of one trial over some runs of one scene, or why there are none, where the tracker failed; and what
+    computed it.
+    """
+    block = run_traffic_block(replace(work, trackers={TRIAL: entry}), piece)
+    scores, engine = block.scores[TRIAL], block.engines.get(TRIAL)
+    if isinstance(scores, Failure):
+        return scores.cause, engine
+    values = np.array(scores.sums.values)
+    wanted = {path: path for path in TRAFFIC_UNITS} | {"prediction_score": "log_likelihood"}
+    return Sums({name: values[:, :, PATHS.index(path)].T for path, name in wanted.items()}), engine

@@ -1,0 +1,174 @@
+"""Trials of a tracker of labelled objects: several go through the same measurements as one batch."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from trackbench.base.types import Array, Estimate, Mask, Scan
+from trackbench.driving.steppers import Offline, masked
+from trackbench.engine.used import EngineUsed
+from trackbench.metrics.conditions import Classes
+from trackbench.metrics.consistency import normalised_square
+from trackbench.metrics.verdicts import HALVES
+from trackbench.runner.allocation import keep_freed_memory
+from trackbench.runner.delivery import deliveries
+from trackbench.runner.engines import engine_of
+from trackbench.runner.prepare import stepper_of
+from trackbench.runner.targets import Targets
+from trackbench.runner.work import BlockRuns, Work
+from trackbench.sensing.scans import sense
+from trackbench.subjects.tuning.conditions import CONDITIONS, members
+from trackbench.subjects.tuning.entry import Entry
+from trackbench.subjects.tuning.given import Given
+from trackbench.subjects.tuning.measures import Sums
+from trackbench.trackers.innovations import log_likelihood
+
+
+def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given, EngineUsed | None]:
+    """The sums of a tracker as it is over some runs of one scene, the estimates and innovations that it gives, and what
+    computed it.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs.
+        entry: of the tracker.
+
+    Raises:
+        Exception: what the tracker raises.
+    """
+    sums = _run(work, piece, entry, 1, None)
+    return sums.of_trials()[0], sums.given, sums.engine
+
+
+def score_labelled(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given) -> list[Sums]:
+    """The sums of several trials over some runs of one scene.
+
+    Args:
+        work: what all blocks share.
+        piece: the runs.
+        entry: of the tracker; its noise levels may be arrays ``(trials * objects * runs,)``.
+        trials: how many there are.
+        counted: the estimates and innovations that are summed, where a trial gives them.
+
+    Raises:
+        Exception: what the tracker raises.
+    """
+    return _run(work, piece, entry, trials, counted).of_trials()
+
+
+def _run(work: Work, piece: BlockRuns, entry: Entry, trials: int, counted: Given | None) -> _Sums:
+    keep_freed_memory()
+    scene = work.scenes[piece.scene]
+    measurements = sense(scene.sensors, work.seed, work.noise_of(piece.scene), piece.runs)
+    targets = Targets(work, piece, measurements)
+    objects, runs = len(scene.truth.ids), len(piece.runs)
+    named = entry.sensors_used
+
+    def reads(sensor: str) -> bool:
+        return named is None or sensor in named
+
+    scans = measurements.scans
+    sums = _Sums(targets, targets.conditions(entry), (trials, objects, runs), len(scans), counted)
+    given = (_tiled(scan if reads(scan.sensor) else masked(scan), trials) for scan in scans)
+    stepper = stepper_of(work, piece, entry, given, trials)
+    if isinstance(stepper, Offline):
+        scans = [scan.prompt() for scan in scans]
+    try:
+        with np.errstate(all="ignore"):
+            for instant, group in enumerate(deliveries(scans, reads, masked)):
+                latest: Estimate | None = None
+                for scan, number, _ in group:
+                    taken = _tiled(scan, trials)
+                    latest = stepper.step(taken)
+                    if latest is not None and number is not None:
+                        sums.add_innovation(instant, number, taken, latest)
+                if latest is not None:
+                    sums.add_error(instant, latest)
+    finally:
+        sums.engine = engine_of(work, stepper)
+        stepper.close()
+    return sums
+
+
+def _tiled(scan: Scan, trials: int) -> Scan:
+    """The scan for a batch of trials, which come slowest."""
+    if trials == 1:
+        return scan
+    return scan._replace(measurement=np.tile(scan.measurement, (1, trials)), valid=np.tile(scan.valid, trials))
+
+
+class _Sums:
+    """The sums under way, each ``(trials, objects, runs)``."""
+
+    def __init__(
+        self,
+        targets: Targets,
+        classes: Classes,
+        shape: tuple[int, int, int],
+        scans: int,
+        counted: Given | None,
+    ) -> None:
+        self._state, self._due = targets.state, targets.due
+        self._shape, self._counted = shape, counted
+        self.given = Given.none(len(self._due), scans, *shape[1:])
+        """Of the first trial; filled in where nothing says what counts."""
+        names = ("position_rmse", "velocity_rmse", "nees", *HALVES, "log_likelihood")
+        self.engine: EngineUsed | None = None
+        """What computed the tracker, once all scans were taken."""
+        self._total = {name: np.zeros(self._shape) for name in names}
+        self._count = {name: np.zeros(self._shape) for name in names}
+        self._member = members(classes)
+        self._nees = np.zeros((2, len(CONDITIONS), shape[0], shape[2]))
+
+    def add_error(self, instant: int, estimate: Estimate) -> None:
+        """Take in the estimate after the last scan of an instant."""
+        mean = estimate.mean.reshape(4, *self._shape)
+        error = mean - self._state[:, instant, None]
+        there: Mask = np.asarray(np.isfinite(error).all(axis=0))
+        given = self._that_count(there, instant, "estimates", instant)
+        square = error * error
+        covariance = estimate.covariance.reshape(4, 4, *self._shape)
+        nees, whitened, positive = normalised_square(error, covariance)
+        self._add("position_rmse", square[0] + square[1], given)
+        self._add("velocity_rmse", square[2] + square[3], given)
+        self._add("nees", np.where(positive, nees, np.nan), given)
+        # The factor is triangular: its first rows are those of the position by itself.
+        self._add(HALVES[0], np.where(positive, whitened[0] ** 2 + whitened[1] ** 2, np.nan), given)
+        self._add(HALVES[1], normalised_square(error[2:], covariance[2:, 2:])[0], given)
+        counted = np.stack([np.where(given, nees, 0.0), np.broadcast_to(given, self._shape)])
+        self._nees += np.einsum("cor,ftor->fctr", self._member[:, instant], counted)
+
+    def add_innovation(self, instant: int, number: int, scan: Scan, estimate: Estimate) -> None:
+        """Take in how likely the tracker found a scan, by its number."""
+        log_density = log_likelihood(estimate)
+        if log_density is None:
+            return
+        log_density = log_density.reshape(self._shape)
+        said: Mask = scan.valid.reshape(self._shape) & ~np.isnan(log_density)
+        self._add("log_likelihood", log_density, self._that_count(said, instant, "innovations", number))
+
+    def of_trials(self) -> list[Sums]:
+        """Of each trial, summed over the objects."""
+        total = {name: values.sum(axis=1) for name, values in self._total.items()}
+        count = {name: values.sum(axis=1) for name, values in self._count.items()}
+        total |= dict(zip(CONDITIONS, self._nees[0], strict=True))
+        count |= dict(zip(CONDITIONS, self._nees[1], strict=True))
+        return [
+            Sums({name: np.stack([total[name][trial], count[name][trial]]) for name in total})
+            for trial in range(self._shape[0])
+        ]
+
+    def _that_count(self, there: Mask, instant: int, what: Literal["estimates", "innovations"], number: int) -> Mask:
+        """Those of what there is that are summed."""
+        if self._counted is not None:
+            counted: Mask = getattr(self._counted, what)[number]
+            return there & counted
+        due: Mask = there & self._due[instant]
+        getattr(self.given, what)[number] = due[0]
+        return due
+
+    def _add(self, name: str, values: Array, where: Mask) -> None:
+        self._total[name] += np.where(where, values, 0.0)
+        self._count[name] += where

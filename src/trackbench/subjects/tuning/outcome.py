@@ -1,0 +1,159 @@
+"""What a tuning amounts to, in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+from trackbench.base.words import counted
+from trackbench.metrics.breakdown import DOF
+from trackbench.metrics.verdicts import ABOVE, BELOW, HALVES, TOLERANCE, verdict
+from trackbench.subjects.tuning.held_out import MeasureComparison, direction
+from trackbench.subjects.tuning.measures import NEES_DOF, WORDS
+from trackbench.subjects.tuning.objectives import Off, off_by
+from trackbench.subjects.tuning.parameters import shown
+from trackbench.subjects.tuning.split import SAME_MOTION
+from trackbench.subjects.tuning.tune import Tuning
+
+Tone = Literal["good", "warn", "bad"]
+
+#: Of the logarithm of a mean NEES over its degrees of freedom, what the verdict tolerates.
+OFF = math.log(1.0 + TOLERANCE)
+_TONES: dict[str, Tone] = {"better": "good", "equivalent": "good", "worse": "bad"}
+_VERDICTS = ("better", "worse", "equivalent", "undecided")
+
+
+def headline(tuning: Tuning) -> tuple[str, Tone]:
+    """The verdict on the tuned values, in a line, and how good it is."""
+    compared = tuning.held_out.of(tuning.objective.measure)
+    if tuning.held_out.failed:
+        return tuning.held_out.failed, "bad"
+    without = [one.why for one in tuning.held_out.not_compared if one.measure == tuning.objective.measure]
+    if not compared and without:
+        return f"not compared with the start: with the tuned values {without[0]}", "bad"
+    if not compared:
+        return "nothing to compare", "bad"
+    if tuning.best.values == tuning.start:
+        return f"{_values(compared)}: the start's values are the best that were found", "good"
+    if not any(tuning.apart):
+        return f"{_values(compared)} on the measurements that it was tuned on: nothing could be held out", "warn"
+    same = [name for name, apart in zip(tuning.scenarios, tuning.apart, strict=True) if apart == SAME_MOTION]
+    if len(tuning.scenarios) == 1:
+        (one,) = compared
+        return f"{_values(compared)}: {_verdict(tuning, one, same)}", _TONES.get(one.verdict, "warn")
+    verdicts = [item.verdict for item in compared]
+    counts = [f"{word} in {verdicts.count(word)}" for word in _VERDICTS if word in verdicts]
+    if without:
+        counts.append(f"not compared in {len(without)}")
+    tone: Tone = "bad" if "worse" in verdicts else "warn" if without or "better" not in verdicts else "good"
+    said = f"of {len(tuning.scenarios)} scenarios {', '.join(counts)}"
+    if same:
+        which = "" if len(same) == len(tuning.scenarios) else f" in {' and '.join(same)}"
+        said += f";{which} on {SAME_MOTION}"
+    return f"{_values(compared)}: {said}", tone
+
+
+def _verdict(tuning: Tuning, one: MeasureComparison, same: Sequence[str]) -> str:
+    """The verdict on the tuned values in the only scenario."""
+    where = f" on {SAME_MOTION}" if same else ""
+    if one.verdict == "better":
+        return f"better than the start{where}"
+    if one.verdict == "worse":
+        if _fits(tuning, one.measure):
+            return f"worse than the start{where}: the values fit what they were tuned on, and not other measurements"
+        price = ", the price of consistency" if list(off_by(tuning.best.parts)) else ""
+        return f"worse than the start{where}, as on what they were tuned on{price}"
+    if one.verdict == "equivalent":
+        return f"no better than the start{where}: the difference is within the margin"
+    none = f"no difference from the start is shown{where}"
+    gain = one.difference.value * (1.0 if direction(one.measure) == "larger" else -1.0)
+    return f"the gain may be noise: {none}" if gain > 0.0 else none
+
+
+def _fits(tuning: Tuning, measure: str) -> bool:
+    """Whether the tuned values beat the start's on what they were tuned on."""
+    gain = tuning.best.measures.get(measure, math.nan) - tuning.start_measures.get(measure, math.nan)
+    return gain > 0.0 if direction(measure) == "larger" else gain < 0.0
+
+
+def _values(compared: list[MeasureComparison]) -> str:
+    """Start and tuned of the main measure; over several scenarios by how much it changes in the mean."""
+    start, tuned = ([getattr(one, which).value for one in compared] for which in ("start", "tuned"))
+    word = WORDS[compared[0].measure]
+    if compared[0].measure == "log_likelihood":
+        return f"{word} {_pair(sum(tuned) / len(tuned), sum(start) / len(start))}"
+    change = math.exp(sum(math.log(a / b) for a, b in zip(tuned, start, strict=True)) / len(compared)) - 1
+    if len(compared) > 1:
+        return f"{word} {_percent(change)} against the start's, the geometric mean"
+    unit = f" {compared[0].unit}" if compared[0].unit else ""
+    return f"{word} {_pair(tuned[0], start[0], unit)} ({_percent(change)})"
+
+
+def _pair(tuned: float, start: float, unit: str = "") -> str:
+    """Two values with the same decimals: those that show the smaller one to four digits, at most four."""
+    least = min((abs(value) for value in (tuned, start) if value), default=1.0)
+    places = min(4, max(0, 3 - math.floor(math.log10(least))))
+    return f"{tuned:.{places}f}{unit}, start {start:.{places}f}{unit}".replace("-", "\N{MINUS SIGN}")
+
+
+def _percent(change: float) -> str:
+    return f"{100 * change:+.1f} %".replace("-", "\N{MINUS SIGN}")
+
+
+def remarks(tuning: Tuning) -> Iterator[str]:
+    """What else should be known of the values."""
+    for item, edge in tuning.edges:
+        side = "smallest" if edge == item.low else "largest"
+        yield (
+            f"{item.key}: the optimum is at the edge of the range, {shown(edge)} is the {side} that was tried; "
+            "widen the range"
+        )
+    yield from tuning.notes
+    failed = [trial for trial in tuning.trials if not trial.losses]
+    if failed:
+        causes = dict.fromkeys(trial.failed for trial in failed)
+        yield f"{counted(len(failed), 'trial')} of {len(tuning.trials)} failed: {next(iter(causes))}"
+    yield from _consistency(tuning)
+    lacking: dict[tuple[str, str], list[str]] = {}
+    for one in tuning.held_out.not_compared:
+        lacking.setdefault((one.scenario, one.why), []).append(WORDS[one.measure])
+    for (scenario, why), measures in lacking.items():
+        yield f"{scenario}: not compared by {', '.join(measures)}: with the tuned values {why}"
+    for scenario, apart in zip(tuning.scenarios, tuning.apart, strict=True):
+        if not apart:
+            yield (
+                f"{scenario}: all of its measurements are recorded, so that start and tuned are compared on those that "
+                "the values were tuned on; a second recording would tell whether they hold"
+            )
+
+
+def _consistency(tuning: Tuning) -> Iterator[str]:
+    """Where a mean NEES is off: on what the values were tuned on, and on what was held out."""
+    for number, (scenario, apart) in enumerate(zip(tuning.scenarios, tuning.apart, strict=True)):
+        off = [one for one in off_by(tuning.best.parts) if one.scenario == number]
+        if not off:
+            continue
+        worst = max(off, key=_beyond)
+        if _beyond(worst) > 0.0:
+            found = f"{scenario}: mean NEES {_nees(worst)}"
+            if all(any(_beyond(one) > 0.0 for one in off_by(trial.parts)) for trial in tuning.trials if trial.parts):
+                found += "; no values that were tried are consistent"
+            yield found if not apart else found.replace(scenario, f"{scenario}, tuned on", 1)
+        for nees in tuning.held_out.of("nees"):
+            if nees.scenario == scenario and apart:
+                word = verdict(nees.tuned.ci95, NEES_DOF)
+                yield f"{scenario}, held out: mean NEES {nees.tuned.value:.2f} where {NEES_DOF} is right, {word}"
+
+
+def _beyond(one: Off) -> float:
+    """How far a mean NEES is beyond what a verdict tolerates, as a logarithm."""
+    low, high = (math.log(1.0 - BELOW), math.log(1.0 + ABOVE)) if one.condition else (-OFF, OFF)
+    return max(one.value - high, low - one.value)
+
+
+def _nees(one: Off) -> str:
+    """ "6.31 turning, where 4 is right"."""
+    dof = DOF["nees_position"] if one.condition in HALVES else NEES_DOF
+    where = f" {one.condition}" if one.condition else ""
+    return f"{dof * math.exp(one.value):.2f}{where}, where {dof} is right"

@@ -1,0 +1,146 @@
+"""The search for the best values: evenly spread, then where good ones are frequent, then by a local model."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from trackbench.subjects.tuning.local_model import SMALLEST_RADIUS, Loss, fit, shares_of
+from trackbench.subjects.tuning.parameters import Parameter, Values
+from trackbench.subjects.tuning.study import Study
+from trackbench.subjects.tuning.trials import TuningTrial, best_of
+
+#: Share of each range within which the local model begins; each further batch looks at half of it.
+RADIUS = 0.15
+LOCAL_BATCHES = 4
+
+#: Makes some trials.
+Make = Callable[[Sequence[Values]], list[TuningTrial]]
+
+
+class Proposals(NamedTuple):
+    """Trials that are proposed at once."""
+
+    how: Literal["spread", "promising", "local"]
+    size: int
+    radius: float = 0.0
+
+
+def schedule(parameters: Sequence[Parameter], front: bool) -> Iterator[Proposals]:
+    """The batches of a search, without end; how many trials are made does not change them.
+
+    Args:
+        parameters: what is tuned.
+        front: whether there are two losses.
+    """
+    continuous = sum(item.continuous for item in parameters)
+    size = max(6, (continuous + 1) * (continuous + 2) // 2 + 2)
+    yield Proposals("spread", 4 + 6 * len(parameters))
+    discrete = len(parameters) > continuous
+    while True:
+        yield from [Proposals("promising", size)] * (3 if discrete or front else 1)
+        if continuous and not front:
+            yield from (Proposals("local", size, RADIUS * 0.5**number) for number in range(LOCAL_BATCHES))
+
+
+def usual_trials(parameters: Sequence[Parameter], front: bool) -> int:
+    """How many trials are made unless it is said."""
+    once = list(itertools.islice(schedule(parameters, front), 1 + 3 + LOCAL_BATCHES))
+    discrete = any(not item.continuous for item in parameters)
+    batches = once if discrete or front else once[: 2 + LOCAL_BATCHES]
+    return sum(batch.size for batch in batches)
+
+
+def search(
+    parameters: Sequence[Parameter],
+    study: Study,
+    start: Values | None,
+    make: Make,
+    loss: Loss,
+    trials: int,
+    seed: int,
+    front: bool = False,
+    batches: Iterable[Proposals] | None = None,
+) -> None:
+    """Make trials until there are so many in the study; those that it has already are not made again.
+
+    What a batch proposes depends on the trials before it and the seed, not on when the search was interrupted.
+
+    Args:
+        parameters: what is tuned.
+        study: that keeps the trials.
+        start: the values that the search begins with, where they lie in the ranges.
+        make: what makes trials.
+        loss: of a trial's parts.
+        trials: how many.
+        seed: of what is drawn.
+        front: whether there are two losses.
+        batches: in which the trials are proposed; those of the schedule unless given.
+    """
+    first = 0
+    for number, batch in enumerate(batches or schedule(parameters, front)):
+        if first >= trials:
+            return
+        size = min(batch.size, trials - first)
+        if len(study.trials) < first + size:
+            known = study.trials[:first]
+            points = _proposed(parameters, study, known, batch, loss, [seed, number])
+            if number == 0 and start is not None:
+                points = [dict(start), *points]
+            missing = points[len(study.trials) - first : size]
+            for trial in make(missing):
+                study.add(trial)
+        first += size
+
+
+def _proposed(
+    parameters: Sequence[Parameter],
+    study: Study,
+    known: Sequence[TuningTrial],
+    batch: Proposals,
+    loss: Loss,
+    seed: list[int],
+) -> list[dict[str, Any]]:
+    """The values of a batch."""
+    random = np.random.default_rng(seed)
+    drawn = int(random.integers(2**31))
+    best = best_of(known)
+    if batch.how == "spread" or best is None:
+        return study.space_filling(batch.size, drawn)
+    if batch.how == "promising":
+        return study.promising(batch.size, drawn, known)
+    return _around(parameters, known, best, batch, loss, random)
+
+
+def _around(
+    parameters: Sequence[Parameter],
+    known: Sequence[TuningTrial],
+    best: TuningTrial,
+    batch: Proposals,
+    loss: Loss,
+    random: np.random.Generator,
+) -> list[dict[str, Any]]:
+    """The smallest value of a model of the trials around the best one, and points around it that sharpen the model."""
+    axes = [item for item in parameters if item.continuous]
+    others = {item.key: best.values[item.key] for item in parameters if not item.continuous}
+    alike = [trial for trial in known if all(trial.values[key] == value for key, value in others.items())]
+    centre = shares_of(axes, [best])[0]
+    model = fit(axes, alike, centre, batch.radius)
+    if model is not None:
+        centre = model.smallest(loss, 2.0 * batch.radius, random)
+    radius = max(batch.radius, SMALLEST_RADIUS)
+    steps = np.vstack([np.zeros(len(axes)), radius * np.eye(len(axes)), -radius * np.eye(len(axes))])
+    more = radius * random.uniform(-1.0, 1.0, (max(0, batch.size - len(steps)), len(axes)))
+    points = _reflected(centre + np.vstack([steps, more])[: batch.size])
+    return [
+        others | {item.key: item.from_unit(float(share)) for item, share in zip(axes, point, strict=True)}
+        for point in points
+    ]
+
+
+def _reflected(shares: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Points of which those beyond an end of the range come back from it, so that no two fall onto the end."""
+    return np.asarray(1.0 - np.abs(1.0 - np.abs(shares) % 2.0))

@@ -1,0 +1,210 @@
+"""Tunes one tracker: the search on some scenes and noise, and the proof on others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.errors import InputError
+from trackbench.base.types import Progress, no_progress
+from trackbench.driving.isolation import ISOLATED, Isolation
+from trackbench.engine.choice import EngineName
+from trackbench.engine.used import ComputedBy
+from trackbench.runner.engines import log_left_to_numpy
+from trackbench.scenario import Scenario
+from trackbench.subjects.tuning.evaluation import Bench, Evaluator
+from trackbench.subjects.tuning.held_out import HeldOut, compare_held_out
+from trackbench.subjects.tuning.measures import Sums
+from trackbench.subjects.tuning.objectives import Objective
+from trackbench.subjects.tuning.parameters import Parameter, Values, at_edges
+from trackbench.subjects.tuning.polish import polished
+from trackbench.subjects.tuning.response import FACTORS, Response
+from trackbench.subjects.tuning.search import search
+from trackbench.subjects.tuning.signature import signature_of
+from trackbench.subjects.tuning.study import Study
+from trackbench.subjects.tuning.trials import TuningTrial, chosen_of, front_of, measures_of, trial_of
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What the tuning of one tracker found."""
+
+    tracker: str
+    scenarios: tuple[str, ...]
+    objective: Objective
+    parameters: tuple[Parameter, ...]
+    start: dict[str, Any] | None
+    """The values that it had; None where one of them is in no range."""
+    start_measures: Mapping[str, float]
+    """What the start gives on what was tuned on, as a trial's ``measures``."""
+    best: TuningTrial
+    trials: tuple[TuningTrial, ...]
+    responses: tuple[Response, ...]
+    """Along each parameter; the one that matters most comes first."""
+    held_out: HeldOut
+    apart: tuple[str, ...]
+    """Of each scenario what tells the scenes and noise tried on from those tuned on; empty where nothing does."""
+    train_scenes: tuple[int, ...]
+    train_runs: tuple[int, ...]
+    engine: ComputedBy | None
+    """What computed a built-in tracker; None of any other."""
+    notes: tuple[str, ...] = ()
+    """What should be known of the ranges."""
+
+    @property
+    def edges(self) -> list[tuple[Parameter, float]]:
+        """The parameters whose best value is at an end of its range that could be wider."""
+        return at_edges(self.parameters, self.best.values)
+
+    @property
+    def front(self) -> list[TuningTrial]:
+        """The trials that no other beats in both losses; empty where there is one."""
+        return front_of([*self.trials, self.best]) if len(self.objective.axes) > 1 else []
+
+
+@dataclass(frozen=True)
+class TuningTask:
+    """The tuning of one tracker."""
+
+    tracker: str
+    objective: Objective
+    parameters: tuple[Parameter, ...]
+    start: dict[str, Any] | None
+    trials: int
+    seed: int = 0
+    storage: Path | None = None
+    notes: tuple[str, ...] = ()
+    """What should be known of the ranges."""
+
+
+def tune(
+    task: TuningTask,
+    train: Sequence[Bench],
+    test: Sequence[Bench],
+    apart: Sequence[str],
+    executor: Executor,
+    isolation: Isolation = ISOLATED,
+    engine: EngineName = "auto",
+    progress: Progress = no_progress,
+) -> Tuning:
+    """Search the best values on some scenes and noise, and hold them against the start's on others.
+
+    Args:
+        task: what is tuned, and for what.
+        train: the scenarios to tune on.
+        test: the same with other scenes and noise.
+        apart: of each what tells the two apart.
+        executor: what makes the trials.
+        isolation: how a tracker that is not built in is kept apart.
+        engine: what computes.
+        progress: called with the number of trials made and of all.
+
+    Raises:
+        InputError: the tracker fails as it is, does not give what the objective needs, or the storage does not fit.
+    """
+    objective = task.objective
+    evaluator = Evaluator(train, task.tracker, task.parameters, executor, isolation, engine, task.trials)
+    start = _start(evaluator, objective)
+    used = evaluator.engine_used
+    if used is not None:
+        log_left_to_numpy("tuning", task.tracker, used)
+    signature = signature_of(task.tracker, objective.name, task.parameters, task.seed, train, start)
+    study = Study(task.tracker, task.storage, task.parameters, objective.axes, signature)
+
+    # After them comes a pass over each option, with about so many trials.
+    last = len(FACTORS) * len(task.parameters)
+    total = task.trials + last
+
+    def make(points: Sequence[Values]) -> list[TuningTrial]:
+        done = len(study.trials)
+
+        def advance(part: float, parts: float) -> None:
+            progress(done + part / parts * len(points), total)
+
+        outcomes = evaluator(points, advance)
+        return [trial_of(objective, point, found, start) for point, found in zip(points, outcomes, strict=True)]
+
+    front = len(objective.axes) > 1
+    search(task.parameters, study, task.start, make, objective.losses, task.trials, task.seed, front)
+    made = study.trials[: task.trials]
+    best = chosen_of(objective, made)
+    if best is None:
+        raise InputError(f"{task.tracker}: every trial failed; the first: {made[0].failed}", key="--range")
+
+    def advance_last(part: float, parts: float) -> None:
+        progress(task.trials + part / parts * last, total)
+
+    best, responses = polished(evaluator, objective, start, made, best, advance_last)
+    others = Evaluator(test, task.tracker, task.parameters, executor, isolation, evaluator.engine)
+    held_out = compare_held_out(others, best.values)
+    return Tuning(
+        tracker=task.tracker,
+        scenarios=tuple(bench.name for bench in train),
+        objective=objective,
+        parameters=task.parameters,
+        start=task.start,
+        start_measures=measures_of(start),
+        best=best,
+        trials=tuple(made),
+        responses=tuple(responses),
+        held_out=held_out,
+        apart=tuple(apart),
+        train_scenes=tuple(len(bench.truths) for bench in train),
+        train_runs=tuple(bench.scenario.config.monte_carlo.runs for bench in train),
+        engine=None if used is None else used.engine,
+        notes=task.notes,
+    )
+
+
+def require_objective(objective: Objective, scenarios: Sequence[Scenario]) -> None:
+    """Make sure that the scenarios can be tuned for the objective.
+
+    Raises:
+        InputError: one cannot; with the objectives that it can be tuned for.
+    """
+    for loaded in scenarios:
+        hidden, name = loaded.config.sensing.identities == "hidden", loaded.config.name
+        if without_truth(loaded):
+            problem = f"{name} has no truth; choose likelihood" if objective.needs_truth else ""
+        elif hidden:
+            problem = "" if objective.hidden else f"{name} has a truth and hidden identities; choose gospa"
+        else:
+            choices = "likelihood, position_rmse, consistent_rmse or pareto"
+            problem = f"{name} has labelled measurements; choose {choices}" if objective.hidden else ""
+        if problem:
+            raise InputError(problem, key="--objective")
+
+
+def without_truth(loaded: Scenario) -> bool:
+    """Whether a scenario is a log of measurements alone."""
+    return bool(getattr(loaded.config.truth, "without_truth", False))
+
+
+def _start(evaluator: Evaluator, objective: Objective) -> list[Sums]:
+    """What the tracker gives as it is, against which each trial is held.
+
+    Raises:
+        InputError: it fails, or does not give what the objective needs.
+    """
+    found = []
+    for bench, outcome in zip(evaluator.benches, evaluator.start, strict=True):
+        where = f"{evaluator.tracker} in {bench.name}"
+        if outcome.sums is None:
+            raise InputError(f"{where} fails as it is: {outcome.failed}", file=bench.scenario.path)
+        if not np.isfinite(outcome.sums.value(objective.measure)):
+            raise InputError(_nothing(objective, bench, where), key="--objective")
+        found.append(outcome.sums)
+    return found
+
+
+def _nothing(objective: Objective, bench: Bench, where: str) -> str:
+    if objective.name == "likelihood":
+        if bench.hidden:
+            return f"{where} does not predict its detections, of which predictions the likelihood is"
+        return f"{where} gives no innovations, of which the likelihood is; choose position_rmse"
+    return f"{where} has no {objective.measure}: nothing is scored"

@@ -1,0 +1,123 @@
+"""What a tracker of several objects asks of a filter, by kernels."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.types import Array, FieldOfView, Indices, Scan
+from trackbench.engine.beliefs import (
+    any_scan,
+    of_prediction,
+    of_scan,
+    of_sensor,
+    prediction_of,
+    put_together,
+    scan_of,
+    taken_apart,
+)
+from trackbench.engine.equations import Values
+from trackbench.engine.filters import Asked, FusedFilter, fused, prediction
+from trackbench.filters import AnyBelief, Filter, bare, choose, select, selected_prediction
+from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.multi.fused_close import close_in_all
+from trackbench.trackers.multi.mixture import of_slots
+from trackbench.trackers.multi.table import NONE, rank_in_run
+from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter, begun, detections_of, expected
+
+#: Most detections of a track for which there are kernels.
+MOST_SLOTS = 6
+
+
+class FusedTrackFilter(TrackFilter):
+    """Each of its methods one kernel."""
+
+    close = staticmethod(close_in_all)
+    filter: FusedFilter
+
+    def __init__(self, filter: Filter[Any], initial: InitialConfig) -> None:
+        super().__init__(fused(filter), initial)
+        self._begun = partial(_begun, initial=initial)
+        self._initial_key = initial.model_dump_json()
+
+    def begin(self, scan: Scan) -> AnyBelief:
+        found = self.filter.computed("start", self._begun, of_scan(scan), scan, self._initial_key)
+        return put_together(found, self.filter.modes)
+
+    def expect(self, belief: AnyBelief, dt: float, scan: Scan) -> PredictedTracks:
+        values = taken_apart(belief) | self.filter.time(dt) | of_sensor(scan)
+        found = self.filter.computed(
+            "expectation of a later scan",
+            partial(_expected, view=scan.field_of_view),
+            values,
+            scan,
+            scan.field_of_view,
+        )
+        modes = self.filter.modes
+        return PredictedTracks(
+            put_together(found, modes), prediction_of(found, modes), np.asarray(found["in view"], dtype=bool)
+        )
+
+    def after(self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices) -> AnyBelief:
+        own, predicted = detections_of(scan, detection), selected_prediction(at.measurement, track)
+        return self._after(at._replace(belief=select(at.belief, track), measurement=predicted), own)
+
+    def taken_in(self, at: PredictedTracks, scan: Scan, detection: Indices) -> AnyBelief:
+        valid = detection >= 0
+        if not valid.any():
+            return at.belief
+        # The kernel is quicker with all tracks, as they lie, than with some that have to be gathered. What has no
+        # detection is given one, the last, that is not looked at.
+        return self._after(at, scan._replace(measurement=scan.measurement.take(detection, axis=1), valid=valid))
+
+    def mixture(
+        self, at: PredictedTracks, scan: Scan, track: Indices, detection: Indices, share: Array, kept: Array
+    ) -> AnyBelief:
+        if not len(track):
+            return at.belief
+        # What is the same with every detection of a track is then computed once.
+        slot = rank_in_run(track, len(kept))
+        slots = int(slot.max()) + 1
+        if slots > MOST_SLOTS:
+            return super().mixture(at, scan, track, detection, share, kept)
+        of_slot, weight = np.full((slots, len(kept)), NONE), np.zeros((slots, len(kept)))
+        of_slot[slot, track], weight[slot, track] = detection, share
+        values = taken_apart(at.belief) | of_prediction(at.measurement) | of_sensor(scan)
+        values |= {"valid": of_slot[0] != NONE, "kept": kept}
+        for number in range(slots):
+            values[f"measurement {number}"] = scan.measurement.take(of_slot[number], axis=1)
+            values[f"share {number}"] = weight[number]
+        found = self.filter.computed("mixture", partial(_mixture, slots=slots), values, scan, slots)
+        return put_together(found, self.filter.modes)
+
+    def _after(self, at: PredictedTracks, scan: Scan) -> AnyBelief:
+        """The belief of each member after its detection; where it is not valid, as it is."""
+        values = taken_apart(at.belief) | of_prediction(at.measurement) | of_scan(scan)
+        return put_together(self.filter.computed("belief", _after, values, scan), self.filter.modes)
+
+
+def _begun(asked: Asked, values: Values, initial: InitialConfig) -> Values:
+    return taken_apart(begun(asked.filter, initial, scan_of(values, asked.scan)))
+
+
+def _expected(asked: Asked, values: Values, view: FieldOfView | None) -> Values:
+    scan = any_scan(values, asked.scan)._replace(field_of_view=view)
+    found = expected(asked.filter, prediction(asked, values), scan)
+    return {**taken_apart(bare(found.belief)), **of_prediction(found.measurement), "in view": found.in_view}
+
+
+def _after(asked: Asked, values: Values) -> Values:
+    before, scan = put_together(values, asked.modes), scan_of(values, asked.scan)
+    after = asked.filter.update(before, scan, prediction_of(values, asked.modes)).belief
+    return taken_apart(choose(scan.valid, bare(after), bare(before)))
+
+
+def _mixture(asked: Asked, values: Values, slots: int) -> Values:
+    before, predicted = put_together(values, asked.modes), prediction_of(values, asked.modes)
+    scans = [scan_of({**values, "measurement": values[f"measurement {number}"]}, asked.scan) for number in range(slots)]
+    updated = [bare(asked.filter.update(before, scan, predicted).belief) for scan in scans]
+    share = [values[f"share {number}"] for number in range(slots)]
+    mixed = of_slots(asked.filter.motions, bare(before), updated, share, values["kept"])
+    return taken_apart(choose(values["valid"], mixed, bare(before)))

@@ -1,0 +1,199 @@
+"""When a track is confirmed, and when it is deleted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from trackbench.base import linalg
+from trackbench.base.types import Array, Mask
+from trackbench.engine.equations import Equations, Values
+from trackbench.trackers.associate import EXISTENCE, AssociateConfig
+
+
+class Judged(NamedTuple):
+    """What a scan says of each track."""
+
+    hit: Mask
+    """``(L,)`` it has a detection."""
+    in_view: Mask
+    """``(L,)`` it should have one."""
+    log_ratio: Array
+    """``(L,)`` logarithm of the likelihood that there is an object, over that of false alarms alone."""
+    existence: Array | None
+    """``(2, L)`` probability that the object exists, and that it is not hidden if so; None where it is not asked."""
+
+
+class TrackLogic(Protocol):
+    """A rule on the evidence ``(k, L)`` of tracks."""
+
+    size: ClassVar[int]
+    """How many numbers speak for a track."""
+
+    def __hash__(self) -> int: ...
+
+    def begun(self, count: int, existence: Array | None) -> Array:
+        """``(k, count)`` of tracks that begin with a detection; ``existence`` ``(count,)`` where it is known."""
+        ...
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        """``(k, L)`` after so many seconds."""
+        ...
+
+    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+        """``(k, L)`` after a scan."""
+        ...
+
+    def confirms(self, evidence: Array) -> Mask:
+        """``(L,)`` which tracks deserve to be reported."""
+        ...
+
+    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
+        """``(L,)`` which tracks end."""
+        ...
+
+
+@dataclass(frozen=True)
+class CountLogic:
+    """M detections in the first N scans confirm; so many misses in a row delete.
+
+    Evidence: detections, scans in view, misses in a row.
+    """
+
+    needed: int
+    scans: int
+    misses: float
+
+    size: ClassVar[int] = 3
+
+    def begun(self, count: int, existence: Array | None) -> Array:
+        evidence = np.ones((3, count))
+        evidence[2] = 0.0
+        return evidence
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        return evidence
+
+    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+        missed = np.where(judged.hit, 0.0, evidence[2] + judged.in_view)
+        return linalg.vector([evidence[0] + judged.hit, evidence[1] + judged.in_view, missed])
+
+    def confirms(self, evidence: Array) -> Mask:
+        return np.asarray(evidence[0] >= self.needed)
+
+    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
+        lost = evidence[1] - evidence[0] > self.scans - self.needed
+        ends: Mask = np.where(confirmed, evidence[2] >= self.misses, lost)
+        return ends
+
+
+@dataclass(frozen=True)
+class ScoreLogic:
+    """The log-likelihood ratio of a track confirms it, and deletes it when it falls.
+
+    Source: Blackman and Popoli (1999), "Design and Analysis of Modern Tracking Systems", section 6.2.
+    Evidence: the score, 0 at the track's first detection; its largest value.
+    """
+
+    threshold: float
+    drop: float
+
+    size: ClassVar[int] = 2
+
+    def begun(self, count: int, existence: Array | None) -> Array:
+        return np.zeros((2, count))
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        return evidence
+
+    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+        score = evidence[0] + judged.log_ratio
+        return linalg.vector([score, np.maximum(score, evidence[1])])
+
+    def confirms(self, evidence: Array) -> Mask:
+        return np.asarray(evidence[0] >= self.threshold)
+
+    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
+        ends: Mask = evidence[0] <= evidence[1] - self.drop
+        return ends
+
+
+@dataclass(frozen=True)
+class ExistenceLogic:
+    """The probability that the object exists.
+
+    An object that exists is at times hidden from the sensors. Source: Musicki, Evans and Stankovic (1994), "Integrated
+    probabilistic data association", Markov chain two. Evidence: the probability that it exists; that it is not hidden
+    if it does.
+    """
+
+    confirm: float
+    end: float
+    """Below this a confirmed track is deleted."""
+    delete: float
+    """Below this a tentative one is."""
+    lifetime: float
+    """Mean, s."""
+    hides: float
+    """Rate at which visible objects hide, 1/s."""
+    returns: float
+    """Rate at which hidden ones come back, 1/s."""
+
+    size: ClassVar[int] = 2
+
+    def begun(self, count: int, existence: Array | None) -> Array:
+        assert existence is not None
+        return np.array([existence, np.ones(count)])
+
+    def after_time(self, evidence: Array, elapsed: float) -> Array:
+        rate = self.hides + self.returns
+        at_last = self.returns / rate
+        visible = at_last + (evidence[1] - at_last) * np.exp(-rate * elapsed)
+        return np.array([evidence[0] * np.exp(-elapsed / self.lifetime), visible])
+
+    def after_scan(self, evidence: Array, judged: Judged) -> Array:
+        assert judged.existence is not None
+        return judged.existence
+
+    def confirms(self, evidence: Array) -> Mask:
+        return np.asarray(evidence[0] >= self.confirm)
+
+    def deletes(self, evidence: Array, confirmed: Mask) -> Mask:
+        ends: Mask = evidence[0] < np.where(confirmed, self.end, self.delete)
+        return ends
+
+
+def track_logic(config: AssociateConfig) -> TrackLogic:
+    """The rule that the options describe."""
+    if config.method in EXISTENCE:
+        hides = 0.0 if config.visible_s is None else 1.0 / config.visible_s
+        limits = config.confirm_existence, config.end_existence, config.delete_existence
+        return ExistenceLogic(*limits, config.lifetime_s, hides, 1.0 / config.hidden_s)
+    if config.confirm == "score":
+        return ScoreLogic(config.confirm_score, config.score_drop)
+    needed, scans = config.confirm
+    return CountLogic(needed, scans, float("inf") if config.delete_misses is None else config.delete_misses)
+
+
+@cache
+def judgement(logic: TrackLogic, silent_s: float, existence: bool) -> Equations:
+    """The evidence after a scan, the time of the latest detection, and which tracks end.
+
+    A track ends too once its latest detection is longer ago than ``silent_s``. ``existence``: whether it is known.
+    """
+
+    def function(values: Values) -> Values:
+        hit = values["hit"]
+        in_view = hit | (values["detection probability"] > 0.0)
+        judged = Judged(hit, in_view, values["log ratio"], values["existence"] if existence else None)
+        evidence = logic.after_scan(values["evidence"], judged)
+        seen = np.where(hit, values["time"], values["seen"])
+        ends = logic.deletes(evidence, values["confirmed"]) | (values["time"] - seen > silent_s)
+        return {"evidence": evidence, "seen": seen, "ends": ends}
+
+    ranks = dict.fromkeys(("hit", "detection probability", "log ratio", "seen", "confirmed", "time"), 0)
+    ranks |= {"evidence": 1} | ({"existence": 1} if existence else {})
+    return Equations("evidence of tracks", function, ranks, key=(logic, silent_s))

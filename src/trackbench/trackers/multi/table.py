@@ -1,0 +1,108 @@
+"""The tracks of all runs side by side."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Tracks, indices
+from trackbench.filters import AnyBelief, Filter, concatenated, select
+from trackbench.models.motion import MotionModel
+
+#: The id of a track that is not confirmed, and what stands for "none" wherever an index is expected.
+NONE = -1
+
+
+class TrackTable(NamedTuple):
+    """The L tracks of all runs, those of a run together and in the order in which they began."""
+
+    run: Indices
+    """``(L,)``"""
+    id: Indices
+    """``(L,)`` counts up from 0 within a run as tracks are confirmed; -1 before."""
+    belief: AnyBelief
+    """Of L members, with nothing that the filter could reuse."""
+    seen: Array
+    """``(L,)`` time of the latest detection, s."""
+    evidence: Array
+    """``(k, L)`` what speaks for each track; ``management`` knows what it means."""
+    used: Indices
+    """``(L,)`` the column that it took in from the latest scan; -1 for none."""
+    origin: Indices
+    """``(L,)`` number of the object that started it, where the tracker is told; else -1."""
+
+    def select(self, which: Mask | Indices) -> TrackTable:
+        """Some of the tracks."""
+        index = indices(which) if which.dtype == bool else which
+        belief = select(self.belief, index)
+        return TrackTable._make(part.take(index, axis=-1) if isinstance(part, np.ndarray) else belief for part in self)
+
+
+def empty(filter: Filter[Any], evidence: int) -> TrackTable:
+    """No tracks, of so many components of the evidence."""
+    none = np.zeros(0, dtype=np.intp)
+
+    def nothing(motion: MotionModel) -> Gaussian:
+        size = len(motion.components)
+        return Gaussian(np.zeros((size, 0)), np.zeros((size, size, 0)))
+
+    return TrackTable(none, none, filter.begin(nothing), np.zeros(0), np.zeros((evidence, 0)), none, none)
+
+
+def succeeded(table: TrackTable, kept: Mask, more: TrackTable, runs: int) -> TrackTable:
+    """The tracks that are kept, ``(L,)``, and ``more``, the tracks of a run together and ``more`` behind the others."""
+    belief = concatenated(table.belief, more.belief)
+    both = TrackTable._make(
+        np.concatenate([part, other], axis=-1) if isinstance(part, np.ndarray) else belief
+        for part, other in zip(table, more, strict=True)
+    )
+    order = np.concatenate([indices(kept), np.arange(len(kept), len(both.run))])
+    return both.select(order if runs == 1 else order[np.argsort(both.run[order], kind="stable")])
+
+
+def rank_in_run(run: Indices, runs: int) -> Indices:
+    """The how-manieth of its run each is, of ascending runs ``(...)``."""
+    counts = np.bincount(run, minlength=runs)
+    return np.arange(len(run)) - (np.cumsum(counts) - counts)[run]
+
+
+def numbered(table: TrackTable, deserving: Mask, next_id: Indices) -> tuple[TrackTable, Indices]:
+    """The table with ids for those of the deserving that have none yet, and the next id of each run ``(runs,)``."""
+    fresh = indices(deserving & (table.id == NONE))
+    if not len(fresh):
+        return table, next_id
+    run = table.run[fresh]
+    ids = table.id.copy()
+    ids[fresh] = next_id[run] + rank_in_run(run, len(next_id))
+    return table._replace(id=ids), next_id + np.bincount(run, minlength=len(next_id))
+
+
+def reported(table: TrackTable, filter: Filter[Any], existence: Array | None, runs: int) -> Tracks:
+    """The confirmed tracks as arrays with a last axis of runs, padded.
+
+    Args:
+        table: of all tracks.
+        filter: of their beliefs.
+        existence: ``(L,)``, if the tracker has it.
+        runs: how many.
+    """
+    which = indices(table.id != NONE)
+    shape, missing = (len(which), 1), None
+    if runs > 1:
+        counts = np.bincount(table.run[which], minlength=runs)
+        shape = (int(counts.max(initial=0)), runs)
+        place = np.full((runs, shape[0]), NONE)
+        place[np.arange(shape[0]) < counts[:, None]] = which
+        which = place.T.reshape(-1)
+        missing = indices(which == NONE)
+        which[missing] = 0
+
+    def padded(values: Any) -> Any:
+        if missing is not None:
+            values[..., missing] = NONE if values.dtype.kind == "i" else np.nan
+        return values.reshape(*values.shape[:-1], *shape)
+
+    mean, covariance = map(padded, filter.cartesian(select(table.belief, which)))
+    probability = None if existence is None else padded(existence.take(which))
+    return Tracks(padded(table.id.take(which)), mean, covariance, probability, padded(table.used.take(which)))

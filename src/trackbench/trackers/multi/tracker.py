@@ -1,0 +1,300 @@
+"""A tracker of several objects: a filter, an association and a rule for tracks to begin and end."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan, Tracks, indices
+from trackbench.engine.choice import Engine, compute_by, used
+from trackbench.engine.equations import Compute
+from trackbench.engine.used import EngineUsed
+from trackbench.filters import AnyBelief, Belief, Filter, bare
+from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
+from trackbench.trackers.assumed import AssumedSensors
+from trackbench.trackers.config import AdvanceAt
+from trackbench.trackers.initial_config import InitialConfig
+from trackbench.trackers.late import LateMethod, Taken, kept, position, replayed
+from trackbench.trackers.multi.association import CLAIMED, associated
+from trackbench.trackers.multi.detections import RunDetections, side_by_side
+from trackbench.trackers.multi.duplicates import duplicates
+from trackbench.trackers.multi.hard import Association, Situation
+from trackbench.trackers.multi.intensity import intensity
+from trackbench.trackers.multi.management import TrackLogic, judgement, track_logic
+from trackbench.trackers.multi.table import NONE, TrackTable, empty, numbered, reported, succeeded
+from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter, detections_of
+from trackbench.trackers.multi.undetected import Undetected
+
+#: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
+SAME_TIME = 1e-6
+
+
+class MultiObjectState(NamedTuple):
+    """What the tracker knows after a scan."""
+
+    time: float
+    """Of the latest scan at which the state advanced, s."""
+    table: TrackTable
+    next_id: Indices
+    """``(runs,)``"""
+    undetected: Undetected
+    history: tuple[Taken[MultiObjectState, Tracks], ...] = ()
+    """The latest scans that were taken in."""
+
+
+@dataclass(frozen=True)
+class MultiObjectTracker:
+    """Follows several objects by detections that nobody labelled, in one run or in many runs at once.
+
+    The tracks of all runs lie side by side, ``(n, L)``, each with the number of its run: none waits unused, and a run
+    may have as many as it needs.
+    """
+
+    filter: Filter[Any]
+    associate: AssociateConfig
+    initial: InitialConfig
+    assumed: AssumedSensors = field(default_factory=AssumedSensors)
+    sensors: Collection[str] | None = None
+    """Names of the sensors whose detections it takes in; None: all."""
+    advance_at: AdvanceAt = "own_scans"
+    late: LateMethod = "replay"
+    """What becomes of a scan that is older than the state."""
+    lag_s: float = 1.0
+    """How far back a late scan may reach, s."""
+    engine: Engine = "numpy"
+
+    batched: ClassVar = True
+    multi_object: ClassVar = True
+
+    @property
+    def wants_origins(self) -> bool:
+        """Whether ``step`` is to be told which object caused each detection."""
+        return self.associate.method == "oracle"
+
+    @property
+    def engine_used(self) -> EngineUsed:
+        """What computed the steps so far."""
+        return used(self._filter)
+
+    @cached_property
+    def _filter(self) -> Filter[Any]:
+        """The filter as the engine computes it."""
+        return self._track_filter.filter
+
+    @cached_property
+    def _compute(self) -> Compute:
+        return compute_by(self.engine)
+
+    @cached_property
+    def _track_filter(self) -> TrackFilter:
+        if self.engine == "numpy":
+            return TrackFilter(self.filter, self.initial)
+        # Its import takes a moment.
+        from trackbench.trackers.multi.fused_tracks import FusedTrackFilter
+
+        return FusedTrackFilter(self.filter, self.initial)
+
+    def step(
+        self, state: MultiObjectState | None, scan: Scan, origins: Indices | None = None
+    ) -> tuple[MultiObjectState | None, Tracks]:
+        """Predict to the scan's time, associate its detections, and let tracks begin and end.
+
+        Args:
+            state: None at first.
+            scan: of one run (``measurement`` ``(m, D)``) or of many (``(m, D, runs)``).
+            origins: ``(D,)`` or ``(D, runs)`` number of the object that caused each detection, negative for none;
+                only for the oracle.
+
+        A scan that is older than the state is dealt with as ``late`` says; the tracks are then those at the state's
+        time. What is replayed may give an id to another object than before the late scan.
+        """
+        if scan.valid.ndim == 1:
+            one = scan._replace(measurement=scan.measurement[..., None], valid=scan.valid[:, None])
+            state, tracks = self.step(state, one, None if origins is None else origins[:, None])
+            return state, _alone(tracks)
+        scan = self.assumed.read(scan)
+        if state is None:
+            state = self._nothing_yet(scan.time, scan.valid.shape[1])
+            if scan.asked:
+                # Its first scan may still be on its way.
+                return None, self._tracks(state.table, scan.valid.shape[1])
+        if self.late == "as_new" and not scan.asked:
+            scan = scan._replace(time=scan.arrival_time)
+        reads = not scan.asked and self._reads(scan.sensor)
+        if not reads:
+            ahead, answer = self._asked(state, max(scan.time, state.time))
+            return (ahead if self.advance_at == "all_scans" and not scan.asked else state), answer
+        number = position(state.history, scan)
+        if number is not None:
+            again = replayed(self._in_sequence, state.history, number, scan, origins)
+            return again.state._replace(history=again.history), _with_used(again.latest, again.late)
+        if scan.time < state.time:
+            return state, self._asked(state, state.time)[1]
+        before = state._replace(history=())
+        after, answer = self._in_sequence(before, scan, origins)
+        if self.late == "replay" and self.lag_s > 0.0:
+            taken = Taken(before, scan, origins, answer)
+            after = after._replace(history=kept(self._in_sequence, state.history, taken, self.lag_s))
+        return after, answer
+
+    def _in_sequence(
+        self, state: MultiObjectState, scan: Scan, origins: Indices | None
+    ) -> tuple[MultiObjectState, Tracks]:
+        expected = self._track_filter.expect(state.table.belief, scan.time - state.time, scan)
+        return self._after(self._at(state, scan.time), expected, scan, origins)
+
+    def _asked(self, state: MultiObjectState, time: float) -> tuple[MultiObjectState, Tracks]:
+        ahead = self._predicted(state, time)
+        table = ahead.table._replace(used=np.full_like(ahead.table.used, NONE))
+        return ahead, self._tracks(table, len(ahead.next_id))
+
+    def predicted(self, state: MultiObjectState | None, time: float, run: int) -> Tracks:
+        """The reported tracks of one run at a later time, ``(K,)``; the state stays as it is."""
+        state = state or self._nothing_yet(time, run + 1)
+        own = indices(state.table.run == run)
+        table = state.table.select(own)._replace(run=np.zeros(len(own), dtype=np.intp), used=np.full(len(own), NONE))
+        ahead = self._predicted(state._replace(table=table), time)
+        return _alone(self._tracks(ahead.table, 1))
+
+    def _nothing_yet(self, time: float, runs: int) -> MultiObjectState:
+        table = empty(self.filter, self._logic.size)
+        undetected = Undetected(self.associate.undetected, {})
+        return MultiObjectState(time, table, np.zeros(runs, dtype=np.intp), undetected)
+
+    def _predicted(self, state: MultiObjectState, time: float) -> MultiObjectState:
+        """The state at a later time."""
+        ahead = self._at(state, time)
+        belief = state.table.belief
+        if len(state.table.run):
+            belief = bare(self._filter.predict(belief, time - state.time))
+        return ahead._replace(table=ahead.table._replace(belief=belief))
+
+    def _at(self, state: MultiObjectState, time: float) -> MultiObjectState:
+        """The state at a later time, but for the beliefs."""
+        elapsed, table, config = time - state.time, state.table, self.associate
+        survival = float(np.exp(-elapsed / config.lifetime_s))
+        undetected = state.undetected.after_time(survival, config.birth_rate_hz * elapsed)
+        table = table._replace(evidence=self._logic.after_time(table.evidence, elapsed))
+        return MultiObjectState(time, table, state.next_id, undetected)
+
+    def _after(
+        self, ahead: MultiObjectState, expected: PredictedTracks, scan: Scan, origins: Indices | None
+    ) -> tuple[MultiObjectState, Tracks]:
+        config, runs = self.associate, len(ahead.next_id)
+        detections = side_by_side(scan, as_listed=config.method == "naive")
+        origin = None if origins is None else origins[detections.column, detections.run]
+        at = self._situation(ahead, expected, detections)
+        probability = self._stated_probability(scan)
+        found = associated(config, at, ahead.table, origin, probability, self._compute)
+        table, ends = self._judged(ahead.table, found, at)
+        if self.initial.sensors is None or scan.sensor in self.initial.sensors:
+            table = succeeded(table, ~ends, self._begun(at, found.unclaimed, origin), runs)
+        else:
+            table = table.select(~ends)
+        table, next_id = numbered(table, self._logic.confirms(table.evidence), ahead.next_id)
+        undetected = ahead.undetected
+        if config.method in EXISTENCE:
+            undetected = undetected.after_scan(scan, self._stated_probability(scan))
+        return MultiObjectState(scan.time, table, next_id, undetected), self._tracks(table, runs)
+
+    def _situation(self, ahead: MultiObjectState, expected: PredictedTracks, detections: RunDetections) -> Situation:
+        scan = detections.scan
+        density = intensity(
+            scan,
+            len(expected.measurement.mean),
+            self.associate,
+            ahead.undetected.in_view(scan.sensor),
+            self.initial.velocity_sigma_mps,
+        )
+        probability = np.where(expected.in_view, self._stated_probability(scan), 0.0)
+        run, gate = ahead.table.run, self.associate.gate
+        return Situation(self._track_filter, expected, detections, run, probability, gate, density)
+
+    def _judged(self, before: TrackTable, found: Association, at: Situation) -> tuple[TrackTable, Mask]:
+        """The tracks after the scan, and which of them end."""
+        hit, confirmed, scan = found.detection != NONE, before.id != NONE, at.detections.scan
+        values = {
+            "evidence": before.evidence,
+            "hit": hit,
+            "detection probability": at.detection_probability,
+            "log ratio": found.log_ratio,
+            "existence": found.existence,
+            "confirmed": confirmed,
+            "seen": before.seen,
+            "time": scan.time,
+        }
+        silent = self.associate.delete_after_s - SAME_TIME
+        after = self._compute(judgement(self._logic, silent, found.existence is not None), values)
+        # Of none, which is -1, the last.
+        used = np.concatenate([at.detections.column, [NONE]]).take(found.detection)
+        ends = np.asarray(after["ends"], dtype=bool)
+        if self.associate.method in SHARING:
+            ends |= duplicates(found.detection, confirmed, *self._compared(found.belief))
+        table = before._replace(belief=found.belief, evidence=after["evidence"], used=used, seen=after["seen"])
+        return table, ends
+
+    def _begun(self, at: Situation, unclaimed: Array, origin: Indices | None) -> TrackTable:
+        """A track for each detection that probably stems from none."""
+        config, scan = self.associate, at.detections.scan
+        existence: Array | None = None
+        if config.method in COUNTING:
+            which = unclaimed > CLAIMED
+        else:
+            new = at.intensity.new_objects * self._stated_probability(scan)
+            existence = unclaimed * new / (at.intensity.false_alarms + new)
+            which = existence >= config.delete_existence
+        if origin is not None:
+            which &= origin >= 0
+        own = indices(which)
+        none = np.full(len(own), NONE)
+        belief = self._track_filter.begin(detections_of(scan, own))
+        return TrackTable(
+            at.detections.run[own],
+            none,
+            belief,
+            np.full(len(own), scan.time),
+            self._logic.begun(len(own), None if existence is None else existence[own]),
+            at.detections.column[own],
+            none if origin is None else origin[own],
+        )
+
+    def _stated_probability(self, scan: Scan) -> float:
+        stated = 1.0 if scan.detection_probability is None else scan.detection_probability
+        return self.associate.detection_probability.get(scan.sensor, stated)
+
+    def _tracks(self, table: TrackTable, runs: int) -> Tracks:
+        return reported(table, self._filter, self._existence(table), runs)
+
+    def _compared(self, belief: AnyBelief) -> tuple[Gaussian, tuple[int, ...]]:
+        """The states in which tracks are compared, and which components are angles: that of the only motion model."""
+        if isinstance(belief, Belief):
+            return Gaussian(belief.mean, belief.covariance), self.filter.motions[0].angular
+        return self._filter.cartesian(belief), ()
+
+    def _existence(self, table: TrackTable) -> Array | None:
+        return None if self.associate.method in COUNTING else table.evidence[0]
+
+    def _reads(self, sensor: str) -> bool:
+        return self.sensors is None or sensor in self.sensors or sensor in (self.initial.sensors or ())
+
+    @cached_property
+    def _logic(self) -> TrackLogic:
+        return track_logic(self.associate)
+
+
+def _alone(tracks: Tracks) -> Tracks:
+    """Those of the only run."""
+    return Tracks._make(None if part is None else part[..., 0] for part in tracks)
+
+
+def _with_used(tracks: Tracks, late: Tracks) -> Tracks:
+    """The tracks with the detections that they took of the late scan, of which another answer tells."""
+    assert late.used is not None
+    found = np.full(tracks.ids.shape, NONE)
+    for ids, column in zip(late.ids, late.used, strict=True):
+        found = np.where((tracks.ids == ids) & (ids != NONE), column, found)
+    return tracks._replace(used=found)

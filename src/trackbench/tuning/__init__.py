@@ -1,1 +1,0 @@
-"""Finds the options of a tracker with which it does best: by trials on identical measurements."""

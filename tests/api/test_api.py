@@ -1,0 +1,332 @@
+"""``import trackbench as tb``: what a program and a notebook use."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.runner.test_traffic_runs import SCENARIO
+
+import trackbench as tb
+from trackbench.runner.work import work_of
+from trackbench.scenario.truth import truth_of
+from trackbench.sensing import scans
+
+Cli = Callable[..., Any]
+
+SHORT = {"truth.duration_s": 2, "monte_carlo.runs": 20}
+
+
+@pytest.fixture(scope="module")
+def scenario() -> tb.Scenario:
+    return tb.load("highway", SHORT, trackers=["raw", "ekf_cv"])
+
+
+@pytest.fixture(scope="module")
+def result(scenario: tb.Scenario) -> tb.Result:
+    return tb.run(scenario)
+
+
+def python(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_every_name_is_there_and_documented() -> None:
+    assert set(tb.__all__) <= set(dir(tb))
+    for name in tb.__all__:
+        assert getattr(tb, name).__doc__, name
+    assert tb.__version__
+    with pytest.raises(AttributeError, match="no attribute 'laod'"):
+        _ = tb.laod  # type: ignore[attr-defined]
+
+
+def test_the_import_brings_nothing_heavy() -> None:
+    loaded = python("import sys, trackbench; print(*sys.modules)").split()
+    heavy = {"highway_env", "matplotlib", "rerun", "scipy", "numpy", "pandas", "pyarrow", "pydantic"}
+    assert not heavy & set(loaded)
+
+
+@pytest.mark.parametrize("before", ["", "import trackbench.truth, trackbench.compare; ", "tb.load; "])
+def test_a_function_is_not_hidden_by_the_package_of_its_name(before: str) -> None:
+    after = "from trackbench.truth import LoadedTruth; import trackbench.compare"
+    code = f"import trackbench as tb; {before}print(tb.truth.__name__, tb.compare.__name__); {after}; print(tb.truth)"
+    first, second = python(code).splitlines()
+    assert first == "truth compare"
+    assert second.startswith("<function truth")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"truth.duration_s": 2, "monte_carlo.runs": 3},
+        {"truth.duration_s": np.float64(2), "monte_carlo.runs": np.int64(3)},
+        ["truth.duration_s=2", "monte_carlo.runs=3"],
+    ],
+)
+def test_keys_are_set_as_on_the_command_line(given: Any) -> None:
+    config = tb.load("highway", given).config
+    assert (config.truth.duration_s, config.monte_carlo.runs) == (2, 3)
+
+
+def test_text_stays_text_and_a_mapping_is_one(tiny: Path) -> None:
+    tracker = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 1e-3}
+    loaded = tb.load(
+        tiny, {"trackers.new": tracker, "description": "1e-3", "trackers.raw.sensors": np.array(["lidar"])}
+    )
+    assert loaded.config.description == "1e-3"
+    assert "0.001" in repr(loaded.config.trackers["new"])
+    assert list(loaded.config.trackers["raw"].sensors or ()) == ["lidar"]
+
+
+def test_runs_seed_and_trackers(tiny: Path) -> None:
+    loaded = tb.load(tiny, runs=9, seed=8, trackers=["ekf"])
+    assert (loaded.config.monte_carlo.runs, loaded.config.monte_carlo.seed, [*loaded.config.trackers]) == (
+        9,
+        8,
+        ["ekf"],
+    )
+    assert repr(loaded) == "<scenario tiny: 1 tracker, 9 runs>"
+
+
+def test_a_text_or_mapping_is_the_scenario_of_the_file(tiny: Path, tiny_text: str) -> None:
+    import yaml
+
+    of_file = tb.load(tiny).config
+    assert tb.load(tiny_text).config == of_file
+    assert tb.load(yaml.safe_load(tiny_text)).config == of_file
+
+
+def test_a_result_is_that_of_the_command(cli: Cli, scenario: tb.Scenario, result: tb.Result, tmp_path: Path) -> None:
+    """The numbers, and the files."""
+    tb.run(scenario, out="api", recording=False)
+    settings = [word for key, value in SHORT.items() for word in ("--set", f"{key}={value}")]
+    assert cli("run", "highway", *settings, "--trackers", "raw,ekf_cv", "--no-recording").status in (0, 1)
+    mine, theirs = tmp_path / "api" / "highway", tmp_path / "results" / "highway"
+    assert {file.name for file in mine.iterdir()} == {file.name for file in theirs.iterdir()}
+    assert tb.Result.load(mine).summary.command == tb.Result.load(theirs).summary.command
+    for found in (tb.Result.load(mine), tb.Result.load(theirs)):
+        assert found.summary.fingerprints == result.summary.fingerprints
+        assert found["ekf_cv"].position_rmse == result["ekf_cv"].position_rmse
+        assert found.tables.steps.equals(result.tables.steps)
+
+
+def test_workers_give_the_same_numbers(scenario: tb.Scenario, result: tb.Result) -> None:
+    done: list[tuple[float, float]] = []
+    loaded = tb.load("highway", {**SHORT, "monte_carlo.runs": 800}, trackers=["ekf_cv"])
+    one = tb.run(loaded, progress=lambda *reached: done.append(reached))
+    two = tb.run(loaded, workers=2)
+    assert one.tables.steps.equals(two.tables.steps)
+    assert done[-1] == (800, 800)
+
+
+@pytest.mark.slow
+def test_several_scenarios_give_several_results(tiny: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = tb.run(
+        [tb.load(tiny), tb.load(tiny, {"name": "other", "monte_carlo.runs": 5})], out=tmp_path, recording=False
+    )
+    assert [item.name for item in found] == ["tiny", "other"]
+    assert (tmp_path / "other" / "report.html").is_file()
+    assert (tmp_path / "comparison.html").is_file()
+    assert tb.compare(tmp_path).ranking[0].tracker == "ekf"
+    with pytest.raises(tb.InputError, match="give each scenario its own"):
+        tb.run([tiny, tiny])
+
+
+def test_the_metrics_and_tables_are_at_hand(result: tb.Result) -> None:
+    position = result["ekf_cv"].position_rmse
+    assert position.unit == "m"
+    assert 0 < position.value < result["raw"].position_rmse.value
+    steps = result.to_pandas("steps")
+    assert set(steps["tracker"]) == {"raw", "ekf_cv"}
+    assert repr(result) == "<result highway: 20 runs, 2 trackers, best ekf_cv>"
+
+
+def test_two_tunings_are_compared(scenario: tb.Scenario, result: tb.Result) -> None:
+    tuned = tb.run(tb.load("highway", {**SHORT, "trackers.ekf_cv.acceleration_sigma_mps2": 30}, trackers=["ekf_cv"]))
+    found = tb.compare(result, tuned, trackers=["ekf_cv"], limits={"position_rmse": 1})
+    [difference] = found.differences
+    assert difference.value == pytest.approx(tuned["ekf_cv"].position_rmse.value, rel=1e-12)
+    assert difference.reference == pytest.approx(result["ekf_cv"].position_rmse.value, rel=1e-12)
+    assert difference.paired_runs == 20
+    assert not found.passed
+    assert "ekf_cv" in str(found)
+    assert "ekf_cv" in found._repr_html_()
+
+
+def test_truth_and_scans_are_those_of_the_run(scenario: tb.Scenario) -> None:
+    truth, seen = tb.truth(scenario), tb.sense(scenario, range(1, 3))
+    work = work_of(scenario, [truth_of(scenario)])
+    expected = scans.sense(work.scenes[0].sensors, work.seed, work.scenario, range(1, 3)).scans
+    assert len(seen) == len(expected)
+    for mine, theirs in zip(seen, expected, strict=True):
+        assert mine.measurement.shape == (len(mine.noise_covariance), len(truth.ids), 2)
+        for object_number in range(len(truth.ids)):
+            of_object = slice(2 * object_number, 2 * object_number + 2)
+            np.testing.assert_array_equal(mine.measurement[:, object_number], theirs.measurement[:, of_object])
+            np.testing.assert_array_equal(mine.valid[object_number], theirs.valid[of_object])
+    lidar = next(scan for scan in seen if scan.kind == "lidar")
+    step = int(np.argmin(abs(truth.time - lidar.time)))
+    x, _, yaw = lidar.sensor_pose
+    shown = x + np.cos(yaw) * lidar.measurement[0] - np.sin(yaw) * lidar.measurement[1]
+    np.testing.assert_allclose(shown[lidar.valid], np.broadcast_to(truth.px[step], shown.shape)[lidar.valid], atol=2)
+
+
+def test_scans_with_hidden_identities_are_the_detections_of_one_run(tmp_path: Path) -> None:
+    text = SCENARIO.partition("trackers:")[0] + "trackers: {own: {use: own:Tracker}}\nmonte_carlo: {runs: 6}\n"
+    text = text.replace("    clutter: {per_scan: 2}\n", "    fov_deg: 90\n").replace(": 0.95", ": 0.2")
+    scans = {}
+    for identities in ("known", "hidden"):
+        file = tmp_path / f"{identities}.yaml"
+        file.write_text(text.replace("identities: hidden", f"identities: {identities}"), encoding="utf-8")
+        scans[identities] = tb.sense(tb.load(file), range(5, 6))
+    known, hidden = scans["known"], scans["hidden"]
+    assert len(known) == len(hidden)
+    numbers = set()
+    shuffled = False
+    for before, after in zip(known, hidden, strict=True):
+        detections = before.measurement[:, before.valid]
+        assert after.measurement.shape == detections.shape
+        assert after.valid.tolist() == [True] * detections.shape[1]
+        np.testing.assert_array_equal(np.sort(after.measurement[0]), np.sort(detections[0]))
+        shuffled |= not np.array_equal(after.measurement, detections)
+        numbers.add(detections.shape[1])
+    assert shuffled
+    assert 0 in numbers
+    radar = next(scan for scan in hidden if scan.sensor == "radar")
+    assert (radar.detection_probability, radar.clutter_density) == (0.2, 0.0)
+    assert radar.field_of_view.half_angle == pytest.approx(np.pi / 4)
+    with pytest.raises(tb.InputError, match="ask for one run at a time"):
+        tb.sense(tb.load(file), range(2))
+
+
+def test_a_notebook_shows_a_result_a_report_and_its_figures(result: tb.Result) -> None:
+    assert "<b>ekf_cv</b>" in result._repr_html_()
+    report = result.report()
+    assert report._repr_html_().startswith("<iframe srcdoc=")
+    assert "&lt;h1&gt;" in report._repr_html_() or "&lt;h1" in report._repr_html_()
+    assert "position RMSE" in str(report)
+    assert repr(report) == "<report highway>"
+    assert {"map", "nees", "position-error"} <= set(result.figures)
+    figure = result.figure("nees")
+    assert figure._repr_svg_().startswith("<svg")
+    assert repr(figure).startswith("<figure nees: ")
+
+
+@pytest.mark.parametrize(
+    ("ending", "files"),
+    [
+        ("html", {"x.html"}),
+        ("md", {"x.md"}),
+        ("txt", {"x.txt"}),
+        ("tex", {"x.tex", "ranking.tex", "nees.pdf"}),
+        ("csv", {"x-ranking.csv", "x-sensors.csv"}),
+        ("svg", {"x-nees.svg", "x-map.svg"}),
+    ],
+)
+def test_a_report_is_saved_by_the_ending(result: tb.Result, tmp_path: Path, ending: str, files: set[str]) -> None:
+    result.report().save(tmp_path / "new" / f"x.{ending}")
+    written = {file.name: file.stat().st_size for file in (tmp_path / "new").rglob("*") if file.is_file()}
+    assert files <= set(written)
+    assert all(written.values())
+
+
+def test_a_figure_is_saved_by_the_ending(result: tb.Result, tmp_path: Path) -> None:
+    result.figure("map").save(tmp_path / "map.pdf")
+    result.figure("map").save(tmp_path / "map.svg")
+    assert (tmp_path / "map.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "map.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: tb.load("higway"), "higway: there is no such file; did you mean 'highway', which comes with"),
+        (lambda r: tb.load("highway", {"monte_carlo.rusn": 3}), "monte_carlo.rusn: unknown key; did you mean 'runs'?"),
+        (lambda r: tb.load("highway", {"name": object()}), "name: cannot be written as YAML: "),
+        (lambda r: tb.load("highway", runs=0), "monte_carlo.runs: 0 is not possible: it must be at least 1"),
+        (lambda r: tb.load("highway", trackers=["ekf_cw"]), "no tracker 'ekf_cw' in this scenario; did you mean"),
+        (lambda r: tb.load("highway", trackers=[]), "name at least one tracker"),
+        (lambda r: tb.load("name: x\n"), "scenario.yaml:1: truth: missing; where the true motion comes from"),
+        (lambda r: tb.load({}), "scenario.yaml:1: "),
+        (lambda r: tb.sense("highway", range(99, 101)), "runs: there is no run 100; choose from 0 to 99"),
+        (lambda r: tb.run("highway", workers=0), "workers: 0 is no number of processes; give a whole one from 1"),
+        (lambda r: tb.run("highway", workers=-1), "workers: -1 is no number of processes"),
+        (lambda r: tb.run("highway", workers=1.5), "workers: 1.5 is no number of processes"),
+        (lambda r: tb.run("highway", out="/proc/x"), "cannot write to /proc/x"),
+        (lambda r: r["ekf"], "no tracker 'ekf' in this result; did you mean 'ekf_cv'?"),
+        (lambda r: r.to_pandas("step"), "no table 'step' in this result; did you mean 'steps'?"),
+        (lambda r: r.figure("ness"), "no figure 'ness' in this report; did you mean 'nees'?"),
+        (lambda r: r.figure("nees").save("x.bmp"), "x.bmp ends in none of .svg, .pdf"),
+        (lambda r: r.report().save("x.docx"), "x.docx ends in none of .md, .html,"),
+        (lambda r: tb.Result.load("nowhere"), "nowhere: there is no such folder"),
+        (lambda r: tb.compare(r, metrics=["position_rsme"]), "did you mean 'position_rmse'?"),
+        (lambda r: r[0], "no tracker 0 in this result; choose from: ekf_cv, raw"),
+        (lambda r: tb.sense("highway", range(0)), "runs: range(0, 0) is no range of runs; write range(3) for"),
+        (lambda r: tb.sense("highway", 3), "runs: 3 is no range of runs"),
+        (lambda r: tb.load(None), "None is no scenario; give a file, a name such as 'highway', a text or a mapping"),
+        (lambda r: tb.load("highway", "a=b"), "--set a=b: a: unknown key"),
+        (lambda r: tb.load("highway", trackers="ekf_cw"), "no tracker 'ekf_cw' in this scenario; did you mean"),
+        (lambda r: tb.compare(r, metrics="position_rsme"), "'position_rsme' is not compared run by run; did you mean"),
+        (lambda r: tb.compare(r, trackers="ekf_cw"), "no tracker 'ekf_cw' in these results; did you mean 'ekf_cv'?"),
+        (lambda r: tb.compare(None), "None is nothing to compare; give a result, a list of results, or a folder"),
+        (lambda r: tb.compare([]), "[] is nothing to compare"),
+        (lambda r: tb.compare([r, "kept"]), " is nothing to compare; give a result,"),
+        (lambda r: tb.compare("nowhere"), "nowhere: there is no such folder"),
+    ],
+)
+def test_what_is_wrong_is_one_clear_exception(
+    call: Callable[[tb.Result], object],
+    message: str,
+    result: tb.Result,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(tb.InputError) as caught:
+        call(result)
+    assert message in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_text_is_a_list_of_one(result: tb.Result) -> None:
+    assert [*tb.load("highway", "monte_carlo.runs=9", trackers="ekf_cv").config.trackers] == ["ekf_cv"]
+    assert {item.metric for item in tb.compare(result, metrics="velocity_rmse").differences} == {"velocity_rmse"}
+
+
+def test_a_result_holds_its_trackers(result: tb.Result) -> None:
+    assert [*result] == ["raw", "ekf_cv"]
+    assert "ekf_cv" in result
+    assert "ekf" not in result
+
+
+def test_a_result_is_pickled_after_its_report_was_read(result: tb.Result) -> None:
+    figures = result.figures
+    again = pickle.loads(pickle.dumps(result))
+    assert again["ekf_cv"] == result["ekf_cv"]
+    assert again.figures == figures
+
+
+def test_scenarios_in_a_tuple_give_several_results(tiny: Path) -> None:
+    found = tb.run((tb.load(tiny), tb.load(tiny, {"name": "other"})))
+    assert [item.name for item in found] == ["tiny", "other"]
+
+
+def test_a_result_is_saved_in_a_folder_named_by_text(result: tb.Result, tmp_path: Path) -> None:
+    result.save(str(tmp_path / "kept"))
+    assert tb.Result.load(tmp_path / "kept").name == "highway"
+
+
+def test_a_result_survives_saving(result: tb.Result, tmp_path: Path) -> None:
+    result.save(tmp_path / "kept")
+    again = tb.Result.load(tmp_path / "kept")
+    assert isinstance(again, tb.Result)
+    assert json.dumps(again.json()) == json.dumps(result.json())
+    assert again.figures == result.figures

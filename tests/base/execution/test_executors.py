@@ -1,0 +1,187 @@
+"""The same result in this process and in several, many things at once, and what is sent between processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+import threadpoolctl
+from tests.base.execution.results import without_times
+
+from trackbench.api.listener import Listener
+from trackbench.api.plan import Plan
+from trackbench.api.session import prepare
+from trackbench.api.session import run as run_all
+from trackbench.base.errors import TrackbenchError
+from trackbench.base.execution import Here, InProcess, Task, executor, one_blas_thread
+from trackbench.results import Result
+from trackbench.runner.run import run
+from trackbench.scenario import Scenario
+from trackbench.scenario.truth import truths_of
+
+Write = Callable[..., Scenario]
+
+
+def test_two_processes_give_the_same_bits(line: Scenario) -> None:
+    truths = truths_of(line)
+    with executor(2) as two:
+        assert without_times(run(line, truths, executor=two)) == without_times(run(line, truths))
+
+
+def test_a_killed_worker_changes_nothing(line: Scenario) -> None:
+    others = set(multiprocessing.active_children())
+    killed: list[int] = []
+
+    def kill(done: float, total: float) -> None:
+        """One of the two, once the first block is done."""
+        if not killed:
+            (first, _) = sorted(set(multiprocessing.active_children()) - others, key=lambda process: process.pid or 0)
+            assert first.pid is not None
+            os.kill(first.pid, signal.SIGKILL)
+            killed.append(first.pid)
+
+    truths = truths_of(line)
+    with executor(2) as two:
+        found = run(line, truths, executor=two, progress=kill)
+    assert killed
+    assert without_times(found) == without_times(run(line, truths))
+    assert set(multiprocessing.active_children()) == others
+
+
+def test_workers_that_die_again_end_the_run_with_a_message() -> None:
+    with executor(2) as two:
+        futures = [two.submit(os._exit, 7) for _ in range(3)]
+        for future in futures:
+            with pytest.raises(
+                TrackbenchError, match=r"^worker processes died twice; --workers 1 may show what they died of$"
+            ):
+                future.result()
+
+
+class Ordered(Executor):
+    """Notes what is asked for, and what is done."""
+
+    def __init__(self) -> None:
+        self.events: list[str] = []
+        self._executor = InProcess()
+
+    def submit(self, call: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        assert isinstance(call, Task)
+        name = call._function.__name__
+        self.events.append(f"asked for {name}")
+
+        def noted() -> Any:
+            self.events.append(name)
+            return call(*args, **kwargs)
+
+        return self._executor.submit(noted)
+
+
+HIGHWAY = "truth={source: highway-env, env: u-turn-v1, duration_s: 1, rate_hz: 10, seeds: 2}"
+
+
+def test_the_truths_of_all_scenes_and_scenarios_are_made_at_once(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "cache"))
+    ordered = Ordered()
+    scenarios = [write(name, HIGHWAY, f"truth.rate_hz={rate}") for name, rate in (("one", 10), ("two", 20))]
+    prepare(scenarios, Plan(), ordered, Listener())
+    assert ordered.events == ["asked for made"] * 4 + ["made"] * 4
+
+
+@pytest.mark.parametrize("cluster", [None, "local:2"])
+def test_the_blocks_of_several_scenarios_are_made_at_once(write: Write, cluster: str | None) -> None:
+    ordered = Ordered()
+    plan = Plan(workers=1 if cluster else 2, cluster=cluster)
+    scenarios = [write(name, "monte_carlo.runs=2") for name in ("one", "two", "three")]
+    found = run_all(prepare(scenarios, plan, ordered, Listener()), plan, ordered, Listener())
+    assert ordered.events == ["asked for run_block"] * 3 + ["run_block"] * 3
+    assert [result.summary.scenario.name for result in found] == ["one", "two", "three"]
+
+
+def folders(where: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(where)): file.read_bytes() for file in where.rglob("report.html")}
+
+
+def test_folders_are_written_while_others_are_computed(write: Write, tmp_path: Path) -> None:
+    scenarios = [write(name, "monte_carlo.runs=2") for name in ("one", "two", "three")]
+    ordered = Ordered()
+    told: list[str] = []
+
+    class Told(Listener):
+        def end(self, result: Result, folder: Path | None) -> None:
+            assert folder is not None
+            assert (folder / "report.html").is_file()
+            told.append(result.summary.scenario.name)
+
+    plan = Plan(tmp_path / "out", workers=2, recording=False)
+    run_all(prepare(scenarios, plan, ordered, Told()), plan, ordered, Told())
+    assert told == ["one", "two", "three"]
+    last_block = len(ordered.events) - ordered.events[::-1].index("run_block")
+    assert ordered.events.index("asked for pages") < last_block
+    assert (tmp_path / "out" / "comparison.html").is_file()
+
+
+def speak(constant: list[int], number: int, tell: Callable[[int], None]) -> tuple[int, list[int]]:
+    """What a task can see of where it runs."""
+    print("a task speaks")
+    tell(number)
+    return number + sum(constant), [library["num_threads"] for library in threadpoolctl.threadpool_info()]
+
+
+def test_a_sent_task_prints_to_stderr_and_tells_nobody(capfd: pytest.CaptureFixture[str]) -> None:
+    told: list[int] = []
+    task = Task(speak, [1, 2], None)
+    assert task(3, Here(told.append))[0] == 6
+    assert (told, capfd.readouterr()) == ([3], ("a task speaks\n", ""))
+    sent, tell = pickle.loads(pickle.dumps((task, Here(told.append))))
+    found = pickle.loads(pickle.dumps(sent(3, tell)))
+    assert found[0] == 6
+    assert (told, capfd.readouterr()) == ([3], ("", "a task speaks\n"))
+
+
+def test_blas_takes_one_thread_here_and_in_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    for workers in (1, 2):
+        with threadpoolctl.threadpool_limits(2, user_api="blas"), executor(workers) as chosen:
+            _, threads = chosen.submit(Task(speak, [], None), 0, Here(print)).result()
+            assert threads
+            assert set(threads) == {1}
+            assert {library["num_threads"] for library in threadpoolctl.threadpool_info()} == {1}
+
+
+def test_the_thread_limit_ends_with_the_command() -> None:
+    with threadpoolctl.threadpool_limits(2, user_api="blas"):
+        with one_blas_thread(), one_blas_thread():
+            pass
+        assert {library["num_threads"] for library in threadpoolctl.threadpool_info()} == {2}
+
+
+def test_a_folder_that_a_worker_does_not_have_is_named(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    content = pickle.dumps(Task(speak, [], tmp_path / "there"))
+    (tmp_path / "there").rmdir()
+    with pytest.raises(TrackbenchError, match=f"there is no folder {tmp_path / 'there'}, which has modules of the sc"):
+        pickle.loads(content)(0, print)
+
+
+def test_a_changed_module_is_loaded_anew_by_the_next_task(tmp_path: Path) -> None:
+    """As in a worker that outlives a command."""
+    code = "import pickle; from pathlib import Path; from trackbench.base.execution import Task; import changing\n"
+    code += "Path('task').write_bytes(pickle.dumps(Task(str, changing.Answer(), Path.cwd())))"
+    for answer in ("one", "another"):
+        text = f"class Answer:\n    def __str__(self):\n        return {answer!r}\n"
+        (tmp_path / "changing.py").write_text(text, encoding="utf-8")
+        subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+        sent = pickle.loads((tmp_path / "task").read_bytes())
+        assert pickle.loads(pickle.dumps(sent())) == answer
+    assert "changing" not in sys.modules

@@ -1,0 +1,255 @@
+"""A package with one plug-in of each kind, installed as a stranger would install it, and used by name alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from tests.support.places import ROOT
+
+PACKAGE = ROOT / "tests" / "plugin_package"
+
+SCENARIO = """\
+name: plugged
+truth: {source: weave, cars: 2, amplitude_m: 3, duration_s: 4, rate_hz: 10}
+sensors:
+  sonar: {type: sonar, rate_hz: 10, range_sigma_m: 0.3, bearing_sigma_deg: 0.5}
+  radar: {type: radar, rate_hz: 5, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
+trackers:
+  ekf_singer: {filter: ekf, motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4}
+  ukf_singer: {filter: ukf, motion: {model: singer, acceleration_sigma_mps2: 2}, initial: truth}
+  gains: {use: nearest_position, options: {alpha: 0.5}}
+monte_carlo: {runs: 12, seed: 3}
+score: {settle_s: 0.5, metrics: [{use: largest_error, options: {after_s: 1}}]}
+expect:
+  - {tracker: ekf_singer, metric: largest_error, below: 2}
+  - {tracker: ekf_singer, metric: largest_error, better_than: gains}
+"""
+
+Trackbench = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder into which the package is installed."""
+    source, target = tmp_path_factory.mktemp("source") / "package", tmp_path_factory.mktemp("site")
+    shutil.copytree(PACKAGE, source)
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run([*command, "--target", str(target), str(source)], check=True, capture_output=True)
+    return target
+
+
+@pytest.fixture
+def installed(site: Path, trackbench: str, tmp_path: Path) -> Trackbench:
+    """Runs the command with the package installed."""
+
+    def call(*arguments: str) -> subprocess.CompletedProcess[str]:
+        env = {**os.environ, "PYTHONPATH": str(site), "COLUMNS": "200"}
+        return subprocess.run(
+            [trackbench, *arguments], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+        )
+
+    return call
+
+
+def scenario(folder: Path, *changes: tuple[str, str]) -> str:
+    text = SCENARIO
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "plugged.yaml").write_text(text, encoding="utf-8")
+    return "plugged.yaml"
+
+
+def test_the_metric_is_in_the_result_and_in_the_reports(installed: Trackbench, tmp_path: Path) -> None:
+    done = installed("run", scenario(tmp_path), "--no-recording")
+    assert done.returncode == 0, done.stderr
+    assert "All 2 expectations met" in done.stdout
+    # The terminal's table has the same columns for every scenario.
+    assert "largest_error" not in done.stdout
+    folder = tmp_path / "results" / "plugged"
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    values = {entry["name"]: entry["metrics"]["largest_error"] for entry in result["trackers"]}
+    for entry in result["trackers"]:
+        value = values[entry["name"]]
+        assert value["unit"] == "m"
+        assert value["ci95"][0] < value["value"] < value["ci95"][1]
+        assert value["value"] > entry["metrics"]["position_rmse"]["value"]
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "| tracker | largest_error, m |" in text
+    assert re.search("<th[^>]*>largest_error, m</th>", page)
+    for name, value in values.items():
+        low, high = value["ci95"]
+        assert f"| **{name}** | {value['value']:.3f} ({low:.3f} to {high:.3f}) |" in text
+        assert re.search(f'<td data-label="largest_error, m"[^>]*>{value["value"]:.3f}<', page)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "missed"),
+    [
+        ("below: 2", "below: 0.001", "ekf_singer largest_error below 0.001: 0."),
+        (
+            "tracker: ekf_singer, metric: largest_error, better_than: gains",
+            "tracker: gains, metric: largest_error, better_than: ekf_singer",
+            "gains largest_error better than ekf_singer (difference +0.",
+        ),
+    ],
+)
+def test_expectations_of_the_metric_can_fail(
+    installed: Trackbench, tmp_path: Path, old: str, new: str, missed: str
+) -> None:
+    done = installed("run", scenario(tmp_path, (old, new)), "--no-recording")
+    assert done.returncode == 1, done.stderr
+    assert missed in done.stdout
+
+
+def test_a_scenario_of_plug_ins_runs(installed: Trackbench, tmp_path: Path) -> None:
+    done = installed("run", scenario(tmp_path), "--json", "--no-recording")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["truth"]["source"] == "weave"
+    errors = {entry["name"]: entry["metrics"]["position_rmse"]["value"] for entry in result["trackers"]}
+    assert errors.keys() == {"ekf_singer", "ukf_singer", "gains"}
+    # A sonar's measurement at 60 m is off by about 0.6 m; a filter with the right model is better than that.
+    assert max(errors["ekf_singer"], errors["ukf_singer"]) < 0.6
+    assert errors["gains"] < 3
+
+
+@pytest.mark.parametrize(
+    ("what", "line"),
+    [
+        ("motion-models", "singer .*time_constant_s .seconds."),
+        ("sensors", "sonar .*Measures range and bearing; options range_sigma_m .metres., bearing_sigma_deg .degrees."),
+        ("truth-sources", "weave .*options .*amplitude_m .metres."),
+        ("metrics", "largest_error .*mean over the runs of the largest position error in each .m."),
+        ("trackers", "nearest_position .*options alpha, beta"),
+        ("trackers", "broken .*failed: cannot import 'broken': no module named 'example_missing'"),
+    ],
+)
+def test_they_are_listed(installed: Trackbench, what: str, line: str) -> None:
+    done = installed("list", what)
+    assert done.returncode == 0, done.stderr
+    assert re.search(line.replace(" .*", r"[\s\S]*?"), " ".join(done.stdout.split()))
+
+
+def test_the_schema_and_the_reference_have_them(installed: Trackbench, site: Path) -> None:
+    schema = json.loads(installed("schema").stdout)
+    assert schema["$defs"]["Sonar"]["properties"]["bearing_sigma_deg"]["maximum"] == 90
+    assert "time_constant_s" in schema["$defs"]["FilterConfig"]["properties"]
+    assert "amplitude_m" in schema["$defs"]["Weave"]["properties"]
+    metrics = schema["$defs"]["Score"]["properties"]["metrics"]
+    good = ["largest_error", {"use": "largest_error", "options": {"after_s": 1}}, {"use": "own:Metric", "options": {}}]
+    jsonschema.validate(good, metrics)
+    for bad in ("largest_eror", {"use": "largest_error", "options": {"after": 1}}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([bad], metrics)
+    env = {**os.environ, "PYTHONPATH": str(site)}
+    page = subprocess.run(
+        [sys.executable, "-m", "trackbench.scenario.docs"], env=env, capture_output=True, text=True, check=True
+    ).stdout
+    for text in (
+        "`type sonar`",
+        "`source weave`",
+        "| `singer` |",
+        "| `nearest_position` | `alpha`, `beta` |",
+        "| `largest_error` | m |",
+    ):
+        assert text in page
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("type: sonar", "type: sonr", "4: sensors.sonar.type: 'sonr' is not known; did you mean 'sonar'?"),
+        (
+            "bearing_sigma_deg: 0.5",
+            "bearing_sigma_rad: 0.01",
+            "4: sensors.sonar.bearing_sigma_rad: unknown key; use bearing_sigma_deg (degrees): 0.573",
+        ),
+        (
+            "motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4",
+            "motion: singer, acceleration_sigma_mps2: 2, time_constant: 4",
+            "7: trackers.ekf_singer.time_constant: unknown key; use time_constant_s (seconds)",
+        ),
+        (
+            "time_constant_s: 4",
+            "time_constant_s: 4 s",
+            "7: trackers.ekf_singer.time_constant_s: a number in seconds is needed, not '4 s'; write 4",
+        ),
+        (
+            "motion: {model: singer, acceleration_sigma_mps2: 2}",
+            "motion: {model: singer, acceleration_sigma_mps2: -2}",
+            "8: trackers.ukf_singer.motion.acceleration_sigma_mps2: -2 is not possible: it must be above 0; write 2",
+        ),
+        (
+            "motion: singer, acceleration_sigma_mps2: 2, time_constant_s: 4",
+            "motion: cv, acceleration_sigma_mps2: 2, time_constant_s: 4",
+            "7: trackers.ekf_singer.time_constant_s: motion cv does not use this; it uses acceleration_sigma_mps2",
+        ),
+        ("amplitude_m: 3", "amplitude: 3", "2: truth.amplitude: unknown key; use amplitude_m (metres)"),
+        ("source: weave", "source: weav", "2: truth.source: 'weav' is not known; did you mean 'weave'?"),
+        (
+            "use: largest_error",
+            "use: largest_eror",
+            "11: score.metrics.0: no metric is published as 'largest_eror': did you mean 'largest_error'?",
+        ),
+        ("after_s: 1", "after: 1", "11: score.metrics.0.options.after: unknown key; use after_s (seconds)"),
+        (
+            "metric: largest_error, below",
+            "metric: largest_eror, below",
+            "13: expect.0.metric: there is no metric 'largest_eror'; did you mean 'largest_error'?",
+        ),
+        ("alpha: 0.5", "alpha: 2", "9: trackers.gains.options.alpha: 2 is not possible: it must be at most 1"),
+        ("use: nearest_position", "use: broken", "9: trackers.gains.use: cannot import 'broken': no module named"),
+    ],
+)
+def test_mistakes_are_located(installed: Trackbench, tmp_path: Path, old: str, new: str, message: str) -> None:
+    done = installed("check", scenario(tmp_path, (old, new)))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"plugged.yaml:{message}") or f"plugged.yaml:{message}" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_equations_fit(site: Path) -> None:
+    code = """
+from example_motion import Singer
+from example_sensor import Sonar
+from trackbench.testing import check_motion_model, check_sensor, check_tracker
+check_motion_model(Singer(acceleration_sigma_mps2=2, time_constant_s=3))
+check_sensor(Sonar(rate_hz=10, range_sigma_m=0.3, bearing_sigma_deg=0.5))
+check_tracker("nearest_position", alpha=0.6)
+"""
+    env = {**os.environ, "PYTHONPATH": str(site)}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_singer_model_keeps_its_variance_and_ends_as_constant_acceleration(
+    site: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(site)
+    from example_motion import Singer
+
+    from trackbench.models.motion import process_noise
+
+    slow = Singer(acceleration_sigma_mps2=2, time_constant_s=1e6)
+    f = slow.jacobian(np.zeros(6), 0.1)
+    np.testing.assert_allclose(f[:2, 4:], 0.005 * np.eye(2), rtol=1e-4)
+    short = Singer(acceleration_sigma_mps2=2, time_constant_s=3)
+    p = np.zeros((6, 6))
+    p[4, 4] = p[5, 5] = 4.0
+    for dt in (0.1, 2.0):
+        f = short.jacobian(np.zeros(6), dt)
+        after = f @ p @ f.T + process_noise(short, np.zeros(6), dt)
+        np.testing.assert_allclose(np.diag(after)[4:], 4.0)

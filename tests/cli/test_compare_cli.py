@@ -1,0 +1,252 @@
+"""``trackbench compare`` and JUnit files, as their user meets them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+import xmlschema
+from tests.support.places import DATA
+
+from trackbench.compare.comparison import GateOutcome
+from trackbench.report.junit import Case, Suite, to_xml
+from trackbench.results import Result
+
+Cli = Callable[..., Any]
+
+SCHEMA = xmlschema.XMLSchema(DATA / "junit.xsd")
+WORSE = "trackers.ekf.acceleration_sigma_mps2=30"
+
+
+@pytest.fixture
+def two(run_tiny: Callable[..., Result], tmp_path: Path, tiny: Path) -> Path:
+    """The folder with the runs base/tiny and new/tiny, of which the second has a worse EKF."""
+    run_tiny("monte_carlo.runs=12").save(tmp_path / "base" / "tiny")
+    run_tiny("monte_carlo.runs=12", WORSE).save(tmp_path / "new" / "tiny")
+    return tiny.parent
+
+
+@pytest.fixture
+def versions(two: Path, run_tiny: Callable[..., Result]) -> Path:
+    """The same with a second scenario in each folder."""
+    run_tiny("monte_carlo.runs=12", "name=other").save(two / "base" / "other")
+    run_tiny("monte_carlo.runs=12", "name=other").save(two / "new" / "other")
+    return two
+
+
+def cases(file: Path) -> dict[str, str]:
+    """The test cases of a JUnit file by name, each with the element in it or "passed"; checked against the schema."""
+    SCHEMA.validate(file)
+    root = ET.parse(file).getroot()
+    for suite in root:
+        found = [case[0].tag if len(case) else "passed" for case in suite.iter("testcase")]
+        counts = {"tests": len(found), "failures": found.count("failure"), "errors": found.count("error")}
+        assert {key: int(suite.attrib[key]) for key in counts} == counts
+    return {
+        f"{suite.attrib['name']}: {case.attrib['name']}": case[0].tag if len(case) else "passed"
+        for suite in root
+        for case in suite.iter("testcase")
+    }
+
+
+def test_two_runs_in_a_terminal(cli: Cli, two: Path) -> None:
+    done = cli("compare", "base/tiny", "new/tiny/result.json")
+    assert (done.status, done.err) == (0, "")
+    lines = done.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "\x1b" not in done.out
+    assert "(paired: the fingerprints of all measurements are equal)" in " ".join(done.out.split())
+    rows = {line.split()[0]: line for line in lines if line.split()[1:3] == ["B", "A"]}
+    assert rows["ekf"].rstrip().endswith("worse")
+    assert rows["raw"].rstrip().endswith("equivalent")
+    assert "0 in every run" in rows["raw"]
+
+
+def test_one_run_in_a_terminal(cli: Cli, two: Path) -> None:
+    done = cli("compare", "base/tiny", "--metric", "position_rmse", "--metric", "rmse.px")
+    assert done.status == 0
+    assert [line.split()[:2] for line in done.out.splitlines() if line.rstrip().endswith("  better")] == [
+        ["ekf", "raw"],
+        ["ekf", "raw"],
+    ]
+
+
+def test_json_and_markdown(cli: Cli, two: Path) -> None:
+    done = cli("compare", "base/tiny", "new/tiny", "--json", "--out", "reports/comparison.md")
+    assert (done.status, done.err) == (0, "")
+    found = json.loads(done.out, parse_constant=pytest.fail)
+    assert found["scenarios"][0]["results"][1]["shared_runs"] == 12
+    assert {item["verdict"] for item in found["differences"]} == {"worse", "equivalent"}
+    page = (two / "reports" / "comparison.md").read_text(encoding="utf-8")
+    assert re.search(r"\| \*\*ekf B\*\* \| A \| .* \| worse \|", page)
+    assert [path.name for path in (two / "reports").iterdir()] == ["comparison.md"]
+
+
+def test_a_regression_fails_the_build(cli: Cli, two: Path) -> None:
+    limits = ("--fail-on-regression", "position_rmse:5", "--junit", "junit.xml")
+    done = cli("compare", "base/tiny", "new/tiny", *limits)
+    assert done.status == 1
+    assert "FAILED: ekf B, position_rmse: +" in done.out
+    assert "1 of 2 limits kept" in done.out
+    assert cases(two / "junit.xml") == {
+        "new/tiny against base/tiny: ekf position_rmse not worse by more than 5 %": "failure",
+        "new/tiny against base/tiny: raw position_rmse not worse by more than 5 %": "passed",
+    }
+    done = cli("compare", "base/tiny", "base/tiny", *limits, "--fail-on-regression", "velocity_rmse:0")
+    assert done.status == 0
+    assert set(cases(two / "junit.xml").values()) == {"passed"}
+    assert len(cases(two / "junit.xml")) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["base/tiny", "gone"], "gone: there is no such folder"),
+        (["tiny.yaml"], "tiny.yaml: not the folder of a run, nor its result.json"),
+        (["empty"], "empty: no result.json in this folder, nor in the folders in it"),
+        (["base/tiny", "--trackers", "ekv"], "--trackers: no tracker 'ekv' in these results; did you mean 'ekf'?"),
+        (["base/tiny", "--metric", "position"], "--metric: 'position' is not compared run by run; did you mean"),
+        (["base/tiny", "--metric", "step_time"], "--metric: 'step_time' is not compared run by run; "),
+        (["base/tiny", "--trackers", "ekf"], "base/tiny: nothing to compare: only one tracker"),
+        (["base/tiny", "--fail-on-regression", "position_rmse:5"], "--fail-on-regression: needs two results"),
+        (["base/tiny", "new/tiny", "--junit", "x.xml"], "--junit: says which regressions there are"),
+        (["base/tiny", "new/tiny", "--fail-on-regression", "nees.mean:5"], "--fail-on-regression: neither a larger"),
+        (["base/tiny", "new/tiny", "--fail-on-regression", "x:5"], "--fail-on-regression: 'x' is not compared run"),
+        (["base/tiny", "--out", "folder.md"], "--out: folder.md is a folder; name a file"),
+        (
+            ["base/tiny", "--out", "x.docx"],
+            "--out: x.docx ends in none of .md, .html, .txt, .tex",
+        ),
+        (["base/tiny", "--out", "tiny.yaml/x.md"], "--out: cannot write tiny.yaml/x.md: "),
+    ],
+)
+def test_bad_input_is_one_line(cli: Cli, two: Path, arguments: list[str], message: str) -> None:
+    for folder in ("empty", "folder.md"):
+        (two / folder).mkdir()
+    done = cli("compare", *arguments)
+    assert (done.status, done.out) == (2, "")
+    assert done.err.startswith(message)
+    assert done.err.count("\n") == 1
+    assert not (two / "x.xml").exists()
+
+
+def test_folders_of_several_scenarios(cli: Cli, versions: Path) -> None:
+    done = cli("compare", "base", "new", "--fail-on-regression", "position_rmse:5", "--junit", "junit.xml")
+    assert (done.status, done.err) == (1, "")
+    assert "FAILED: tiny, ekf B, position_rmse: +" in done.out
+    assert "3 of 4 limits kept" in done.out
+    limit = "position_rmse not worse by more than 5 %"
+    assert cases(versions / "junit.xml") == {
+        f"new/other against base/other: ekf {limit}": "passed",
+        f"new/other against base/other: raw {limit}": "passed",
+        f"new/tiny against base/tiny: ekf {limit}": "failure",
+        f"new/tiny against base/tiny: raw {limit}": "passed",
+    }
+
+
+def test_a_comparison_that_was_kept_is_shown_again(cli: Cli, two: Path) -> None:
+    first = cli("compare", "base/tiny", "new/tiny", "--out", "kept.json")
+    assert cli("report", "kept.json").out == first.out
+    assert cli("report", "kept.json", "--format", "html", "--out", "again.html").status == 0
+    assert "<h1>Comparison: tiny</h1>" in (two / "again.html").read_text(encoding="utf-8")
+
+
+def test_a_folder_of_several_scenarios(cli: Cli, versions: Path) -> None:
+    done = cli("compare", "base")
+    assert (done.status, done.err) == (0, "")
+    assert "2 trackers over 2 scenarios. ekf has the best mean rank" in done.out
+    assert "Time of a step" in done.out
+
+
+@pytest.mark.parametrize(
+    ("name", "begins", "beside"),
+    [
+        ("x.md", b"# Comparison", set()),
+        ("x.html", b"<!doctype html>", set()),
+        (
+            "x.tex",
+            b"\\documentclass",
+            {"tables/x/differences-position_rmse.tex", "figures/x/differences-position_rmse.pdf"},
+        ),
+        ("x.csv", b"tracker,against,value", set()),
+        ("x.json", b"{", set()),
+        ("x.svg", b"<svg", set()),
+        ("x.pdf", b"%PDF", set()),
+    ],
+)
+def test_the_ending_of_a_file_is_its_format(cli: Cli, two: Path, name: str, begins: bytes, beside: set[str]) -> None:
+    done = cli("compare", "base/tiny", "new/tiny", "--out", f"made/{name}")
+    folders = ", 1 file in made/tables/x/, 1 file in made/figures/x/" if beside else ""
+    assert (done.status, done.err) == (0, f"made/{name}{folders}\n")
+    assert (two / "made" / name).read_bytes().startswith(begins)
+    made = {path.relative_to(two / "made").as_posix() for path in (two / "made").rglob("*") if path.is_file()}
+    assert made == {name, *beside}
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b'{"schema_version": 1}', b"[" * 100_000, b"\xff\xfe", b"null"])
+def test_a_damaged_result_is_one_line(cli: Cli, two: Path, content: bytes) -> None:
+    (two / "new" / "tiny" / "result.json").write_bytes(content)
+    done = cli("compare", "base/tiny", "new/tiny")
+    assert (done.status, done.out) == (2, "")
+    assert done.err.startswith("new/tiny/result.json: ")
+    assert done.err.count("\n") == 1
+
+
+def test_expectations_and_failed_trackers_of_several_scenarios(cli: Cli, tiny: Path) -> None:
+    text = tiny.read_text(encoding="utf-8")
+    expect = (
+        "expect: [{tracker: ekf, metric: position_rmse, below: 1}, {tracker: ekf, metric: nees.mean, below: 0.1}]\n"
+    )
+    tiny.write_text(text + expect, encoding="utf-8")
+    code = "class T:\n    def step(self, state, scan):\n        raise ValueError('<lost> \\x00\\x1b[1m & gone')\n"
+    (tiny.parent / "breaks.py").write_text(code, encoding="utf-8")
+    broken = text.replace("name: tiny", "name: broken").replace("  raw: {use: raw}", "  mine: {use: 'breaks:T'}")
+    tiny.with_name("broken.yaml").write_text(broken, encoding="utf-8")
+    done = cli("run", ".", "--no-recording", "--junit", "deep/junit.xml")
+    assert done.status == 3
+    assert cases(tiny.parent / "deep" / "junit.xml") == {
+        "broken: mine runs to the end": "error",
+        "broken: ekf runs to the end": "passed",
+        "tiny: raw runs to the end": "passed",
+        "tiny: ekf runs to the end": "passed",
+        "tiny: ekf position_rmse below 1": "passed",
+        "tiny: ekf nees.mean below 0.1": "failure",
+    }
+    message = ET.parse(tiny.parent / "deep" / "junit.xml").findall(".//error")[0].attrib["message"]
+    assert "<lost> " in message
+    assert " & gone" in message
+    assert [path.name for path in (tiny.parent / "deep").iterdir()] == ["junit.xml"]
+
+
+def test_a_junit_file_that_cannot_be_written_stops_before_anything_runs(cli: Cli, tiny: Path) -> None:
+    (tiny.parent / "taken").mkdir()
+    for path, message in (
+        ("taken", "--junit: taken is a folder"),
+        ("tiny.yaml/x", "--junit: cannot write tiny.yaml/x"),
+    ):
+        done = cli("run", tiny, "--no-recording", "--junit", path)
+        assert (done.status, done.out) == (2, "")
+        assert done.err.startswith(message)
+    assert not (tiny.parent / "results" / "tiny").exists()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission(cli: Cli, tiny: Path) -> None:
+    (tiny.parent / "locked").mkdir(mode=0o500)
+    assert cli("run", tiny, "--no-recording", "--junit", "locked/x.xml").status == 2
+
+
+def test_every_outcome_is_valid_junit(tmp_path: Path) -> None:
+    outcomes: tuple[GateOutcome, ...] = ("failed", "error", "undecided")
+    cases = [Case("a", "g"), *(Case(o, "g", o, "why \x07 \ud800 <&>\n\"'") for o in outcomes)]
+    for suites in ([], [Suite("one", [])], [Suite("one", cases), Suite("two", cases)]):
+        file = tmp_path / "junit.xml"
+        file.write_text(to_xml(suites), encoding="utf-8")
+        SCHEMA.validate(file)
+    assert [element.tag for element in ET.parse(file).findall(".//testcase/*")] == ["failure", "error", "skipped"] * 2

@@ -1,0 +1,133 @@
+"""``trackbench report``: every format from what was saved, and the colours of a batch."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trackbench.document.html import to_html
+from trackbench.report.run import run_document
+from trackbench.results import Result
+from trackbench.subjects.doctor.examine import Examination
+from trackbench.subjects.doctor.findings import CheckResult, Finding
+
+Cli = Callable[..., Any]
+
+
+@pytest.fixture
+def two(tmp_path: Path, tiny_result: Result) -> Path:
+    """The saved results of two scenarios."""
+    other = tiny_result.summary.scenario.model_copy(update={"name": "other"})
+    for result in (tiny_result, tiny_result.updated(scenario=other)):
+        result.save(tmp_path / "results" / result.name)
+    return tmp_path / "results"
+
+
+def test_a_tracker_has_one_colour_in_every_page_of_a_batch(cli: Cli, tiny: Path) -> None:
+    text = tiny.read_text(encoding="utf-8").replace("name: tiny", "name: other")
+    first = "  first: {filter: raw}\n" if "{filter: raw}" in text else "  first: {use: raw}\n"
+    tiny.with_name("other.yaml").write_text(text.replace("trackers:\n", f"trackers:\n{first}"), encoding="utf-8")
+    done = cli("run", "tiny.yaml", "other.yaml", "--no-recording", "--quiet")
+    assert done.status == 0, done.err
+    pages = ("tiny/report.html", "other/report.html", "comparison.html")
+    texts = [(tiny.parent / "results" / page).read_text(encoding="utf-8") for page in pages]
+    for tracker in ("raw", "ekf"):
+        colours = {found for text in texts for found in re.findall(rf'--mark: (#\w+)"></span>{tracker}<', text)}
+        assert len(colours) == 1, tracker
+    assert swatch(texts[1], "first") != swatch(texts[1], "raw")
+
+
+def swatch(page: str, tracker: str) -> str:
+    found = re.search(rf'--mark: (#\w+)"></span>{tracker}</label>', page)
+    assert found is not None
+    return found[1]
+
+
+@pytest.mark.parametrize(
+    ("format", "expected"),
+    [
+        ("html", {"report.html"}),
+        ("latex", {"report.tex", "tables/ranking.tex", "figures/map.pdf"}),
+        ("csv", {"tables/ranking.csv"}),
+        ("svg", {"figures/map.svg"}),
+        ("terminal", {"report.txt"}),
+    ],
+)
+def test_formats_of_a_saved_run(cli: Cli, two: Path, tmp_path: Path, format: str, expected: set[str]) -> None:
+    out = tmp_path / "out"
+    done = cli("report", str(two / "tiny"), "--format", format, "--out", str(out))
+    assert (done.status, done.err) == (0, "")
+    written = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
+    assert expected <= written
+    assert done.out.startswith(f"{out}/: ")
+
+
+def test_the_main_file_may_be_named(cli: Cli, two: Path, tmp_path: Path, tiny_result: Result) -> None:
+    alone = tmp_path / "page.html"
+    assert cli("report", str(two / "tiny"), "--format", "html", "--out", str(alone)).status == 0
+    assert alone.read_text(encoding="utf-8") == to_html(run_document(tiny_result))
+
+
+def test_several_runs_are_a_comparison(cli: Cli, two: Path) -> None:
+    shown = cli("report", str(two))
+    assert shown.status == 0
+    assert "Comparison of trackers" in shown.out
+    done = cli("report", str(two), "--format", "csv")
+    assert done.status == 0
+    assert (two / "tables").is_dir()
+
+
+def test_a_run_in_a_terminal(cli: Cli, two: Path) -> None:
+    shown = cli("report", str(two / "tiny")).out
+    assert shown.startswith("tiny\n")
+    assert "Truth and sensors" in shown
+
+
+def examination(folder: Path) -> Examination:
+    finding = Finding("azimuth_not_wrapped", 0.9, "It jumped by 6.28 rad.", "radar", None, "probe")
+    found = Examination("mine", [finding], [CheckResult("wrapping", "Is it wrapped?", False, "no")])
+    folder.mkdir()
+    (folder / "examination.json").write_text(json.dumps(found.json()), encoding="utf-8")
+    return found
+
+
+def test_an_examination(cli: Cli, tmp_path: Path) -> None:
+    found = examination(tmp_path / "examined")
+    assert Examination.load(tmp_path / "examined" / "examination.json").json() == found.json()
+    shown = cli("report", str(tmp_path / "examined")).out
+    assert "It jumped by 6.28 rad." in shown
+    assert "0 of 1 checks passed" in shown
+    done = cli("report", str(tmp_path / "examined"), "--format", "svg")
+    assert done.status == 2
+    assert "nothing to write as svg" in done.err
+
+
+@pytest.mark.parametrize(
+    "content", ["{", "[]", '{"tracker": "x"}', '{"tracker": "x", "findings": [{"fault": "none"}]}']
+)
+def test_a_damaged_examination_is_one_message(cli: Cli, tmp_path: Path, content: str) -> None:
+    examination(tmp_path / "examined")
+    (tmp_path / "examined" / "examination.json").write_text(content, encoding="utf-8")
+    done = cli("report", str(tmp_path / "examined"))
+    assert done.status == 2
+    assert done.err.count("\n") == 1
+    assert "examination.json" in done.err
+
+
+def test_what_is_no_result_is_refused(cli: Cli, tmp_path: Path) -> None:
+    done = cli("report", str(tmp_path / "none"))
+    assert done.status == 2
+    assert "none" in done.err
+    done = cli("report", str(tmp_path))
+    assert done.status == 2
+
+
+def test_a_file_where_a_folder_is_needed(cli: Cli, two: Path) -> None:
+    done = cli("report", str(two / "tiny"), "--format", "csv", "--out", "table.csv")
+    assert done.status == 2
+    assert "name a folder" in done.err

@@ -1,0 +1,598 @@
+"""Which results may be compared, and what their differences are."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from scipy import stats
+
+from trackbench.base.errors import InputError
+from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, groups, load
+from trackbench.compare.comparability import Comparability, comparability
+from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metrics
+from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
+from trackbench.metrics.intervals import paired, ratio, unpaired
+from trackbench.metrics.stored import ROOT_MEAN_SQUARES
+from trackbench.results import Result
+
+Run = Callable[..., Result]
+Keep = Callable[..., ResultSet]
+
+METRICS = compared_metrics([], built_in=True)
+POSITION = METRICS["position_rmse"]
+WORSE_EKF = "trackers.ekf.acceleration_sigma_mps2=30"
+TWIN = (
+    "trackers.twin={filter: ekf, motion: cv, acceleration_sigma_mps2: 3, "
+    "initial: {from: two_readings, least_time_s: 0}}"
+)
+RANDOM = "truth={source: scripted, duration_s: 2, rate_hz: 10, objects: {a: {pieces: [{white: {motion: cv, acceleration_sigma_mps2: 1}}]}}}"  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def keep(run_tiny: Run, tmp_path_factory: pytest.TempPathFactory) -> Keep:
+    """Runs the tiny scenario with other values, saves the result and finds it for a comparison; once for each."""
+    known: dict[tuple[str, ...], ResultSet] = {}
+
+    def call(*overrides: str) -> ResultSet:
+        if overrides not in known:
+            folder = tmp_path_factory.mktemp("runs") / "tiny"
+            run_tiny("monte_carlo.runs=12", *overrides).save(folder, {})
+            known[overrides] = find(folder)
+        return known[overrides]
+
+    return call
+
+
+def how(baseline: ResultSet, later: ResultSet) -> Comparability:
+    return comparability(baseline.entries[0], later.entries[0])
+
+
+def by_tracker(comparison: Comparison) -> dict[str, PairDifference]:
+    return {item.entrant.tracker: item for item in comparison.differences}
+
+
+def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path: Path) -> None:
+    result = run_tiny("monte_carlo.runs=12", TWIN, WORSE_EKF)
+    result.save(tmp_path / "tiny", {})
+    found = compare([find(tmp_path / "tiny" / "result.json")], metrics=list(ROOT_MEAN_SQUARES))
+    stated = {(d.metric, frozenset((d.a, d.b))): d for d in result.summary.differences}
+    assert len(found.differences) == len(stated) == 21
+    for item in found.differences:
+        expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
+        sign = 1 if expected.a == item.entrant.tracker else -1
+        assert item.paired_runs == 12
+        assert item.difference == pytest.approx(sign * expected.value, rel=1e-9)
+        assert expected.ci95 is not None
+        assert sorted(item.ci95 or ()) == pytest.approx(sorted(sign * end for end in expected.ci95), rel=1e-6)
+        assert item.p_value == pytest.approx(expected.p_value, rel=1e-6, abs=1e-12)
+        assert item.margin == pytest.approx(expected.margin)
+        assert (item.verdict in ("better", "worse")) == (expected.better is not None)
+        assert (item.verdict == EQUIVALENT) == (expected.verdict == EQUIVALENT)
+
+
+@pytest.mark.parametrize("metric", sorted(BUILT_IN))
+def test_every_metric_comes_back_from_the_table_of_the_runs(keep: Keep, metric: str) -> None:
+    (entry,) = keep().entries
+    tracker = entry.result.summary.trackers[1]
+    stated = tracker.metrics[metric.removesuffix(".mean")]
+    interval = entry.interval(tracker.name, METRICS[metric])
+    assert interval is not None
+    assert interval.value == pytest.approx(stated.value, rel=1e-9)
+    assert interval.ci95 == pytest.approx(stated.ci95, rel=1e-6)
+
+
+def test_equal_measurements_are_paired_and_what_did_not_change_is_the_same(keep: Keep) -> None:
+    base, later = keep(), keep(WORSE_EKF)
+    found = by_tracker(compare([base, later]))
+    assert found["raw"].identical
+    assert (found["raw"].difference, found["raw"].verdict) == (0.0, EQUIVALENT)
+    assert found["ekf"].verdict == "worse"
+    assert found["ekf"].paired_runs == 12
+    own, other = (item.entries[0].interval("ekf", POSITION) for item in (later, base))
+    assert own is not None
+    assert other is not None
+    assert found["ekf"].ci95 == paired(own, other).ci95
+
+
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [
+        ("monte_carlo.seed=8", "seed 8 here and 7 there"),
+        ("name=other", "name other here and tiny there"),
+    ],
+)
+def test_other_noise_is_compared_unpaired(keep: Keep, setting: str, reason: str) -> None:
+    found = how(keep(), keep(setting))
+    assert (found.shared, found.reason) == (None, reason)
+    for item in compare([keep(), keep(setting)]).differences:
+        own, other = (part.entries[0].interval(item.entrant.tracker, POSITION) for part in (keep(setting), keep()))
+        assert own is not None
+        assert other is not None
+        assert (item.paired_runs, item.ci95) == (None, unpaired(own, other).ci95)
+
+
+def test_runs_of_several_scenes_are_paired_scene_by_scene(keep: Keep) -> None:
+    """A run is the same whatever the number of runs in each scene; the scenes are what is independent."""
+    scenes = "truth.seeds=3"
+    base, longer = keep(scenes, "monte_carlo.runs=4"), keep(scenes, "monte_carlo.runs=6", WORSE_EKF)
+    assert how(base, longer).reason == "over the 12 runs of 18 here and 12 there with equal fingerprints"
+    found = by_tracker(compare([base, longer]))
+    assert found["raw"].identical
+    same_length = by_tracker(compare([base, keep(scenes, "monte_carlo.runs=4", WORSE_EKF)]))["ekf"]
+    assert (found["ekf"].paired_runs, found["ekf"].scenes) == (12, 3)
+    assert found["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
+    own = base.entries[0].interval("ekf", POSITION)
+    assert own is not None
+    assert len(own.influence) == 3
+
+
+def test_more_runs_are_paired_over_those_that_both_have(keep: Keep) -> None:
+    """The run with a number is the same however many there are."""
+    longer = keep("monte_carlo.runs=20", WORSE_EKF)
+    found = compare([keep(), longer], metrics=["position_rmse", "position_over_reference"])
+    (_, later) = found.scenarios[0].results
+    assert later.shared_runs == 12
+    assert later.reason == "over the 12 runs of 20 here and 12 there with equal fingerprints"
+    position = {d.entrant.tracker: d for d in found.differences if d.metric == "position_rmse"}
+    assert position["raw"].identical
+    same_length = by_tracker(compare([keep(), keep(WORSE_EKF)]))["ekf"]
+    assert position["ekf"].ci95 == pytest.approx(same_length.ci95, rel=1e-9)
+    assert {d.paired_runs for d in found.differences if d.metric == "position_over_reference"} == {12}
+
+
+@pytest.mark.parametrize(
+    ("setting", "reason"),
+    [
+        ("truth.seed=3", "another scenario: truth.seed is 3 here and 1 there"),
+        ("truth.duration_s=1", "another scenario: truth.duration_s is 1.0 here and 2.0 there"),
+        ("truth.targets={nearest: 1}", "another scenario: truth.targets.nearest is 1 here and 2 there"),
+        ("sensors.radar.range_sigma_m=0.4", "another scenario: sensors.radar.range_sigma_m is 0.4 here and 0.3 there"),
+        ("sensors.extra={type: lidar, rate_hz: 5, position_sigma_m: 1}", "another scenario: sensors.extra is "),
+        ("score.settle_s=1", "another scenario: score.settle_s is 1.0 here and 0 there"),
+    ],
+)
+def test_results_that_are_not_comparable_are_refused_with_the_reason(keep: Keep, setting: str, reason: str) -> None:
+    base, later = keep(), keep(setting)
+    with pytest.raises(InputError) as caught:
+        compare([base, later])
+    assert str(caught.value).startswith(f"{later.label}: cannot be compared with {base.label}: {reason}")
+
+
+@pytest.mark.parametrize("setting", ["description=other", "score.divergence_m=1", "monte_carlo.runs=12"])
+def test_what_bears_on_no_error_may_differ(keep: Keep, setting: str) -> None:
+    assert how(keep(), keep(setting)).shared is not None
+
+
+def changed(run: ResultSet, folder: Path, **fields: Any) -> Path:
+    """A copy of a run's folder with other fields in its result.json."""
+    shutil.copytree(run.label, folder)
+    file = folder / "result.json"
+    raw = json.loads(file.read_text(encoding="utf-8"))
+    for key, value in fields.items():
+        raw[key] = {**raw[key], **value} if isinstance(value, dict) else value
+    file.write_text(json.dumps(raw), encoding="utf-8")
+    return folder
+
+
+def test_another_motion_of_the_same_scenario_is_refused(keep: Keep, tmp_path: Path) -> None:
+    """As another version of the simulator gives it; equal fingerprints would not excuse it."""
+    base = keep()
+    folder = changed(base, tmp_path / "moved", versions={"highway-env": "0.1"})
+    table = pq.read_table(folder / "truth.parquet")
+    moved = pa.array(np.asarray(table["px_m"]) + 0.01)
+    pq.write_table(table.set_column(table.schema.get_field_index("px_m"), "px_m", moved), folder / "truth.parquet")
+    with pytest.raises(InputError, match=r"the same scenario moved differently \(highway-env 0\.1 here and"):
+        how(base, find(folder))
+
+
+def test_random_motion_may_differ_with_the_seed(keep: Keep) -> None:
+    base = keep(RANDOM)
+    assert how(base, keep(RANDOM, WORSE_EKF)).shared is not None
+    assert how(base, keep(RANDOM, "monte_carlo.seed=8")).reason == "seed 8 here and 7 there"
+
+
+def test_equal_seeds_are_not_taken_for_equal_measurements(keep: Keep, tmp_path: Path) -> None:
+    base = keep()
+    found = how(base, find(changed(base, tmp_path / "run", fingerprints=["0"] * 12, versions={"numpy": "1.0"})))
+    assert found.shared is None
+    assert found.reason.startswith("numpy 1.0 here and ")
+
+
+def test_one_tracker_each_is_compared_whatever_its_name(keep: Keep) -> None:
+    found = compare([keep(TWIN), keep(TWIN, WORSE_EKF)], trackers=["twin"])
+    assert [item.identical for item in found.differences] == [True]
+    first = keep("trackers={old: {filter: ekf, motion: cv, acceleration_sigma_mps2: 3, initial: first_reading}}")
+    second = keep("trackers={new: {filter: ekf, motion: cv, acceleration_sigma_mps2: 30, initial: first_reading}}")
+    (item,) = compare([first, second]).differences
+    assert (item.entrant, item.against) == (Entrant(tracker="new", set=1), Entrant(tracker="old"))
+    assert item.verdict == "worse"
+
+
+def test_trackers_of_one_run_only_are_named(keep: Keep) -> None:
+    found = compare([keep(), keep(TWIN)])
+    assert {item.entrant.tracker for item in found.differences} == {"raw", "ekf"}
+    assert found.notes == [f"in {keep(TWIN).label} alone, so not compared: twin"]
+    lonely = keep("trackers={other: {use: raw}}")
+    with pytest.raises(InputError, match="nothing to compare: no tracker of the same name"):
+        compare([keep(), lonely])
+
+
+def test_p_values_are_corrected_for_all_differences_of_a_metric(keep: Keep) -> None:
+    one = compare([keep(), keep(WORSE_EKF)], trackers=["ekf"])
+    two = compare([keep(), keep(WORSE_EKF)])
+    assert two.differences[0].p_value == pytest.approx(2 * one.differences[0].p_value)
+
+
+def test_one_run_shows_no_difference(keep: Keep) -> None:
+    found = compare([keep("monte_carlo.runs=1")])
+    assert [(item.ci95, item.verdict) for item in found.differences] == [(None, UNDECIDED)]
+    assert "one run is compared by nothing but its values" in found.notes
+
+
+def test_a_metric_of_which_neither_is_better_is_larger_or_smaller(keep: Keep) -> None:
+    sets = [keep(), keep("trackers.ekf.acceleration_sigma_mps2=0.01")]
+    for order, verdict in ((sets, "larger"), (sets[::-1], "smaller")):
+        (item,) = compare(order, metrics=["nees.mean"], trackers=["ekf"]).differences
+        assert (item.difference > 0, item.verdict) == (verdict == "larger", verdict)
+
+
+def test_welch_agrees_with_scipy() -> None:
+    random = np.random.default_rng(5)
+    a, b = random.normal(1.0, 0.3, size=30), random.normal(1.2, 1.0, size=12)
+    expected = stats.ttest_ind(a, b, equal_var=False)
+    found = unpaired(ratio(a, np.ones(30)), ratio(b, np.ones(12)))
+    assert found.p_value == pytest.approx(expected.pvalue, rel=1e-6)
+    assert found.ci95 == pytest.approx(tuple(expected.confidence_interval()), rel=1e-6)
+    assert unpaired(ratio(a[:1], np.ones(1)), ratio(b, np.ones(12)))[1:3] == (None, 1.0)
+
+
+def test_rounding_is_no_difference() -> None:
+    a = ratio(np.array([1.0, 2.0, 3.0]), np.ones(3))
+    b = a._replace(value=a.value + 1e-13, influence=a.influence + np.array([1e-17, -1e-17, 0.0]))
+    assert paired(a, b).p_value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"trackers": 3}, "result.json: not the result of a run: trackers: "),
+        ({"scenario": {"text": 3}}, "result.json: not the result of a run: scenario.text: "),
+        ({"runs": 0}, "result.json: not the result of a run: runs: "),
+        ({"runs": 11}, "runs.parquet does not hold the 11 runs of"),
+        ({"ranking": ["raw"]}, "not the result of a run: ranking does not name its trackers"),
+        ({"schema_version": 1}, "schema_version is not 3: this result is of another version"),
+    ],
+)
+def test_a_foreign_result_is_refused_in_one_line(
+    keep: Keep, tmp_path: Path, change: dict[str, Any], message: str
+) -> None:
+    folder = changed(keep(), tmp_path / "run", **change)
+    with pytest.raises(InputError) as caught:
+        compare([find(folder)])
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scenario_that_is_none_is_refused(keep: Keep, tmp_path: Path) -> None:
+    folder = changed(keep(), tmp_path / "run", scenario={"text": "a: 1"})
+    with pytest.raises(InputError, match="its scenario is not one that this version reads: "):
+        compare([keep(), find(folder)])
+
+
+def test_a_table_of_another_run_is_noticed(keep: Keep, tmp_path: Path) -> None:
+    folder = changed(keep(), tmp_path / "run")
+    other = Path(keep(WORSE_EKF).label) / "runs.parquet"
+    (folder / "runs.parquet").write_bytes(other.read_bytes())
+    with pytest.raises(InputError, match="they are not of the same run"):
+        compare([find(folder)])
+
+
+@pytest.mark.parametrize("name", ["runs", "truth"])
+def test_a_missing_or_damaged_table_is_told(keep: Keep, tmp_path: Path, name: str) -> None:
+    folder = changed(keep(), tmp_path / "run")
+    (folder / f"{name}.parquet").write_bytes(b"PAR1")
+    with pytest.raises(InputError, match=rf"{name}\.parquet: not a readable table"):
+        compare([keep(), find(folder)])
+    (folder / f"{name}.parquet").unlink()
+    with pytest.raises(InputError, match=rf"no {name}\.parquet beside result\.json"):
+        compare([keep(), find(folder)])
+
+
+def judged(sets: list[ResultSet], percent: float, trackers: list[str] | None = None) -> dict[str, str]:
+    found = compare(sets, trackers=trackers, limits=[Limit("position_rmse", percent)])
+    return {item.entrant.tracker: item.outcome for item in found.gates}
+
+
+def test_a_regression_fails_when_it_is_real_and_more_than_allowed(keep: Keep) -> None:
+    sets = [keep(), keep(WORSE_EKF)]
+    (item,) = compare(sets, trackers=["ekf"]).differences
+    assert item.percent is not None
+    assert item.ci95 is not None
+    assert judged(sets, item.percent - 1) == {"ekf": "failed", "raw": "passed"}
+    reach = 100 * item.ci95[1] / item.reference
+    assert judged(sets, (item.percent + reach) / 2)["ekf"] == "undecided"
+    assert judged(sets, reach + 1)["ekf"] == "passed"
+    assert judged(sets[::-1], 0) == {"ekf": "passed", "raw": "passed"}
+
+
+def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monkeypatch: pytest.MonkeyPatch) -> None:
+    def larger(own: object, *, built_in: bool) -> dict[str, ComparedMetric]:
+        return {path: replace(metric, better="larger") for path, metric in METRICS.items()}
+
+    monkeypatch.setattr(groups, "compared_metrics", larger)
+    sets = [keep(), keep(WORSE_EKF)]
+    assert judged(sets, 0)["ekf"] == "passed"
+    assert judged(sets[::-1], 0)["ekf"] == "failed"
+
+
+def test_chance_does_not_fail_a_build_but_is_told(keep: Keep) -> None:
+    """Other noise and few runs: a difference of a few percent that is none."""
+    found = judged([keep(), keep("monte_carlo.seed=8")], 0)
+    assert "failed" not in found.values()
+    assert "undecided" in found.values()
+
+
+def test_a_tracker_that_fails_now_is_an_error(keep: Keep) -> None:
+    broken = keep("trackers.ekf={use: 'math:pi'}")
+    assert broken.entries[0].failure("ekf")
+    assert judged([keep(), broken], 5) == {"raw": "passed", "ekf": "error"}
+    assert judged([broken, keep()], 5) == {"raw": "passed", "ekf": "undecided"}
+
+
+def test_no_regression_passes_unseen(keep: Keep) -> None:
+    cases = {
+        "needs two results": ([keep()], None),
+        "a single run gives no interval": ([keep("monte_carlo.runs=1"), keep("monte_carlo.runs=1")], None),
+        "no tracker 'twin', which the baseline has": ([keep(TWIN), keep()], None),
+    }
+    for message, (sets, trackers) in cases.items():
+        with pytest.raises(InputError, match=message):
+            judged(sets, 5, trackers)
+    assert judged([keep(TWIN), keep()], 5, ["ekf", "raw"]) == {"ekf": "passed", "raw": "passed"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "position_rmse",
+        "position_rmse:",
+        "position_rmse:-1",
+        "position_rmse:nan",
+    ],
+)
+def test_limits_that_are_none(text: str) -> None:
+    with pytest.raises(InputError, match="--fail-on-regression"):
+        Limit.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("metric", "message"),
+    [
+        ("x", "'x' is not compared run by run; "),
+        ("nis.radar", "'nis.radar' is not compared run by run; "),
+        ("nees.mean", "neither a larger nor a smaller nees.mean is better"),
+    ],
+)
+def test_metrics_that_have_no_limit(keep: Keep, metric: str, message: str) -> None:
+    with pytest.raises(InputError, match=f"--fail-on-regression: {message}"):
+        compare([keep(), keep(WORSE_EKF)], limits=[Limit(metric, 5)])
+
+
+def test_limits() -> None:
+    assert Limit.parse("rmse.px:2.5") == Limit.parse("rmse.px:2.5%") == Limit("rmse.px", 2.5)
+    assert Limit.parse("position_over_reference:1").metric == "position_over_reference"
+
+
+@pytest.fixture(scope="module")
+def versions(keep: Keep, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The folders of two versions, each with the results of two scenarios; the later one has a worse EKF."""
+    found = []
+    for label, settings in (("before", ()), ("after", (WORSE_EKF,))):
+        folder = tmp_path_factory.mktemp("versions") / label
+        for name in ("tiny", "other"):
+            shutil.copytree(keep(f"name={name}", *settings).label, folder / name)
+        found.append(folder)
+    return found[0], found[1]
+
+
+def test_folders_of_several_scenarios_are_compared_by_scenario_and_overall(versions: tuple[Path, Path]) -> None:
+    found = compare([find(path) for path in versions], limits=[Limit("position_rmse", 5)])
+    assert [scenario.name for scenario in found.scenarios] == ["other", "tiny"]
+    assert {result.shared_runs for scenario in found.scenarios for result in scenario.results[1:]} == {12}
+    assert {(d.scenario, d.entrant.tracker): d.verdict for d in found.differences} == {
+        (scenario, tracker): verdict
+        for scenario in ("tiny", "other")
+        for tracker, verdict in (("ekf", "worse"), ("raw", EQUIVALENT))
+    }
+    overall = {item.entrant.tracker: item for item in found.overall}
+    assert overall["ekf"].verdicts == {"worse": 2}
+    ratios = [d.value / d.reference for d in found.differences if d.entrant.tracker == "ekf"]
+    assert overall["ekf"].mean_percent == pytest.approx(100 * (np.sqrt(np.prod(ratios)) - 1))
+    assert overall["raw"].mean_percent == pytest.approx(0)
+    assert [(item.scenario, item.outcome) for item in found.gates if item.entrant.tracker == "ekf"] == [
+        ("other", "failed"),
+        ("tiny", "failed"),
+    ]
+    # One question is asked of all scenarios, so all their differences are one family.
+    alone = compare([find(path / "tiny") for path in versions], trackers=["ekf"]).differences[0]
+    (both,) = [d for d in found.differences if d.scenario == "tiny" and d.entrant.tracker == "ekf"]
+    assert both.p_value >= 3 * alone.p_value
+
+
+def test_a_scenario_of_one_folder_only_is_told_and_not_passed(versions: tuple[Path, Path], tmp_path: Path) -> None:
+    shutil.copytree(versions[1] / "tiny", tmp_path / "tiny")
+    sets = [find(versions[0]), find(tmp_path)]
+    found = compare(sets)
+    assert [scenario.name for scenario in found.scenarios] == ["tiny"]
+    assert f"in {versions[0]} alone, so not compared: scenario other" in found.notes
+    with pytest.raises(InputError, match="no result of the scenario 'other', which the baseline has"):
+        compare(sets, limits=[Limit("position_rmse", 5)])
+
+
+def test_a_folder_of_several_scenarios_ranks_its_trackers(versions: tuple[Path, Path]) -> None:
+    found = compare([find(versions[0])])
+    assert [(item.tracker, item.mean_rank, item.won) for item in found.ranking] == [("ekf", 1, 2), ("raw", 2, 0)]
+    assert len(found.differences) == 2
+    assert len(found.scenarios) == 2
+
+
+def test_results_of_python_are_compared_like_folders(run_tiny: Run, keep: Keep) -> None:
+    base, later = run_tiny("monte_carlo.runs=12"), run_tiny("monte_carlo.runs=12", WORSE_EKF)
+    of_folders = compare([keep(), keep(WORSE_EKF)])
+    assert compare([base, later]).differences == of_folders.differences
+    named = [run_tiny("monte_carlo.runs=12", f"name={name}") for name in ("one", "two")]
+    assert [item.tracker for item in compare([named]).ranking] == ["ekf", "raw"]
+
+
+def test_two_results_of_one_scenario_in_a_folder(keep: Keep, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        shutil.copytree(keep().label, tmp_path / name)
+    with pytest.raises(InputError, match=f"two results of the scenario 'tiny', here and in {tmp_path}/a"):
+        find(tmp_path)
+
+
+PLUGINS = """
+import numpy as np
+from trackbench.metrics import OwnMetric, ratio
+
+class Within(OwnMetric):
+    name, unit, meaning, better = "within", "1", "share of the estimates that are near the truth", "larger"
+    limit_m: float = 0.5
+    def init(self, scope):
+        return np.zeros((2, scope.runs))
+    def update(self, sums, chunk):
+        near = np.hypot(chunk.error[0], chunk.error[1]) < self.limit_m
+        return sums + [chunk.by_run(1.0), chunk.by_run(near)]
+    def merge(self, blocks):
+        return np.concatenate(blocks, axis=1)
+    def finish(self, sums):
+        return ratio(sums[1], sums[0])
+"""
+
+
+@pytest.fixture(scope="module")
+def with_metric(
+    run_tiny: Run, write_module: Callable[[Path, str], str], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[float], ResultSet]:
+    """A saved result with a metric of a module that is only beside the scenario, and an expectation of it."""
+    code = tmp_path_factory.mktemp("code")
+    module = write_module(code, PLUGINS)
+
+    def call(limit: float) -> ResultSet:
+        metric = f"score.metrics=[{{use: '{module}:Within', options: {{limit_m: {limit}}}}}]"
+        result = run_tiny(metric, "expect=[{tracker: ekf, metric: within, above: 0}]", folder=code)
+        folder = tmp_path_factory.mktemp("kept") / "tiny"
+        result.save(folder, {})
+        return find(folder)
+
+    return call
+
+
+def test_plugins_of_metrics_are_not_needed_to_compare(
+    with_metric: Callable[[float], ResultSet], trackbench: str, tmp_path: Path
+) -> None:
+    folders = [with_metric(0.5).label, with_metric(0.5).label]
+    done = subprocess.run(
+        [trackbench, "compare", *folders, "--metric", "within"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "within" in done.stdout
+
+
+def test_a_plugin_of_the_truth_must_be_there(run_tiny: Run) -> None:
+    result = run_tiny()
+    scenario = result.summary.scenario
+    gone = scenario.model_copy(update={"overrides": ["sensors.radar.type=not_here:Radar"]})
+    later = result.updated(scenario=gone)
+    with pytest.raises(InputError) as caught:
+        compare([result, later])
+    assert str(caught.value).startswith(
+        "results 2: sensors.radar.type: a plug-in of its truth and sensors must be importable here: "
+        "cannot import 'not_here:Radar': no module named 'not_here'"
+    )
+
+
+def test_a_metric_with_other_options_is_another_metric(with_metric: Callable[[float], ResultSet]) -> None:
+    base, later = with_metric(0.5), with_metric(0.1)
+    assert compare([base, later]).differences
+    with pytest.raises(InputError, match=r"another metric within: limit_m is 0\.1 here and 0\.5 there$"):
+        compare([base, later], metrics=["within"])
+
+
+def test_two_results_of_one_scenario_in_a_list(run_tiny: Run) -> None:
+    twice = [run_tiny(), run_tiny(WORSE_EKF)]
+    with pytest.raises(InputError, match=r"^results 1: two results of the scenario 'tiny' in one list; give each"):
+        compare([twice])
+
+
+def test_a_comparison_is_kept_and_loaded(keep: Keep, versions: tuple[Path, Path], tmp_path: Path) -> None:
+    for sets in (
+        [keep("monte_carlo.runs=1"), keep("monte_carlo.runs=1", WORSE_EKF)],
+        [find(versions[0])],
+        [find(path) for path in versions],
+    ):
+        found = compare(sets)
+        file = tmp_path / "comparison.json"
+        file.write_text(json.dumps(found.json(), allow_nan=False), encoding="utf-8")
+        assert load(file).json() == found.json()
+    assert "step_time" not in file.read_text(encoding="utf-8")
+    assert found.scores[0].value("step_time") is not None
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"schema_version": 1}', '{"schema_version": 3}', "[" * 100_000])
+def test_what_is_no_comparison_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "comparison.json"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load(file)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_pair_is_there_once(keep: Keep) -> None:
+    found = compare([keep(TWIN)])
+    pairs = [frozenset((d.entrant.tracker, d.against.tracker)) for d in found.differences]
+    assert sorted(map(sorted, pairs)) == sorted(map(sorted, combinations(("ekf", "raw", "twin"), 2)))
+
+
+def test_estimates_that_are_missing_fail_a_gate(keep: Keep, tmp_path: Path) -> None:
+    """However small the errors of those that are left."""
+    base = keep()
+    trackers = [dict(entry) for entry in base.entries[0].result.json()["trackers"]]
+    stated = {entry["name"]: entry["metrics"]["coverage"]["value"] for entry in trackers}
+    for entry in trackers:
+        entry["metrics"] = {**entry["metrics"], "coverage": {"value": stated[entry["name"]] - 0.05, "unit": "1"}}
+    later = find(changed(base, tmp_path / "silent", trackers=trackers, score={"min_coverage": 0.5}))
+    found = compare([base, later], limits=[Limit("position_rmse", 5.0)])
+    assert {item.outcome for item in found.gates} == {"failed"}
+    assert all("5 % of the estimates that the baseline has are missing" in item.text for item in found.gates)
+
+
+def test_a_tracker_with_fewer_estimates_is_not_called_better_and_it_is_said_why(keep: Keep, tmp_path: Path) -> None:
+    base = keep()
+    best, rest = compare([base]).differences[0], base.entries[0].result.json()["trackers"]
+    name, other = best.entrant.tracker, best.against.tracker
+    assert best.verdict == "better"
+    for entry in rest:
+        if entry["name"] in (name, other):
+            coverage = {"value": 0.95 if entry["name"] == name else 1.0, "unit": "1"}
+            entry["metrics"] = {**entry["metrics"], "coverage": coverage}
+    found = compare([find(changed(base, tmp_path / "silent", trackers=rest))])
+    (item,) = found.differences
+    assert item.verdict == "smaller"
+    assert item.difference == best.difference
+    (note,) = found.notes
+    assert note.startswith(f"{name} gave 95 % of its estimates in tiny, {other} 100 %")
+    assert note.endswith("; the one that gave fewer has better values, but is not called better")

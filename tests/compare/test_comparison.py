@@ -1,0 +1,309 @@
+"""The comparison of trackers over scenarios, and its pages."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from matplotlib.figure import Figure
+
+from trackbench.compare import Comparison, compare, results_in
+from trackbench.document.html import to_html
+from trackbench.document.markdown import to_markdown
+from trackbench.document.palette import tracker_colours
+from trackbench.report.comparison import batch_files, comparison_files, document
+from trackbench.report.comparison.rank_figure import rank_figure
+from trackbench.results import SCHEMA_VERSION, Result
+
+RUNS = 20
+COLOURS = tracker_colours(["good", "fair", "poor", "mine"])
+REASON = "ValueError: matrix <3> is singular"
+
+
+def metrics(rmse: float) -> dict[str, Any]:
+    return {
+        "position_rmse": {"value": rmse, "unit": "m", "ci95": [rmse - 0.01, rmse + 0.01]},
+        "velocity_rmse": {"value": 2 * rmse, "unit": "m/s", "ci95": [2 * rmse - 0.1, 2 * rmse + 0.1]},
+        "position_over_reference": {"value": rmse / 0.5, "unit": "1", "ci95": None},
+        "nees": {"mean": 4.1, "unit": "1", "dof": 4, "ci95": [3.9, 4.3], "verdict": "consistent"},
+        "coverage": {"value": 1.0, "unit": "1"},
+        "step_time": {"value": 1.23, "unit": "us"},
+    }
+
+
+def failed_tracker() -> dict[str, Any]:
+    place = {"step": 12, "time_s": 0.6, "sensor": "roof_lidar", "run": 0, "object": "v1"}
+    nothing = {"value": None, "unit": "m", "reason": "the tracker failed"}
+    return {
+        "name": "mine",
+        "describe": "mypkg:Mine",
+        "failed": {"cause": REASON, **place},
+        "metrics": {"position_rmse": nothing},
+        "health": {},
+    }
+
+
+def runs_table(rmse: dict[str, float], tied: tuple[str, ...]) -> pa.Table:
+    """Errors in each run whose root mean square is as given: those that are tied with another vary on their own."""
+    common = np.resize([1.0, -1.0], RUNS)
+    own = np.resize([1.0, 1.0, -1.0, -1.0], RUNS)
+    squares = {name: value**2 * (1 + (0.8 * own if name in tied else 0.1 * common)) for name, value in rmse.items()}
+    return pa.table(
+        {
+            "tracker": np.repeat(list(rmse), RUNS),
+            "run": np.tile(np.arange(RUNS, dtype=float), len(rmse)),
+            "scene": np.zeros(RUNS * len(rmse)),
+            "count": np.full(RUNS * len(rmse), 10.0),
+            "position_rmse_m": np.sqrt(np.concatenate(list(squares.values()))),
+        }
+    )
+
+
+def scenario(name: str, rmse: dict[str, float], tied: tuple[str, ...] = (), failed: bool = False) -> Result:
+    """A result with the given errors."""
+    entries = [
+        {"name": who, "describe": who, "failed": None, "metrics": metrics(value), "health": {"diverged_runs": 0}}
+        for who, value in rmse.items()
+    ]
+    stated = {"tracker": "good", "metric": "position_rmse", "operator": "below", "limit": 1.0, "value": 0.5}
+    summary = {
+        "schema_version": SCHEMA_VERSION,
+        "scenario": {"name": name, "description": f"the {name} one", "file": "x", "text": "", "overrides": []},
+        "seed": 7,
+        "runs": RUNS,
+        "versions": {},
+        "command": "",
+        "fingerprints": [f"{name} {run}" for run in range(RUNS)],
+        "truth": {
+            "source": "scripted",
+            "objects": ["a"],
+            "steps": 1,
+            "dt": 0.1,
+            "duration_s": 1.0,
+            "audit": {},
+            "cached": False,
+        },
+        "sensors": {},
+        "reference": {
+            "kind": "reference",
+            "motion": "cv",
+            "acceleration_sigma_mps2": 1.0,
+            "acceleration_from": "truth",
+            "acceleration_changes": "each measurement",
+            "velocity_sigma_mps": 20.0,
+        },
+        "score": {
+            "settle_s": 0.0,
+            "divergence_m": 10.0,
+            "lost_after_s": 5.0,
+            "min_coverage": 0.9,
+            "common_share": 1.0,
+            "from_s": 0.0,
+            "to_s": 1.0,
+            "margin": {"percent": 1.0, "position_m": 0.005, "velocity_mps": 0.02, "course_deg": 0.05},
+        },
+        "recorded_run": 0,
+        "trackers": [*entries, *([failed_tracker()] if failed else [])],
+        "ranking": [*sorted(rmse, key=rmse.__getitem__), *(["mine"] if failed else [])],
+        "differences": [],
+        "expectations": [{**stated, "passed": True, "text": "one"}, {**stated, "passed": False, "text": "other"}],
+        "passed": False,
+        "artifacts": {},
+    }
+    return Result.from_json(summary, {"runs": runs_table(rmse, tied)})
+
+
+@pytest.fixture(scope="module")
+def compared() -> Comparison:
+    results = [
+        scenario("first", {"good": 0.5, "fair": 0.6, "poor": 2.0}),
+        scenario("second", {"good": 0.5, "fair": 0.51, "poor": 1.5}, tied=("fair",)),
+        scenario("third", {"good": 0.7, "fair": 0.6, "poor": 1.0}, failed=True),
+        scenario("fourth", {"good": 0.4, "poor": 0.9}),
+    ]
+    return compare([results])
+
+
+def markdown(comparison: Comparison) -> str:
+    return to_markdown(document(comparison), figures="figures")
+
+
+def test_ranking(compared: Comparison) -> None:
+    assert [item.tracker for item in compared.ranking] == ["good", "fair", "poor", "mine"]
+    good, fair, poor, mine = compared.ranking
+    # A field of four: places 1 and 2 of 3 are ranks 1 and 2.5, the last of 2 is rank 4; a tie shares its two.
+    assert good.mean_rank == pytest.approx((1 + 1.75 + 2 + 1) / 4)
+    assert fair.mean_rank == pytest.approx((2.5 + 1.75 + 1) / 3)
+    assert poor.mean_rank == pytest.approx((4 + 4 + 3 + 4) / 4)
+    assert mine.mean_rank == 4
+    assert [item.scenarios for item in compared.ranking] == [4, 3, 4, 1]
+
+
+def test_real_wins_and_losses(compared: Comparison) -> None:
+    good, fair, poor, mine = compared.ranking
+    assert (good.won, good.lost, good.tied) == (2 + 1 + 2 + 1, 1, 1)
+    assert (fair.won, fair.lost, fair.tied) == (1 + 1 + 3, 1, 1)
+    assert (poor.won, poor.lost, poor.tied) == (1, 2 + 2 + 2 + 1, 0)
+    assert (mine.won, mine.lost, mine.tied, mine.failed_scenarios) == (0, 3, 0, 1)
+    assert sum(item.won for item in compared.ranking) == sum(item.lost for item in compared.ranking)
+    assert [(item.consistent_scenarios, item.judged_scenarios) for item in (good, mine)] == [(4, 4), (0, 0)]
+
+
+def test_ties_share_their_ranks_in_a_scenario(compared: Comparison) -> None:
+    ranks = {(score.scenario, score.entrant.tracker): score.rank for score in compared.scores}
+    assert [ranks["first", name] for name in ("good", "fair", "poor")] == [1, 2, 3]
+    assert [ranks["second", name] for name in ("good", "fair", "poor")] == [1.5, 1.5, 3]
+    assert [ranks["third", name] for name in ("good", "fair", "poor", "mine")] == [2, 1, 3, None]
+
+
+def test_few_scenarios_claim_nothing(compared: Comparison) -> None:
+    for item in compared.ranking[:3]:
+        assert item.ci95 is not None
+        assert 1 <= item.ci95[0] <= item.mean_rank <= item.ci95[1] <= 4
+    assert compared.ranking[3].ci95 is None
+    assert not any(item.shown for item in compared.rank_differences)
+    assert "Too few scenarios for a claim: with 4 trackers it takes 8." in markdown(compared)
+
+
+@pytest.mark.parametrize(
+    ("scenarios", "claim"),
+    [
+        (3, "Too few scenarios for a claim: with 2 trackers it takes 6."),
+        (5, "Too few scenarios for a claim: with 2 trackers it takes 6."),
+        (6, "That lead is shown (p = 0.031)."),
+    ],
+)
+def test_a_leader_everywhere_is_shown_from_enough_scenarios(scenarios: int, claim: str) -> None:
+    found = compare([[scenario(f"s{i}", {"good": 0.5, "poor": 0.9}) for i in range(scenarios)]])
+    (pair,) = found.rank_differences
+    assert (pair.a, pair.b, pair.p_value) == ("good", "poor", 2.0 ** (1 - scenarios))
+    assert found.ranking[0].ci95 is None
+    assert claim in markdown(found)
+
+
+def test_equal_trackers_have_no_lead() -> None:
+    found = compare([[scenario(f"s{i}", {"good": 0.5, "fair": 0.501}) for i in range(8)]])
+    assert [item.mean_rank for item in found.ranking] == [1.5, 1.5]
+    assert "fair and good share the best mean rank, 1.50." in markdown(found)
+
+
+def test_the_diagram_joins_what_is_not_shown_to_differ() -> None:
+    rmse = {"good": 0.5, "fair": 0.502, "poor": 0.9}
+    found = compare([[scenario(f"s{i}", rmse) for i in range(10)]])
+    assert {(item.a, item.b): item.shown for item in found.rank_differences} == {
+        ("fair", "good"): False,
+        ("fair", "poor"): True,
+        ("good", "poor"): True,
+    }
+    assert rank_figure(found, COLOURS).alternative.endswith("Not shown to differ: fair and good")
+
+
+def test_one_scenario_claims_no_certainty() -> None:
+    found = compare([scenario("only", {"good": 0.5, "poor": 0.9})])
+    assert found.ranking[0].ci95 is None
+    assert found.rank_differences == []
+    assert "lead" not in markdown(found)
+    assert "good | poor | 0.500 |" in markdown(found).replace("**", "")
+
+
+def test_markdown(compared: Comparison) -> None:
+    text = markdown(compared)
+    assert "| first | **0.500** (±0.010) | 0.600 (±0.010) | 2.000 (±0.010) |  |" in text
+    assert "| second | **0.500** (±0.010) | **0.510** (±0.010) | 1.500 (±0.010) |  |" in text
+    assert "| third | 0.700 (±0.010) | **0.600** (±0.010) | 1.000 (±0.010) | failed |" in text
+    assert "| fourth | **0.400** (±0.010) |  | 0.900 (±0.010) |  |" in text
+    assert "| first | 1.00 (±0.10) | 1.20 (±0.10) | 4.00 (±0.10) |  |" in text
+    assert "- **mine**: in third: ValueError: matrix \\<3\\> is singular (step 12, 0.60 s, sensor roof_lidar" in text
+    assert "1 of 2 met" in text
+    assert "](figures/ranks.svg)" in text
+    assert "](figures/over-reference.svg)" in text
+
+
+def test_html_holds_what_the_markdown_does(compared: Comparison) -> None:
+    text = to_html(document(compared, times=True))
+    assert "good has the best mean rank" in text
+    assert "Too few scenarios for a claim" in text
+    assert "ValueError: matrix &lt;3&gt; is singular" in text
+    assert text.count("<figure") == text.count("<figcaption") == 2
+    assert re.search(r'<td data-label="fair" class=" strong">0.510<small>±0.010</small></td>', text)
+    assert "://" not in text
+    assert to_html(document(compared, times=True)) == text
+
+
+def made(comparison: Comparison, folder: Path) -> dict[str, str]:
+    """The files of a batch, by their paths."""
+    found = batch_files(comparison, folder, COLOURS)
+    return {path.relative_to(folder).as_posix(): content.decode() for path, content in found}
+
+
+def test_times_are_in_the_page_and_not_in_what_is_kept(compared: Comparison, tmp_path: Path) -> None:
+    found = made(compared, tmp_path)
+    assert set(found) == {
+        *(f"comparison.{ending}" for ending in ("html", "md", "json")),
+        *(f"figures/{name}.svg" for name in ("ranks", "over-reference")),
+    }
+    assert [name for name, content in found.items() if "1.23" in content] == ["comparison.html"]
+    assert found == made(compared, tmp_path)
+
+
+def test_a_tracker_keeps_the_colour_that_it_is_given(compared: Comparison) -> None:
+    page = to_html(document(compared, {**COLOURS, "good": "#123456"}))
+    assert page.count("#123456") > 2
+    assert tracker_colours(["good"])["good"] not in to_html(document(compared, dict.fromkeys(COLOURS, "#123456")))
+
+
+def test_the_page_links_to_the_reports(tmp_path: Path) -> None:
+    results = [scenario(name, {"good": 0.5, "poor": 0.9}) for name in ("one", "two")]
+    (tmp_path / "one").mkdir()
+    (tmp_path / "one" / "report.html").touch()
+    found = made(compare([results_in(tmp_path, results)]), tmp_path)
+    assert '<a href="one/report.html">one</a>' in found["comparison.html"]
+    assert "two/report.html" not in found["comparison.html"]
+    assert "report.html" not in found["comparison.md"]
+
+
+def test_one_tracker_that_is_much_worse_does_not_bleach_the_others() -> None:
+    def colours(worst: float) -> list[str]:
+        rmse = {"good": 0.5, "fair": 0.6, "poor": worst}
+        comparison = compare([[scenario(f"s{i}", rmse) for i in range(2)]])
+        (figure,) = [figure for figure in document(comparison).figures if figure.name == "over-reference"]
+        canvas = Figure()
+        figure.paint(canvas)
+        return [str(patch.get_facecolor()) for patch in canvas.axes[0].patches]
+
+    assert colours(5.0) == colours(500.0)
+    assert len(set(colours(500.0))) == 3
+
+
+def test_json(compared: Comparison) -> None:
+    found = json.loads(json.dumps(compared.json(), allow_nan=False))
+    scores = {(score["scenario"], score["entrant"]["tracker"]): score for score in found["scores"]}
+    assert scores["first", "fair"]["metrics"]["position_rmse"]["value"] == 0.6
+    assert scores["second", "fair"]["leading"] is True
+    assert scores["third", "mine"]["metrics"] == {}
+    assert scores["third", "mine"]["failure"].startswith(REASON)
+    assert [item["tracker"] for item in found["ranking"]] == ["good", "fair", "poor", "mine"]
+
+
+def test_figures_are_images_of_their_own(compared: Comparison, tmp_path: Path) -> None:
+    made = {path.name: content.decode() for path, content in comparison_files(compared, tmp_path / "x.svg")}
+    assert set(made) == {"x-ranks.svg", "x-over-reference.svg"}
+    for text in made.values():
+        root = ElementTree.fromstring(text)
+        assert root.tag == "{http://www.w3.org/2000/svg}svg"
+        assert root.attrib["aria-label"]
+        assert "currentColor" not in text
+        assert "var(" not in text
+
+
+def test_a_failed_tracker_is_not_compared_and_that_is_told() -> None:
+    found = compare([scenario("third", {"good": 0.7, "fair": 0.6}, failed=True)])
+    text = markdown(found)
+    assert f"position_rmse not compared**: mine in results 1: {REASON}".replace("<", "\\<").replace(">", "\\>") in text
+    assert len(found.not_compared) == 2

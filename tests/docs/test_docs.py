@@ -1,0 +1,136 @@
+"""The pages with commands, above all that on trackers of one's own, do what they say."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from tests.support.places import DOCS
+
+from trackbench.base.types import Scan
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.trackers import answers
+from trackbench.trackers.published import create
+
+PAGE = DOCS / "own-tracker.md"
+EXAMPLES = DOCS / "examples"
+
+Fenced = Callable[[Path], list[Any]]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The reader's own folder."""
+    shutil.copy(EXAMPLES / "alpha_beta.yaml", tmp_path)
+    return tmp_path
+
+
+@pytest.mark.docs_pages
+def test_the_page_runs_as_printed(folder: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(PAGE, folder) >= 3
+    assert (folder / "results" / "alpha_beta" / "report.html").exists()
+
+
+@pytest.mark.docs_pages
+def test_the_tour_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
+    assert run_page(DOCS / "tour.md", tmp_path) >= 12
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_comparing_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    shutil.copytree(DOCS.parent / "scenarios", tmp_path / "scenarios")
+    assert run_page(DOCS / "compare.md", tmp_path) >= 7
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_tuning_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "tune.md", tmp_path) == 4
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_where_the_work_runs_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "execution.md", tmp_path) >= 8
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_recordings_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    (tmp_path / "scenarios").mkdir()
+    shutil.copy(DOCS.parent / "scenarios" / "highway.yaml", tmp_path / "scenarios")
+    assert run_page(DOCS / "reading-a-recording.md", tmp_path) >= 6
+
+
+def test_the_page_on_plug_ins_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "plug-ins.md", tmp_path) >= 6
+
+
+def test_the_page_shows_the_files(fenced: Fenced) -> None:
+    shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
+    assert shown == {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES.glob("alpha_beta*.py")}
+    for block in fenced(PAGE):
+        if block.note.startswith("part of: "):
+            assert block.text in (EXAMPLES / block.note.removeprefix("part of: ")).read_text(encoding="utf-8")
+
+
+def test_the_example_is_short_and_needs_nothing_of_trackbench() -> None:
+    code = (EXAMPLES / "alpha_beta.py").read_text(encoding="utf-8")
+    assert len(code.splitlines()) <= 30
+    assert "trackbench" not in code
+    assert max(map(len, code.splitlines())) <= 120
+
+
+def test_the_example_is_honest_and_worth_it() -> None:
+    loaded = load_scenario(EXAMPLES / "alpha_beta.yaml", ["monte_carlo.runs=5", "truth.duration_s=5"])
+    result = run(loaded, truths_of(loaded))
+    mine = next(entry for entry in result.json()["trackers"] if entry["name"] == "mine")
+    assert mine["failed"] is None
+    assert 2.5 < mine["metrics"]["nees"]["mean"] < 5
+    assert mine["metrics"]["coverage"]["value"] > 0.99
+    assert mine["health"]["diverged_runs"] == 0
+    assert result.json()["passed"] is True
+
+
+def test_every_field_of_a_scan_is_explained() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    section = text[text.index("`scan` is one sensor's measurement") : text.index("## What `step` returns")]
+    assert re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE) == list(Scan._fields)
+
+
+@pytest.mark.parametrize("cause", [answers.NOT_FINITE, answers.NOT_DEFINITE, answers.GIVEN_UP])
+def test_the_causes_are_those_of_the_code(cause: str) -> None:
+    assert f"`{cause}`" in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_entry_point_of_the_page_works(
+    tmp_path: Path, fenced: Fenced, cli: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As an installed package leaves it: the module, and its metadata."""
+    blocks = fenced(PAGE)
+    table = next(block for block in blocks if block.language == "toml")
+    published = tomllib.loads(table.text)["project"]["entry-points"]["trackbench.trackers"]
+    use = yaml.safe_load(blocks[blocks.index(table) + 1].text)["trackers"]["mine"]
+    site, info = tmp_path / "site", tmp_path / "site" / "own-1.0.dist-info"
+    info.mkdir(parents=True)
+    shutil.copy(EXAMPLES / "alpha_beta.py", site)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own\nVersion: 1.0\n")
+    lines = "".join(f"{name} = {value}\n" for name, value in published.items())
+    (info / "entry_points.txt").write_text(f"[trackbench.trackers]\n{lines}")
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.delitem(sys.modules, "alpha_beta", raising=False)
+    assert create(use["use"], use["options"])().alpha == 0.4
+    assert "alpha_beta" in [line.split()[0] for line in cli("list", "trackers").out.splitlines()]
+
+
+@pytest.mark.docs_pages
+def test_the_page_on_logs_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "own-log.md", tmp_path) >= 5
+    assert (tmp_path / "results" / "audit" / "own_log" / "scenario.yaml").exists()

@@ -1,0 +1,39 @@
+"""The page on the doctor says and does what the doctor does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.support.places import DOCS, ROOT
+
+from trackbench.subjects.doctor.findings import known_faults
+
+PAGE = DOCS / "doctor.md"
+
+Fenced = Callable[[Path], list[Any]]
+
+
+@pytest.mark.docs_pages
+def test_the_case_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(PAGE, tmp_path) == 10
+    assert (tmp_path / "results" / "doctor" / "sensor_fusion_student_Tracker" / "report.html").exists()
+
+
+def test_the_page_shows_the_files(fenced: Fenced) -> None:
+    shown = {block.note.removeprefix("file: "): block.text for block in fenced(PAGE) if block.note.startswith("file: ")}
+    examples = (DOCS / "examples").glob("sensor_fusion*")
+    assert shown == {path.name: path.read_text(encoding="utf-8") for path in examples if path.is_file()}
+
+
+def test_every_fault_is_listed() -> None:
+    rows = re.findall(r"^\| `(\w+)` \| (.*) \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert rows == [(name, known.title, known.where) for name, known in known_faults().items()]
+
+
+def test_the_readme_shows_what_the_page_shows(fenced: Fenced) -> None:
+    found = next(block.text for block in fenced(ROOT / "README.md") if "azimuth_not_wrapped" in block.text)
+    assert found in PAGE.read_text(encoding="utf-8")

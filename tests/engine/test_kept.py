@@ -1,0 +1,260 @@
+"""Machine code kept on disk, and machines on which there can be none."""
+
+import os
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.engine.compared import equations_of
+
+from trackbench.engine import machine
+from trackbench.engine.equations import Equations
+from trackbench.engine.kernels import Kernels
+from trackbench.engine.machine import Kept, Processor
+
+KEY = "0" * 64
+X = np.linspace(0.0, 1.0, 20)
+
+
+def squared(factor: float) -> Equations:
+    """Equations of which an edit changes a number."""
+    return equations_of(lambda values: {"y": factor * values["x"] * values["x"]}, {"x": 0})
+
+
+@pytest.fixture
+def count(kernels: Kernels, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is compiled, of this test on."""
+    made: list[str] = []
+    compiled = Processor.object_code
+
+    def counted(self: Processor, text: str) -> bytes:
+        made.append(text)
+        return compiled(self, text)
+
+    monkeypatch.setattr(Processor, "object_code", counted)
+    return made
+
+
+def run(folder: Path, factor: float = 3.0, processor: str | None = None) -> None:
+    """Compute by new kernels, which know of what is kept alone."""
+    found = Kernels(Processor(processor), Kept(folder))(squared(factor), {"x": X})
+    np.testing.assert_array_equal(found["y"], factor * X * X)
+
+
+def test_what_is_kept_is_not_compiled_again(count: list[str], tmp_path: Path) -> None:
+    for _ in range(3):
+        run(tmp_path)
+    assert len(count) == 1
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_an_edit_of_the_equations_has_its_own(count: list[str], tmp_path: Path) -> None:
+    for factor in (3.0, 4.0, 3.0):
+        run(tmp_path, factor)
+    assert len(count) == len(list(tmp_path.iterdir())) == 2
+
+
+def test_another_processor_has_its_own(count: list[str], tmp_path: Path) -> None:
+    for name in (None, "x86-64", None):
+        if name is None or "x86_64" in Processor()._target.triple:
+            run(tmp_path, processor=name)
+    assert len(count) == len(list(tmp_path.iterdir())) == len({Processor(name).key for name in (None, "x86-64")})
+
+
+def truncated(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-100])
+
+
+def flipped(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
+
+
+def emptied(file: Path) -> None:
+    file.write_bytes(b"")
+
+
+def only_checksum(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:32])
+
+
+def of_another(file: Path) -> None:
+    other = Kept(file.parent)
+    other.put(KEY, b"code of something else")
+    os.replace(file.parent / f"{KEY}.o", file)
+
+
+def folder_instead(file: Path) -> None:
+    file.unlink()
+    file.mkdir()
+
+
+def broken_link(file: Path) -> None:
+    file.unlink()
+    file.symlink_to(file.parent / "nowhere" / "at all")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [truncated, flipped, emptied, only_checksum, of_another, folder_instead, broken_link],
+    ids=lambda f: f.__name__,
+)
+def test_a_damaged_file_is_made_again(count: list[str], tmp_path: Path, damage: Callable[[Path], None]) -> None:
+    run(tmp_path)
+    (file,) = tmp_path.iterdir()
+    damage(file)
+    run(tmp_path)
+    assert len(count) == 2
+    run(tmp_path)
+    # Nothing can be put in place of a folder.
+    assert len(count) == (3 if damage is folder_instead else 2)
+    assert [item.name for item in tmp_path.iterdir()] == [file.name]
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may read and write everything")
+@pytest.mark.parametrize("mode", [0o000, 0o500])
+def test_a_folder_that_may_not_be_written_does_no_harm(count: list[str], tmp_path: Path, mode: int) -> None:
+    folder = tmp_path / "kernels"
+    folder.mkdir(mode=mode)
+    run(folder)
+    run(folder)
+    assert len(count) == 2
+
+
+@pytest.mark.parametrize("where", ["a file", "below a file", "full"])
+def test_where_nothing_can_be_written_nothing_is_kept(
+    count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    folder = tmp_path / "kernels"
+    if where == "full":
+
+        def full(*_: Any) -> None:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("trackbench.base.user_cache.os.replace", full)
+    else:
+        folder.write_text("no folder")
+        folder = folder if where == "a file" else folder / "below"
+    run(folder)
+    run(folder)
+    assert len(count) == 2
+    assert where != "full" or not list(folder.iterdir())
+
+
+def test_a_file_that_cannot_be_read_is_made_again(
+    count: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(tmp_path)
+
+    def unreadable(self: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(self))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "read_bytes", unreadable)
+        run(tmp_path)
+    assert len(count) == 2
+
+
+def test_the_folder_is_the_one_that_is_stated(
+    kernels: Kernels, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TRACKBENCH_CACHE", str(tmp_path / "stated"))
+    Kernels()(squared(5.0), {"x": X})
+    assert len(list((tmp_path / "stated" / "kernels").glob("*.o"))) == 1
+    monkeypatch.delenv("TRACKBENCH_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
+    Kernels()(squared(5.0), {"x": X})
+    assert len(list((tmp_path / "user" / "trackbench" / "kernels").glob("*.o"))) == 1
+
+
+def test_processes_that_compile_at_once_do_no_harm(kernels: Kernels, tmp_path: Path) -> None:
+    script = textwrap.dedent(
+        """
+        import sys, time
+        import numpy as np
+        from trackbench.engine.equations import Equations
+        from trackbench.engine.kernels import Kernels
+
+        while time.time() < float(sys.argv[1]):
+            pass
+        x = np.arange(20.0)
+        for factor in range(1, 21):
+            scaled = Equations("scaled", lambda values: {"y": np.sin(factor * values["x"])}, {"x": 0}, key=factor)
+            assert np.allclose(Kernels()(scaled, {"x": x})["y"], np.sin(factor * x), rtol=1e-14, atol=0)
+        """
+    )
+    environment = {**os.environ, "TRACKBENCH_CACHE": str(tmp_path)}
+    at = str(time.time() + 1.0)
+    both = [subprocess.Popen([sys.executable, "-c", script, at], env=environment) for _ in range(2)]
+    assert [process.wait(60) for process in both] == [0, 0]
+    files = list((tmp_path / "kernels").iterdir())
+    assert len(files) == 20
+    assert all(Kept(tmp_path / "kernels").find(file.stem) for file in files)
+
+
+def test_without_llvmlite_there_are_no_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
+    assert machine.unavailable() == "llvmlite is not installed: pip install 'trackbench[fast]'"
+
+
+def test_a_broken_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    llvm = pytest.importorskip("llvmlite.binding")
+
+    def broken(text: str) -> None:
+        raise OSError("libllvmlite.so: cannot open shared object file")
+
+    monkeypatch.setattr(llvm, "parse_assembly", broken)
+    assert machine.unavailable() == "llvmlite cannot be loaded: libllvmlite.so: cannot open shared object file"
+
+
+def test_an_old_llvmlite_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    llvm = pytest.importorskip("llvmlite.binding")
+
+    def old(text: str) -> None:
+        raise RuntimeError("LLVM IR parsing error: expected type")
+
+    monkeypatch.setattr(llvm, "parse_assembly", old)
+    assert "too old" in str(machine.unavailable())
+
+
+class Library:
+    """A C library with an mprotect that answers so."""
+
+    def __init__(self, answer: int) -> None:
+        self.mprotect = type("Function", (), {"__call__": lambda *_: answer})()
+
+
+def refusing(*_: Any, **__: Any) -> Any:
+    return Library(-1)
+
+
+def without_mprotect(*_: Any, **__: Any) -> Any:
+    return object()
+
+
+def not_loaded(*_: Any, **__: Any) -> Any:
+    raise TypeError("LoadLibrary() argument 1 must be str, not None")
+
+
+@pytest.mark.parametrize(
+    ("library", "words"),
+    [
+        (refusing, "lets no memory be made executable"),
+        (without_mprotect, "cannot be found out"),
+        (not_loaded, "cannot be found out"),
+    ],
+)
+def test_without_executable_memory_there_are_no_kernels(
+    monkeypatch: pytest.MonkeyPatch, library: Callable[..., Any], words: str
+) -> None:
+    pytest.importorskip("llvmlite")
+    monkeypatch.setattr(machine.ctypes, "CDLL", library)
+    monkeypatch.setattr(machine, "_no_executable_memory", machine._no_executable_memory.__wrapped__)
+    assert words in str(machine.unavailable())

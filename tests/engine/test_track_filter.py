@@ -1,0 +1,110 @@
+"""What trackers of several objects ask of a filter, and the probabilities of clusters, by kernels and by NumPy."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from tests.engine.compared import compared
+from tests.engine.test_multi import FILTERS
+from tests.support.traffic_scans import traffic, vehicles
+
+from trackbench.base.types import FieldOfView, Scan
+from trackbench.engine.beliefs import of_prediction, taken_apart
+from trackbench.engine.kernels import Kernels
+from trackbench.filters import AnyBelief
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.multi import build_multi
+from trackbench.trackers.multi.detections import side_by_side
+from trackbench.trackers.multi.fused_tracks import MOST_SLOTS, FusedTrackFilter
+from trackbench.trackers.multi.marginals import ENUMERATION, MOST_TERMS
+from trackbench.trackers.multi.track_filter import PredictedTracks, TrackFilter
+
+pytestmark = pytest.mark.usefixtures("kernels")
+#: Half of the circle, so that some of the tracks are out of view.
+VIEW = FieldOfView(np.pi / 2, 60.0)
+
+
+def both(name: str) -> tuple[TrackFilter, FusedTrackFilter]:
+    filter_name, motion = FILTERS[name]
+    of = build_multi(
+        FilterConfig.model_validate({"filter": filter_name, "motion": motion, "associate": {"method": "gnn"}})
+    )
+    return TrackFilter(of.filter, of.initial), FusedTrackFilter(of.filter, of.initial)
+
+
+def scans(kind: str) -> list[Scan]:
+    """Two, each of the detections of all runs."""
+    seen = traffic(vehicles(7, spacing=6.0), 2, 3, detection=0.95, clutter=3.0, sensors=(kind,), dt=0.1, seed=1)
+    return [side_by_side(scan._replace(field_of_view=VIEW), as_listed=False).scan for scan in seen.scans]
+
+
+def assert_close(found: AnyBelief, expected: AnyBelief) -> None:
+    told = taken_apart(found)
+    for name, wanted in taken_apart(expected).items():
+        if name in told:
+            scale = np.maximum(np.abs(wanted), 1.0)
+            np.testing.assert_array_less(np.abs(told[name] - wanted) / scale, 1e-9, err_msg=name)
+
+
+def predicted(name: str, kind: str) -> tuple[TrackFilter, FusedTrackFilter, PredictedTracks, PredictedTracks, Scan]:
+    reference, fused = both(name)
+    first, second = scans(kind)
+    start, by_kernel = reference.begin(first), fused.begin(first)
+    assert_close(by_kernel, start)
+    expected, found = reference.expect(start, 0.1, second), fused.expect(start, 0.1, second)
+    return reference, fused, expected, found, second
+
+
+@pytest.mark.parametrize("kind", ["radar", "lidar"])
+@pytest.mark.parametrize("name", FILTERS)
+def test_starts_and_expectations(name: str, kind: str) -> None:
+    _, _, expected, found, _ = predicted(name, kind)
+    assert_close(found.belief, expected.belief)
+    np.testing.assert_array_equal(found.in_view, expected.in_view)
+    assert 0 < expected.in_view.sum() < len(expected.in_view)
+    told = of_prediction(found.measurement)
+    for part, wanted in of_prediction(expected.measurement).items():
+        np.testing.assert_allclose(told[part], wanted, rtol=1e-9, atol=1e-9, err_msg=part)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_updates_leave_the_other_tracks_as_they_were(name: str) -> None:
+    reference, fused, at, by_kernel, scan = predicted(name, "radar")
+    tracks, detections = len(at.in_view), len(scan.valid)
+    detection = np.random.default_rng(0).permutation(detections)[np.arange(tracks) % detections]
+    detection[::3] = -1
+    found = fused.taken_in(by_kernel, scan, detection)
+    assert_close(found, reference.taken_in(at, scan, detection))
+    for part, before in taken_apart(by_kernel.belief).items():
+        np.testing.assert_array_equal(taken_apart(found)[part][..., ::3], before[..., ::3])
+    nothing = np.full(tracks, -1)
+    assert_close(fused.taken_in(by_kernel, scan, nothing), reference.taken_in(at, scan, nothing))
+
+
+@pytest.mark.parametrize("most", [1, 3, MOST_SLOTS + 2])
+@pytest.mark.parametrize("name", FILTERS)
+def test_mixtures(name: str, most: int) -> None:
+    reference, fused, at, by_kernel, scan = predicted(name, "lidar")
+    random = np.random.default_rng(most)
+    count = random.integers(0, most + 1, len(at.in_view))
+    count[5] = most
+    track = np.repeat(np.arange(len(count)), count)
+    detection = np.concatenate([random.permutation(len(scan.valid))[:each] for each in count])
+    share = random.uniform(0.1, 1.0, len(track))
+    weight = 0.8 / np.maximum(np.bincount(track, share, len(count)), 1e-9)
+    share *= weight[track]
+    kept = np.where(count > 0, 0.2, 1.0)
+    expected = reference.mixture(at, scan, track, detection, share, kept)
+    assert_close(fused.mixture(by_kernel, scan, track, detection, share, kept), expected)
+
+
+@pytest.mark.parametrize(("tracks", "detections"), list(product(range(1, 6), repeat=2)))
+def test_clusters(kernels: Kernels, tracks: int, detections: int) -> None:
+    if tracks * detections * 2 ** min(tracks, detections) > MOST_TERMS:
+        return
+    random = np.random.default_rng(tracks + 7 * detections)
+    weight = np.exp(random.normal(0.0, 6.0, (tracks, detections, 20)))
+    weight[random.random(weight.shape) < 0.3] = 0.0
+    assert compared(kernels, ENUMERATION, {"weight": weight}) == 0

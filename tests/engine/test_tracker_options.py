@@ -1,0 +1,173 @@
+"""What trackers do beside filtering, with kernels as with NumPy: starts, late scans, several sensors, lost courses."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.engine import agreement
+from tests.engine.agreement import Drive, drive
+from tests.support.late_scans import swapped
+from tests.support.scenes import tracker
+
+from trackbench.base.types import Estimate, Scan
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.smoothed import SmoothedTracker
+
+pytestmark = pytest.mark.usefixtures("kernels")
+#: Of what is not as well conditioned as a step: a fit to a few measurements, a course that nothing is known of, the
+#: inverse of a covariance.
+ROUGH_LIMIT = 1e-10
+FIRST = {"from": "first_reading", "velocity_sigma_mps": 10}
+TWO = {"from": "two_readings", "least_time_s": 0.3}
+BATCH = {"from": "batch", "measurements": 3, "velocity_sigma_mps": 15}
+
+
+@pytest.fixture(scope="module")
+def given() -> Drive:
+    return drive(30, 17, ["radar", "lidar"])
+
+
+def both(name: str, given: Drive, initial: dict[str, Any] | None, **changes: Any) -> tuple[FilterTracker, ...]:
+    """A tracker by NumPy and by kernels."""
+    of = replace(given.tracker(name, initial=initial), **changes)
+    return of, replace(of, engine="fused")
+
+
+def compared(pair: tuple[FilterTracker, ...], scans: list[Scan], limit: float) -> list[tuple[Any, Estimate]]:
+    """The states and estimates by NumPy, once those by kernels are found to be the same."""
+    of, fused = pair
+    angular = tuple(motion.angular for motion in of.filter.motions)
+    state = other = None
+    found = []
+    for scan in scans:
+        state, said = of.step(state, scan)
+        other, by_kernels = fused.step(other, scan)
+        np.testing.assert_array_equal(other.started, state.started)
+        assert agreement.apart(other.belief, state.belief, angular) < limit
+        assert agreement.of_estimates(by_kernels, said) < limit
+        assert (other.lost is None) == (state.lost is None)
+        found.append((state, said))
+    assert fused.engine_used.engine != "numpy"
+    assert fused.engine_used.why_numpy == ""
+    return found
+
+
+STARTS: dict[str, tuple[str, dict[str, Any] | None, float]] = {
+    "truth": ("ekf-ctrv", None, agreement.LIMIT),
+    "first": ("ekf-cv", FIRST, agreement.LIMIT),
+    "first, at rest before": ("ekf-cv", {**FIRST, "skip": 2, "waiting": "at_rest"}, agreement.LIMIT),
+    "first, by range rate": ("ukf-ca", {**FIRST, "velocity": "range_rate"}, agreement.LIMIT),
+    "two": ("ekf-cv", TWO, agreement.LIMIT),
+    "batch": ("ekf-cv", BATCH, ROUGH_LIMIT),
+    "batch with a yaw": ("ukf-ctrv", BATCH, ROUGH_LIMIT),
+    "batch of several models": ("ekf-imm", BATCH, ROUGH_LIMIT),
+    "batch of a stated noise": ("ekf-ca-diagonal", BATCH, ROUGH_LIMIT),
+}
+
+
+@pytest.mark.parametrize("start", STARTS)
+def test_starts(start: str, given: Drive) -> None:
+    name, initial, limit = STARTS[start]
+    found = compared(both(name, given, initial), given.scans, limit)
+    assert np.all(found[-1][0].started)
+
+
+@pytest.mark.parametrize("late", ["drop", "as_new", "replay", "retrodiction"])
+def test_late_scans(late: str, given: Drive) -> None:
+    scans = [scan._replace(place=k % 2, arrival_time=scan.time + 0.05) for k, scan in enumerate(given.scans)]
+    limit = ROUGH_LIMIT if late == "retrodiction" else agreement.LIMIT
+    compared(both("ekf-cv", given, FIRST, late=late, lag_s=0.5), swapped(scans, 5, 11, 12, 20), limit)
+
+
+@pytest.mark.parametrize("advance_at", ["own_scans", "all_scans"])
+def test_a_tracker_that_reads_one_of_two_sensors(advance_at: str, given: Drive) -> None:
+    pair = both("ukf-ca", given, {**FIRST, "sensors": ["lidar"]}, sensors=["radar"], advance_at=advance_at)
+    compared(pair, given.scans, agreement.LIMIT)
+
+
+def test_scans_at_which_it_is_only_asked(given: Drive) -> None:
+    scans = [scan._replace(asked=k % 5 == 3) for k, scan in enumerate(given.scans)]
+    compared(both("ekf-imm", given, None), scans, agreement.LIMIT)
+
+
+def test_a_scan_of_nothing(given: Drive) -> None:
+    scans = list(given.scans)
+    for k in (0, 7, 8):
+        none = np.zeros_like(scans[k].valid)
+        scans[k] = scans[k]._replace(valid=none, measurement=np.full_like(scans[k].measurement, np.nan))
+    compared(both("ekf-cv", given, FIRST), scans, agreement.LIMIT)
+
+
+def test_tracks_that_lose_their_course() -> None:
+    """Objects that stop: their tracks go on with position and velocity, and find their course again."""
+    moving, at = drive(40, 12, ["lidar"], speeds=(3.0, 4.0)), 15
+    here = moving.scans[at].measurement
+    scans = [
+        scan if k < at else scan._replace(measurement=here + 0.1 * np.random.default_rng(k).normal(size=here.shape))
+        for k, scan in enumerate(moving.scans)
+    ]
+    scans = [scan._replace(valid=np.isfinite(scan.measurement[0])) for scan in scans]
+    found = compared(both("ekf-ctrv", moving, BATCH), scans, 1e-9)
+    lost = [0 if state.lost is None else int(state.lost.where.sum()) for state, _ in found]
+    assert max(lost) > 3
+
+
+@pytest.mark.parametrize("name", ["ekf-cv", "ukf-ctrv", "ekf-imm"])
+def test_smoothers(name: str, given: Drive) -> None:
+    of, fused = both(name, given, None)
+    expected, said = (SmoothedTracker(each).estimates(given.scans) for each in (of, fused))
+    for one, other in zip(said, expected, strict=True):
+        assert agreement.of_estimates(one, other) < ROUGH_LIMIT
+    several = "smoothing: several motion models are smoothed by NumPy"
+    assert fused.engine_used == (("fused and numpy", several, 0) if name == "ekf-imm" else ("fused", "", 0))
+
+
+COPIES: dict[str, Callable[[FilterTracker], FilterTracker]] = {
+    "deepcopy": copy.deepcopy,
+    "copy": copy.copy,
+    "pickle": lambda of: pickle.loads(pickle.dumps(of)),
+    "replace": lambda of: replace(of, lag_s=2.0),
+    "reading_only": lambda of: of.reading_only(["radar", "lidar"]),
+}
+
+
+@pytest.mark.parametrize("how", COPIES)
+@pytest.mark.parametrize("name", ["ekf-cv", "ekf-imm"])
+def test_copies_go_on_where_the_tracker_is(how: str, name: str, given: Drive) -> None:
+    _, fused = both(name, given, None)
+    state = None
+    for scan in given.scans[:10]:
+        state, _ = fused.step(state, scan)
+    other, again = COPIES[how](fused), pickle.loads(pickle.dumps(state))
+    for scan in given.scans[10:15]:
+        state, said = fused.step(state, scan)
+        again, found = other.step(again, scan)
+        for one, two in zip(found, said, strict=True):
+            assert (one is None) == (two is None)
+            assert one is None or one.tobytes() == two.tobytes()
+    assert other.engine_used == fused.engine_used == ("fused", "", 0)
+
+
+def test_a_single_object(given: Drive) -> None:
+    """Without a batch axis."""
+    scans = [scan._replace(measurement=scan.measurement[:, 0], valid=scan.valid[0]) for scan in given.scans]
+    for name in ("ekf-cv", "ukf-ca", "kf-imm"):
+        of = tracker(**agreement.FILTERS[name], initial=FIRST)
+        compared((of, replace(of, engine="fused")), scans, ROUGH_LIMIT)
+
+
+def test_several_batch_axes(given: Drive) -> None:
+    """Objects and runs."""
+    scans = [
+        scan._replace(measurement=scan.measurement[:, :12].reshape(-1, 3, 4), valid=scan.valid[:12].reshape(3, 4))
+        for scan in given.scans
+    ]
+    for name in ("ekf-cv", "ukf-ca", "kf-imm"):
+        of = tracker(**agreement.FILTERS[name], initial=FIRST)
+        compared((of, replace(of, engine="fused")), scans, agreement.limit(name))

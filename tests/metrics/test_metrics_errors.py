@@ -1,0 +1,128 @@
+"""What is computed of each estimate, against NumPy's linear algebra; and what a chunk shows of it to a metric."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackbench.base.types import Estimate
+from trackbench.engine.equations import by_numpy
+from trackbench.metrics import BUILT_IN, OwnMetric, Scorer, Target, score_together
+from trackbench.metrics.errors import ERRORS, GIVEN
+from trackbench.metrics.sums import ERROR, ERROR_FIELDS
+
+BATCH = 3, 2, 5
+
+
+def estimates(seed, batch=BATCH):
+    """Of objects that move at 5 m/s, or stand still."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(*batch, 4, 4))
+    covariance = np.moveaxis(root @ np.swapaxes(root, -1, -2) + 0.5 * np.eye(4), (-2, -1), (0, 1)).copy()
+    truth = np.zeros((4, *batch[:2], 1))
+    truth[2, :, 0] = -5.0
+    mean = truth + random.normal(size=(4, *batch))
+    return {
+        "mean": mean,
+        "covariance": covariance,
+        "truth": truth,
+        "reference": np.full((2, *batch[:2], 1), 0.25),
+        "finite": np.ones(batch, dtype=bool),
+        "scored": np.ones(batch, dtype=bool),
+    }
+
+
+def test_rows_agree_with_numpy():
+    given = estimates(1)
+    given["scored"][1, 0, 2] = False
+    found = by_numpy(ERRORS, given)
+    assert found["rows"].shape == (len(ERROR_FIELDS), *BATCH)
+    assert found["definite"].all()
+    assert found["bounded"].all()
+    for place in np.ndindex(BATCH):
+        e, p = (given["mean"] - given["truth"])[:, *place], given["covariance"][:, :, *place]
+        nees = [e[part] @ np.linalg.solve(p[part, part], e[part]) for part in map(slice, (0, 0, 2), (4, 2, 4))]
+        towards = np.array([-5.0, 0.0]) @ given["mean"][2:, *place] / np.linalg.norm(given["mean"][2:, *place]) / 5.0
+        course = [1.0, np.arccos(towards) ** 2] if place[1] == 0 else [0.0, 0.0]
+        expected = np.array([1.0, *e**2, nees[0], *course, *nees[1:], 0.25, 0.25]) * (place != (1, 0, 2))
+        np.testing.assert_allclose(found["rows"][:, *place], expected, rtol=1e-9, err_msg=str(place))
+
+
+def test_what_is_wrong_with_an_estimate():
+    given = estimates(2)
+    given["covariance"][3, 3, 0, 0, 0] = -1.0
+    given["covariance"][1, 0, 0, 0, 1] = np.nan
+    given["mean"][0, 0, 0, 2] = 1e51
+    given["mean"][0, 0, 0, 3] = 1e51
+    given["scored"][0, 0, 3] = False
+    with np.errstate(over="ignore"):
+        found = by_numpy(ERRORS, given)
+    assert [tuple(place) for place in np.argwhere(~found["definite"])] == [(0, 0, 0), (0, 0, 1)]
+    # What is not scored is not summed either.
+    assert (0, 0, 2) in map(tuple, np.argwhere(~found["bounded"]))
+    assert found["bounded"][0, 0, 3]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_estimate_that_is_not_finite_counts_nowhere(bad):
+    given = estimates(3)
+    given["mean"][2, 1, 1, 4] = given["covariance"][0, 0, 2, 0, 0] = bad
+    found = by_numpy(GIVEN, given)
+    wrong = [(1, 1, 4), (2, 0, 0)]
+    assert [tuple(place) for place in np.argwhere(~found["finite"])] == wrong
+    assert [tuple(place) for place in np.argwhere(~found["begun"])] == (wrong if np.isnan(bad) else [])
+    given["scored"] = given["finite"] = found["finite"]
+    with np.errstate(invalid="ignore"):
+        found = by_numpy(ERRORS, given)
+    assert found["definite"].all()
+    assert found["bounded"].all()
+    assert not found["rows"][:, *np.transpose(wrong)].any()
+
+
+class Seen(OwnMetric):
+    """Keeps what it is shown."""
+
+    name, unit, meaning = "seen", "1", "nothing"
+
+    def init(self, scope):
+        return []
+
+    def update(self, sums, chunk):
+        names = "mean", "error", "course_error", "nees", "whitened", "covariance", "values"
+        return [*sums, {name: getattr(chunk, name).copy() for name in names}]
+
+    def merge(self, blocks):
+        return blocks
+
+    def finish(self, sums):
+        return 0.0
+
+
+def test_what_a_metric_is_shown_agrees_with_what_is_summed():
+    given = estimates(4)
+    instants, objects, _ = BATCH
+    target = Target(
+        np.arange(instants) * 1.0,
+        given["truth"],
+        np.ones((instants, objects), dtype=bool),
+        given["scored"],
+        10.0,
+        given["reference"],
+    )
+    made = Scorer(target, np.zeros((instants, objects, 1), dtype=np.int8), {}, metrics=[*BUILT_IN, Seen()])
+    mean, covariance = (given[name].reshape(*given[name].shape[:-2], -1) for name in ("mean", "covariance"))
+    for instant in range(instants):
+        made.estimate(Estimate(mean[:, instant], covariance[:, :, instant]))
+    assert not score_together([made])
+    (seen,) = made.close()["seen"]
+    error = (given["mean"] - given["truth"]).reshape(4, instants, -1)
+    np.testing.assert_array_equal(seen["mean"], mean)
+    np.testing.assert_array_equal(seen["covariance"], covariance)
+    np.testing.assert_array_equal(seen["error"], error)
+    np.testing.assert_array_equal(seen["values"], by_numpy(ERRORS, given)["rows"].reshape(12, instants, -1))
+    np.testing.assert_array_equal(seen["nees"], seen["values"][ERROR["nees"]])
+    np.testing.assert_allclose((seen["whitened"] ** 2).sum(axis=0), seen["nees"], rtol=1e-12)
+    factor = np.linalg.cholesky(np.moveaxis(covariance, (0, 1), (-2, -1)))
+    np.testing.assert_allclose(np.einsum("...ij,j...->i...", factor, seen["whitened"]), error, atol=1e-12)
+    moving = seen["values"][ERROR["course_count"]] > 0
+    np.testing.assert_allclose(seen["course_error"][moving] ** 2, seen["values"][ERROR["course"]][moving], rtol=1e-12)

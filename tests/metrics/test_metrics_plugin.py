@@ -1,0 +1,436 @@
+"""A metric of one's own: in the result, in expectations and tables, and alone if it raises."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from tests.support.places import DOCS, ROOT
+
+from trackbench.base.errors import InputError
+from trackbench.metrics.stored import from_runs, run_column
+from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.results import Result
+from trackbench.runner import work
+from trackbench.scenario import load_scenario
+from trackbench.scenario.schema import json_schema
+from trackbench.trackers.published import check_options
+
+Run = Callable[..., Result]
+Write = Callable[[Path, str], str]
+
+CODE = """
+import numpy as np
+from trackbench.metrics import BuiltInMetric, Field, OwnMetric, ratio
+
+class Square(OwnMetric):
+    '''The mean square error of the position: that of position_rmse, squared.'''
+    name, unit, meaning, better = "square", "m^2", "mean square error of the position", "smaller"
+    def init(self, scope):
+        return np.zeros((2, scope.runs))
+    def update(self, sums, chunk):
+        return sums + [chunk.by_run(1.0), chunk.by_run(chunk.error[0] ** 2 + chunk.error[1] ** 2)]
+    def merge(self, blocks):
+        return np.concatenate(blocks, axis=1)
+    def finish(self, sums):
+        return ratio(sums[1], sums[0], at_least=0.0)
+
+class Within(Square):
+    '''Share of the estimates that are near the truth.'''
+    name, unit, meaning, better = "within", "1", "share of the estimates that are near the truth", "larger"
+    limit_m: float = 0.5
+    def update(self, sums, chunk):
+        near = np.hypot(chunk.error[0], chunk.error[1]) < self.limit_m
+        return sums + [chunk.by_run(1.0), chunk.by_run(near)]
+
+class Largest(OwnMetric):
+    '''The largest innovation of each sensor, in standard deviations: a value that is no mean.'''
+    name, unit, meaning, per_sensor = "largest", "1", "largest innovation", True
+    def init(self, scope):
+        return dict.fromkeys(scope.measurements, 0.0)
+    def update(self, sums, chunk):
+        for sensor, innovations in chunk.innovations.items():
+            for one in innovations:
+                if one.whitened is not None and one.used.any():
+                    sums[sensor] = max(sums[sensor], np.linalg.norm(one.whitened[:, one.used], axis=0).max())
+        return sums
+    def merge(self, blocks):
+        return {sensor: max(block[sensor] for block in blocks) for sensor in blocks[0]}
+    def finish(self, sums):
+        return {sensor: value or None for sensor, value in sums.items()}
+
+class Lost(BuiltInMetric):
+    '''From the sums of the built-in metrics.'''
+    name, unit, meaning = "estimates", "1", "number of estimates"
+    def finish(self, sums):
+        return sums.per_part[0].sum()
+"""
+
+
+@pytest.fixture(scope="module")
+def module(tmp_path_factory: pytest.TempPathFactory, write_module: Write) -> tuple[str, Path]:
+    folder = tmp_path_factory.mktemp("metrics")
+    return write_module(folder, CODE), folder
+
+
+@pytest.fixture(scope="module")
+def found(run_tiny: Run, module: tuple[str, Path]) -> Result:
+    name, folder = module
+    metrics = f"['{name}:Square', {{use: '{name}:Within', options: {{limit_m: 0.3}}}}, '{name}:Largest', '{name}:Lost']"
+    expect = (
+        "[{tracker: ekf, metric: square, below: 1}, {tracker: ekf, metric: within, above: 0.5}, "
+        "{tracker: ekf, metric: within, better_than: raw}, {tracker: raw, metric: square, better_than: ekf}, "
+        "{tracker: ekf, metric: largest.radar, below: 100}]"
+    )
+    return run_tiny(
+        f"score.metrics={metrics}", f"expect={expect}", "monte_carlo.runs=8", "score.settle_s=0.5", folder=folder
+    )
+
+
+def of_ekf(result: Result) -> Any:
+    runs = result.tables.runs
+    return runs.filter([name == "ekf" for name in runs["tracker"].to_pylist()])
+
+
+def test_it_stands_in_the_result(found: Result, tmp_path: Path) -> None:
+    ekf = found["ekf"]
+    assert ekf.square.value == pytest.approx(ekf.position_rmse.value**2, rel=1e-12)
+    assert ekf.square.unit == "m^2"
+    assert ekf.square.ci95 is not None
+    assert ekf.square.ci95 == pytest.approx([end**2 for end in ekf.position_rmse.ci95])
+    assert ekf.metrics["largest.radar"].value > 1
+    assert ekf.metrics["largest.radar"].ci95 is None
+    assert found["raw"].metrics["largest.lidar"].value is None
+    assert ekf.estimates.value == of_ekf(found)["count"].to_numpy().sum()
+    assert [(item.name, item.better) for item in found.summary.score.metrics][:2] == [
+        ("square", "smaller"),
+        ("within", "larger"),
+    ]
+    found.save(tmp_path / "run")
+    assert Result.load(tmp_path / "run").summary == found.summary
+
+
+def test_expectations_name_it_and_its_direction_decides_who_is_better(found: Result) -> None:
+    assert [item.passed for item in found.summary.expectations] == [True, True, True, False, True]
+    winners = {item.metric: item.better for item in found.summary.differences}
+    assert winners["square"] == winners["within"] == "ekf"
+    within = next(item for item in found.summary.differences if item.metric == "within")
+    assert (within.a, within.b, within.verdict) == ("raw", "ekf", "ekf better")
+    assert within.value < 0
+    assert "largest.radar" not in winners
+
+
+def test_the_table_of_runs_gives_it_back(found: Result) -> None:
+    interval = from_runs("square", of_ekf(found)[run_column("square")].to_numpy())
+    assert interval is not None
+    assert interval.value == pytest.approx(found["ekf"].square.value, rel=1e-12)
+    assert interval._replace(at_least=0.0).ci95 == pytest.approx(found["ekf"].square.ci95, rel=1e-9)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_blocks_and_workers_change_nothing(
+    found: Result, run_tiny: Run, module: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    name, folder = module
+    monkeypatch.setattr(work, "BATCH_SIZE", 6)
+    overrides = (f"score.metrics=['{name}:Square']", "monte_carlo.runs=8", "score.settle_s=0.5")
+    merged = run_tiny(*overrides, folder=folder, workers=workers)
+    for tracker in ("raw", "ekf"):
+        assert merged[tracker].square.value == pytest.approx(found[tracker].square.value, rel=1e-12)
+        assert merged[tracker].square.ci95 == pytest.approx(found[tracker].square.ci95, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["init", "update", "merge", "finish"])
+def test_one_that_raises_has_no_value_and_says_why(
+    run_tiny: Run, tmp_path: Path, write_module: Write, caplog: pytest.LogCaptureFixture, method: str
+) -> None:
+    broken = CODE + f"\nclass Broken(Square):\n    def {method}(self, *_):\n        raise RuntimeError('no\\nluck')\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, broken)}:Broken']", folder=tmp_path)
+    assert caplog.messages == ["metric square has no value: RuntimeError: no luck"]
+    for tracker in result.summary.trackers:
+        assert (tracker.square.value, tracker.square.reason) == (None, "RuntimeError: no luck")
+        assert tracker.position_rmse.value is not None
+    assert {item.metric for item in result.summary.differences}.isdisjoint({"square"})
+
+
+@pytest.mark.parametrize("value", ["float('nan')", "None", "'high'"])
+def test_what_is_no_number_is_null_with_a_reason(
+    run_tiny: Run, tmp_path: Path, write_module: Write, value: str
+) -> None:
+    name = write_module(tmp_path, CODE + f"\nclass Odd(Square):\n    def finish(self, sums):\n        return {value}\n")
+    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
+    assert result["ekf"].square.value is None
+    assert result["ekf"].square.reason
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("Interval(1.0, np.full(4, np.nan))", "the influence of an interval must be finite"),
+        ("Interval(1.0, np.zeros(3))", "must be an array of shape (4,), not of shape (3,)"),
+        ("Interval(1.0, [0.0] * 4)", "must be an array of shape (4,), not list"),
+        ("MetricValue.model_construct(value=float('nan'), unit='m^2')", "finish gave a value that is wrong"),
+        ("MetricValue(value=float('nan'), unit='m^2')", "finite number"),
+        ("{'value': 1.0, 'mean': 2.0}", "finish gave square.value, where it may give square"),
+        ("{'radar': 1.0}", "finish gave square.radar, where it may give square"),
+        ("{'': 1.0, 5: 2.0}", "finish gave square.5, where it may give square"),
+        ("[1.0]", "must be real number, not list"),
+    ],
+)
+def test_what_cannot_stand_in_a_result_breaks_the_metric_alone(
+    run_tiny: Run, tmp_path: Path, write_module: Write, value: str, reason: str
+) -> None:
+    imports = "from trackbench.metrics import Interval; from trackbench.results import MetricValue\n"
+    name = write_module(
+        tmp_path, f"{CODE}{imports}class Odd(Square):\n    def finish(self, sums):\n        return {value}\n"
+    )
+    result = run_tiny(f"score.metrics=['{name}:Odd']", folder=tmp_path)
+    assert reason in result["ekf"].square.reason
+    assert result["ekf"].square.value is None
+    assert result["ekf"].position_rmse.value is not None
+
+
+@pytest.mark.parametrize("key", ["mean", "value", "sonar"])
+def test_a_value_by_sensor_is_that_of_one_of_the_sensors(
+    run_tiny: Run, tmp_path: Path, write_module: Write, key: str
+) -> None:
+    odd = f"\nclass Odd(Largest):\n    def finish(self, sums):\n        return {{'{key}': 1.0}}\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path)
+    reason = f"ValueError: finish gave largest.{key}, where it may give largest.lidar and largest.radar"
+    assert result["ekf"].metrics["largest"].reason == reason
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_sums_that_cannot_be_pickled_break_the_metric_for_any_number_of_workers(
+    run_tiny: Run, tmp_path: Path, write_module: Write, workers: int
+) -> None:
+    odd = "\nclass Odd(Square):\n    def close(self, sums):\n        return lambda: sums\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, CODE + odd)}:Odd']", folder=tmp_path, workers=workers)
+    assert "pickle" in result["ekf"].square.reason
+    assert result["ekf"].position_rmse.value is not None
+
+
+NO_NAME = "class Nameless(OwnMetric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
+
+
+@pytest.mark.parametrize(
+    ("metrics", "key", "message"),
+    [
+        ("['{0}:Squar']", "score.metrics.0", "module '{0}' has no 'Squar': did you mean 'Square'?"),
+        ("[square]", "score.metrics.0", "no metric is published as 'square': there is none to choose from"),
+        ("['math:pi']", "score.metrics.0", "'math:pi' is no metric: it must be a subclass of trackbench.metrics"),
+        ("['{0}:Nameless']", "score.metrics.0", "'{0}:Nameless' is no metric: it lacks name and finish and merge"),
+        ("['{0}:Taken']", "score.metrics.0", "'{0}:Taken' is no metric: its name 'nees' is that of a built-in one"),
+        ("['{0}:Square', '{0}:Square']", "score.metrics.1", "a second metric of the name square"),
+        ("[{{use: '{0}:Within', option: {{}}}}]", "score.metrics.0.option", "not known here; did you mean 'options'?"),
+        ("[{{options: {{}}}}]", "score.metrics.0", 'a name, a "module:Class" or a mapping with use is needed'),
+        (
+            "[{{use: '{0}:Within', options: {{limit: 1}}}}]",
+            "score.metrics.0.options.limit",
+            "limit_m",
+        ),
+        ("[{{use: '{0}:Within', options: {{limit_m: far}}}}]", "score.metrics.0.options.limit_m", "a number in metres"),
+    ],
+)  # fmt: skip
+def test_bad_input(tiny: Path, write_module: Write, metrics: str, key: str, message: str) -> None:
+    code = CODE + NO_NAME + "class Taken(Square):\n    name = 'nees'\n"
+    name = write_module(tiny.parent, code)
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"score.metrics={metrics.format(name)}"])
+    assert caught.value.key == key
+    assert message.format(name) in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("base", "body", "message"),
+    [
+        ("Square", "name = 5", "is no metric: its name must be text, not 5"),
+        ("Square", "unit = None", "is no metric: its unit must be text, not None"),
+        ("Square", "value_name = 5", "is no metric: its value_name must be text, not 5"),
+        ("Square", "compared = 'no'", "is no metric: its compared must be True or False, not 'no'"),
+        ("Square", "fields = ('low',)", "is no metric: its fields must be a tuple of trackbench.metrics.Field, not"),
+        ("Square", "better = []", 'is no metric: better must be "smaller", "larger" or None, not []'),
+        ("Square, metaclass=Odd", "pass", "is no metric: RuntimeError: no luck"),
+        ("Square", "def problems(self): raise RuntimeError('no luck')", "these options: RuntimeError: no luck"),
+    ],
+)
+def test_a_class_that_is_wrong_is_one_message(
+    tiny: Path, write_module: Write, base: str, body: str, message: str
+) -> None:
+    meta = """
+class Odd(type(OwnMetric)):
+    def __getattribute__(cls, name):
+        if name == "meaning":
+            raise RuntimeError("no luck")
+        return super().__getattribute__(name)
+"""
+    name = write_module(tiny.parent, f"{CODE}{meta}\nclass Wrong({base}):\n    {body}\n")
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"score.metrics=['{name}:Wrong']"])
+    assert message in caught.value.message
+    assert caught.value.key == "score.metrics.0"
+
+
+MODEL = """
+from trackbench.models.motion import ConstantVelocity
+class Own(ConstantVelocity):
+    {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("components = 5", "its components must be a tuple of names, not 5"),
+        ("components = 'px'", "its components must be a tuple of names, not 'px'"),
+        ("driving_noise = None", "its driving_noise must be a tuple of names, not None"),
+        ("angular = (9,)", "its angular must be a tuple of places in its components, not (9,)"),
+        ("angular = ([],)", "TypeError: unhashable type: 'list'"),
+        ("linear = 'no'", "its linear must be True or False, not 'no'"),
+        ("first_sigmas = None", "its first_sigmas must be a mapping of components to standard deviations, not None"),
+        ("first_sigmas = {'tilt': 'wide'}", "its first_sigmas say 'wide' of tilt, where a positive number is needed"),
+        ("def problems(self): raise RuntimeError('no luck')", "does not take these options: RuntimeError: no luck"),
+    ],
+)
+def test_a_motion_model_that_is_wrong_is_one_message(tiny: Path, write_module: Write, body: str, message: str) -> None:
+    name = write_module(tiny.parent, MODEL.format(body))
+    with pytest.raises(InputError) as caught:
+        load_scenario(tiny, [f"trackers.ekf.motion='{name}:Own'"])
+    assert message in caught.value.message
+    assert str(caught.value.key).startswith("trackers.ekf")
+
+
+def test_tracker_options_that_raise_are_one_message(tmp_path: Path, write_module: Write) -> None:
+    code = """
+from pydantic import BaseModel, model_validator
+class Own:
+    class Options(BaseModel):
+        @model_validator(mode="after")
+        def check(self): raise RuntimeError("no luck")
+    def step(self, state, scan): pass
+"""
+    name = write_module(tmp_path, code)
+    with pytest.raises(InputError, match="does not take these options: RuntimeError: no luck"):
+        check_options(f"{name}:Own", {}, tmp_path)
+
+
+TILTING = """
+import numpy as np
+from trackbench.models.motion import ConstantVelocity
+class Own(ConstantVelocity):
+    components = ("px", "py", "vx", "vy", "tilt")
+    first_sigmas = {"tilt": 0.3}
+    def transition(self, x, dt):
+        return np.concatenate([super().transition(x[:4], dt), x[4:]])
+    def jacobian(self, x, dt):
+        f = np.eye(5)
+        f[:4, :4] = super().jacobian(x[:4], dt)
+        return f
+    def noise_gain(self, x, dt):
+        return np.concatenate([super().noise_gain(x[:4], dt), np.zeros((1, 2))])
+"""
+
+
+def test_a_stated_process_noise_leaves_the_model_its_first_sigmas(
+    run_tiny: Run, tmp_path: Path, write_module: Write
+) -> None:
+    name = write_module(tmp_path, TILTING)
+    tracker = f"{{filter: ekf, motion: '{name}:Own', process_noise_diag: [0.1, 0.1, 0.1, 0.1, 0.1], initial: truth}}"
+    result = run_tiny(f"trackers.own={tracker}", folder=tmp_path)
+    assert result["own"].position_rmse.value < 1.0
+
+
+def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, module: tuple[str, Path]) -> None:
+    name, folder = module
+    file = folder / "tiny.yaml"
+    file.write_text(tiny.read_text(encoding="utf-8"), encoding="utf-8")
+    metrics = f"score.metrics=['{name}:Square', '{name}:Largest']"
+    with pytest.raises(InputError, match=r"there is no metric 'squares'; did you mean 'square'\?"):
+        load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: squares, below: 1}]"])
+    with pytest.raises(InputError, match=r"trackers are not compared by largest\.radar; only by .*square"):
+        load_scenario(file, [metrics, "expect=[{tracker: ekf, metric: largest.radar, better_than: raw}]"])
+
+
+def test_metrics_of_traffic_are_listed(cli: Callable[..., Any]) -> None:
+    listed = " ".join(cli("list", "metrics").out.split())
+    for path in (*METRICS, *METRICS_WITHOUT_TRUTH):
+        assert path in listed
+    page = (ROOT / "docs/scenario-file.md").read_text(encoding="utf-8")
+    assert "`better_than` compares run by run, and only by `gospa`, `gospa_localisation`" in page
+
+
+def test_a_published_one_is_listed_and_named(
+    cli: Callable[..., Any], tiny: Path, tmp_path: Path, write_module: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = write_module(tmp_path, CODE)
+    published = tmp_path / "published"
+    (published / "own-1.0.dist-info").mkdir(parents=True)
+    (published / "own-1.0.dist-info" / "METADATA").write_text("Name: own\nVersion: 1.0\n")
+    points = f"[trackbench.metrics]\nmean_square = {name}:Square\nno_use = {name}:Nothing\n"
+    (published / "own-1.0.dist-info" / "entry_points.txt").write_text(points)
+    monkeypatch.syspath_prepend(str(published))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    listed = cli("list", "metrics")
+    lines = [line.split(maxsplit=1) for line in listed.out.splitlines()]
+    assert ["square", "mean square error of the position [m^2]"] in lines
+    assert "no_use" in listed.out
+    assert f"module '{name}' has no attribute 'Nothing'" in " ".join(listed.out.split())
+    assert load_scenario(tiny, ["score.metrics=[mean_square]"]).config.score.metrics[0].name == "square"
+    assert name in sys.modules
+
+
+def test_the_schema_takes_every_form() -> None:
+    schema = json_schema()["$defs"]["Score"]["properties"]["metrics"]
+    good = ["own:Square", {"use": "own:Square", "options": {"limit_m": 1}}]
+    jsonschema.validate(good, schema)
+    for bad in ("unpublished", {"use": "unpublished"}, {"options": {}}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([bad], schema)
+
+
+WRITES = [
+    ("chunk", "chunk.error[:] = 0"),
+    ("chunk", "chunk.mean[:] = 0"),
+    ("chunk", "chunk.course_error[:] = 0"),
+    ("chunk", "chunk.nees[:] = 0"),
+    ("chunk", "chunk.whitened[:] = 0"),
+    ("chunk", "chunk.values[:] = 0"),
+    ("chunk", "chunk.truth[:] = 0"),
+    ("chunk", "chunk.time[:] = 0"),
+    ("chunk", "chunk.repaired[:] = 9"),
+    ("chunk", "next(iter(chunk.innovations.values()))[0].used[:] = False"),
+    ("chunk", "chunk.innovations['radar'] = []"),
+    ("chunk", "chunk.innovations['radar'].clear()"),
+    ("scope", "scope.target.state[:] = 0"),
+    ("scope", "scope.target.due[:] = False"),
+    ("scope", "scope.classes[:] = 0"),
+    ("scope", "scope.measurements['radar'] = 1"),
+]
+
+
+@pytest.mark.parametrize(("given", "statement"), WRITES)
+def test_what_the_scorer_holds_cannot_be_changed(
+    run_tiny: Run, tmp_path: Path, write_module: Write, given: str, statement: str
+) -> None:
+    method = "update(self, sums, chunk)" if given == "chunk" else "init(self, scope)"
+    code = CODE + f"\nclass Writes(Square):\n    def {method}:\n        {statement}\n"
+    result = run_tiny(f"score.metrics=['{write_module(tmp_path, code)}:Writes']", folder=tmp_path)
+    unchanged = run_tiny()
+    for tracker in ("raw", "ekf"):
+        assert re.search("read-only|does not support item|has no attribute", result[tracker].square.reason)
+        for path in ("position_rmse", "nees", "nis.radar"):
+            assert result[tracker].metrics[path] == unchanged[tracker].metrics[path]
+
+
+@pytest.mark.docs_pages
+def test_the_page_runs_as_printed(tmp_path: Path, run_page: Callable[[Path, Path], int]) -> None:
+    assert run_page(DOCS / "metrics.md", tmp_path) == 2
+    found = Result.load(tmp_path / "results" / "large_errors")
+    assert found.summary.passed
+    assert found["raw"].large_errors.value > 0.1

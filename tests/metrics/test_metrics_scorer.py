@@ -1,0 +1,430 @@
+"""Scores of hand-made estimates, and of blocks that are merged."""
+
+import weakref
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.support.scenes import TRACKERS, block_of, random_walk, scan, truth, values, work
+
+from trackbench.base.types import Estimate
+from trackbench.metrics import Fault, Scorer, Target, health, score_together, scorer
+from trackbench.metrics.breakdown import class_sums
+from trackbench.metrics.estimates import ESTIMATES, percentiles
+from trackbench.metrics.sums import merge
+from trackbench.models.sensors import Lidar, Radar
+from trackbench.results import Failure
+from trackbench.sensing.scans import sense
+from trackbench.trackers.answers import NOT_DEFINITE, NOT_FINITE
+from trackbench.trackers.config import FilterConfig, PluginConfig
+
+SENSORS = {
+    "radar": Radar(rate_hz=10, phase_s=0.05, range_sigma_m=0.3, azimuth_sigma_deg=1, range_rate_sigma_mps=0.2),
+    "lidar": Lidar(rate_hz=10, position_sigma_m=0.15, detection_probability=0.9),
+}
+
+
+EVERYONE = frozenset()
+
+
+def target(state, runs, *, alive=None, start=0.0, divergence=10.0, reference=(0.0, 0.0)):
+    """Of a truth ``(4, instants, objects)`` that is the same in every run."""
+    state = np.asarray(state, dtype=float)[..., None]
+    _, instants, objects, _ = state.shape
+    there = np.ones((instants, objects), dtype=bool) if alive is None else np.asarray(alive)
+    late = np.arange(instants)[:, None] >= start
+    return Target(
+        time=np.arange(instants) * 1.0,
+        state=state,
+        alive=there,
+        due=np.broadcast_to((there & late)[..., None], (instants, objects, runs)),
+        divergence=divergence,
+        reference=np.broadcast_to(np.reshape(reference, (2, 1, 1, 1)), (2, instants, objects, 1)),
+    )
+
+
+def estimate(mean, covariance=None, **more):
+    """With the batch last."""
+    mean = np.asarray(mean, dtype=float)
+    identity = np.broadcast_to(np.eye(4)[..., None], (4, 4, mean.shape[1]))
+    return Estimate(mean, identity if covariance is None else covariance, **more)
+
+
+def scored(of, estimates, sensors=None):
+    """Of estimates after each instant, each with the scans that led to it."""
+    return scored_together(of, {"tracker": estimates}, sensors)["tracker"]
+
+
+def scored_together(of, estimates, sensors=None):
+    """Of several trackers, by name.
+
+    Raises:
+        Fault: one gave what cannot be scored.
+    """
+    classes = np.zeros((*of.alive.shape, 1), dtype=np.int8)
+    made = {name: Scorer(of, classes, sensors or {}, tracker=name) for name in estimates}
+    for k in range(len(of.time)):
+        for name, each in estimates.items():
+            scans, given = each[k]
+            for seen in scans:
+                made[name].scan(k, seen, given, seconds=0.002)
+            made[name].estimate(given)
+        if next(iter(made.values())).full or k == len(of.time) - 1:
+            for fault in score_together(list(made.values())).values():
+                raise fault
+    return {name: item.close()[ESTIMATES.name] for name, item in made.items()}
+
+
+def errors(scores):
+    """The sums of all estimates, whoever else gave one."""
+    return scores.where(EVERYONE)
+
+
+def test_errors_by_hand():
+    # One object moving east at 10 m/s, two instants, two runs; errors in px of 3 and 0, in py of 4 and 0, and so on.
+    state = np.zeros((4, 2, 1))
+    state[2] = 10.0
+    first = np.array([[3, 0], [4, 0], [10, 10], [0, 10]])
+    second = np.array([[0, 1], [0, 0], [12, 10], [0, 0]])
+    scores = scored(target(state, 2), [([], estimate(first)), ([], estimate(second))])
+    found = values(scores)
+    assert found["position_rmse"].value == pytest.approx(np.sqrt((25 + 0 + 0 + 1) / 4))
+    assert found["velocity_rmse"].value == pytest.approx(np.sqrt((0 + 100 + 4 + 0) / 4))
+    # Only one course is wrong: 45 degrees.
+    assert found["course_rmse"].value == pytest.approx(45 / 2)
+    assert found["course_rmse"].unit == "deg"
+    axes = {name: found[f"rmse.{name}"].value for name in ("px", "py", "vx", "vy")}
+    assert axes == pytest.approx(
+        {"px": np.sqrt(10 / 4), "py": np.sqrt(16 / 4), "vx": np.sqrt(4 / 4), "vy": np.sqrt(100 / 4)}
+    )
+    # With unit covariances the NEES is the sum of squares.
+    assert found["nees"].mean == pytest.approx((25 + 100 + 4 + 1) / 4)
+    # Two runs of 62.5 and 2.5: an interval that says nothing.
+    assert found["nees"].verdict == "undecided"
+    assert found["coverage"].value == 1.0
+    np.testing.assert_allclose(errors(scores).per_run[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(errors(scores).per_step[1:3].sum(axis=0), [25, 1])
+    np.testing.assert_allclose(scores.spread[:, 0], np.percentile([5, 0], [10, 90]))
+
+
+def test_nees_with_a_full_covariance_agrees_with_numpy():
+    random = np.random.default_rng(0)
+    batch = 6
+    root = random.normal(size=(batch, 4, 4))
+    covariance = root @ np.swapaxes(root, 1, 2) + 0.5 * np.eye(4)
+    mean = random.normal(size=(4, batch))
+    state = np.array([0.5, -0.2, 3.0, 1.0]).reshape(4, 1, 1)
+    scores = scored(target(state, batch), [([], estimate(mean, np.moveaxis(covariance, 0, -1)))])
+    error = mean.T - state[:, 0, 0]
+    expected = [e @ np.linalg.solve(p, e) for e, p in zip(error, covariance, strict=True)]
+    np.testing.assert_allclose(errors(scores).per_run[5], expected, rtol=1e-12)
+
+
+def test_the_course_of_an_object_at_rest_is_not_scored():
+    state = np.zeros((4, 1, 2))
+    state[2, 0, 1] = 5.0
+    mean = np.zeros((4, 2))
+    mean[3] = 5.0
+    scores = scored(target(state, 1), [([], estimate(mean))])
+    assert errors(scores).per_run[6, 0] == 1
+    assert values(scores)["course_rmse"].value == pytest.approx(90)
+
+
+def test_the_course_error_goes_the_short_way_round():
+    state = np.array([0, 0, -10, 0.1]).reshape(4, 1, 1)
+    scores = scored(target(state, 1), [([], estimate([[0], [0], [-10], [-0.1]]))])
+    assert values(scores)["course_rmse"].value == pytest.approx(2 * np.rad2deg(np.arctan(0.01)))
+
+
+def test_percentiles_are_those_of_numpy_over_what_is_in_use():
+    random = np.random.default_rng(0)
+    values, use = (
+        np.abs(random.normal(size=(5, 40))),
+        random.random((5, 40)) < np.array([1.0, 0.8, 0.3, 0.05, 0.0])[:, None],
+    )
+    use[3] = np.arange(40) == 7
+    found = percentiles((0.1, 0.9), values**2, use)
+    for k in range(4):
+        np.testing.assert_allclose(found[:, k], np.percentile(values[k][use[k]], [10, 90]))
+    assert np.isnan(found[:, 4]).all()
+
+
+def test_what_is_not_there_or_not_yet_due_is_not_scored():
+    state = np.zeros((4, 3, 2))
+    alive = [[True, False], [True, True], [False, True]]
+    mean = np.full((4, 2), 2.0)
+    scores = scored(target(state, 1, alive=alive, start=1.0), [([], estimate(mean))] * 3)
+    # The settling time cuts the first instant; then both objects, then the second one alone.
+    np.testing.assert_array_equal(errors(scores).per_step[0], [0, 2, 1])
+    assert scores.due[0] == errors(scores).per_run[0, 0] == 3
+
+
+def test_a_lane_without_an_estimate_costs_coverage():
+    state = np.zeros((4, 4, 1))
+    nothing = estimate(np.full((4, 2), np.nan))
+    half = estimate(np.array([[1.0, np.nan]] * 4))
+    whole = estimate(np.ones((4, 2)))
+    scores = scored(target(state, 2), [([], nothing), ([], half), ([], whole), ([], whole)])
+    np.testing.assert_array_equal(errors(scores).per_run[0], [3, 2])
+    assert values(scores)["coverage"].value == pytest.approx(5 / 8)
+    assert values(scores)["position_rmse"].value == pytest.approx(np.sqrt(2))
+
+
+def test_a_run_diverges_once_an_error_exceeds_the_limit():
+    state = np.zeros((4, 2, 1))
+    far = np.zeros((4, 3))
+    far[0] = [9.9, 10.1, 0.0]
+    scores = scored(target(state, 3, divergence=10.0), [([], estimate(far)), ([], estimate(np.zeros((4, 3))))])
+    np.testing.assert_array_equal(scores.diverged, [0, 1, 0])
+    assert health(scores).diverged_runs == 1
+
+
+@pytest.mark.parametrize(
+    ("bad", "cause"),
+    [
+        (estimate([[1, np.nan], [0, 0], [0, 0], [0, 0]]), NOT_FINITE),
+        (estimate([[1, np.inf], [0, 0], [0, 0], [0, 0]]), NOT_FINITE),
+        (estimate(np.zeros((4, 2)), np.stack([np.eye(4), np.diag([1.0, 1, 1, -1])], axis=-1)), NOT_DEFINITE),
+    ],
+    ids=["nan", "inf", "indefinite"],
+)
+@pytest.mark.parametrize("batch", [2, 4, 8000], ids=["one by one", "in twos", "all at once"])
+def test_an_estimate_that_cannot_be_one_is_a_fault_with_its_place(bad, cause, batch, monkeypatch):
+    monkeypatch.setattr(scorer, "BATCH", batch)
+    good = estimate(np.zeros((4, 2)))
+    with pytest.raises(Fault, match=cause) as fault:
+        scored(target(np.zeros((4, 5, 1)), 2), [([], good), ([], good), ([], bad), ([], good), ([], good)])
+    assert (fault.value.instant, fault.value.member) == (2, 1)
+
+
+@pytest.mark.parametrize("batch", [2, 8000], ids=["one by one", "all at once"])
+def test_a_track_that_is_lost_again_is_a_fault_while_another_still_waits(batch, monkeypatch):
+    monkeypatch.setattr(scorer, "BATCH", batch)
+    one, none = estimate(np.array([[0.0, np.nan]] * 4)), estimate(np.full((4, 2), np.nan))
+    with pytest.raises(Fault, match=NOT_FINITE) as fault:
+        scored(target(np.zeros((4, 4, 1)), 2), [([], none), ([], one), ([], none), ([], one)])
+    assert (fault.value.instant, fault.value.member) == (2, 0)
+
+
+def test_an_estimate_that_is_infinite_from_the_start_is_a_fault():
+    with pytest.raises(Fault, match=NOT_FINITE):
+        scored(target(np.zeros((4, 1, 1)), 1), [([], estimate(np.full((4, 1), np.inf)))])
+
+
+@pytest.mark.parametrize("batch", [1, 15], ids=["one by one", "in threes"])
+def test_scores_do_not_depend_on_how_many_instants_are_scored_at_once(batch, monkeypatch):
+    of = random_walk(5, 30, 0.05, 2.0, seed=6, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    whole = work(of, SENSORS, TWO, 5)
+    expected = block_of(whole, range(5)).scores
+    monkeypatch.setattr(scorer, "BATCH", batch)
+    for name, found in block_of(whole, range(5)).scores.items():
+        for field in ("due", "diverged", "repaired", "spread"):
+            a, b = getattr(found, field), getattr(expected[name], field)
+            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+        same_errors(found, expected[name])
+        for sensor in SENSORS:
+            a, b = found.nis[sensor].per_run, expected[name].nis[sensor].per_run
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
+
+
+def test_of_what_a_step_computed_no_more_is_kept_than_is_scored():
+    of = target(np.zeros((4, 3, 1)), 2)
+    waits = Scorer(of, np.zeros((3, 1, 1), dtype=np.int8), {"lidar": 3})
+    computed = np.zeros((9, 2))
+    left = weakref.ref(computed)
+    given = estimate(computed[:4], whitened_innovation=computed[4:6])
+    waits.scan(0, scan("lidar", 0.0, np.zeros((2, 2))), given)
+    waits.estimate(given)
+    del computed, given
+    assert left() is None
+    assert not waits.full
+
+
+def test_innovations_by_hand():
+    # Two runs, three measurements of a lidar; the second run misses the second one.
+    spread = np.broadcast_to((4.0 * np.eye(2))[..., None], (2, 2, 2))
+    innovations = [np.array([[2.0, 4], [0, 6]]), np.array([[2.0, np.nan], [2, np.nan]]), np.array([[-4.0, 2], [0, 0]])]
+    valid = [[True, True], [True, False], [True, True]]
+    scans = [scan("lidar", 1.0 * k, np.zeros((2, 2)), valid=valid[k]) for k in range(3)]
+    given = [
+        estimate(np.zeros((4, 2)), innovation=innovation, innovation_covariance=spread) for innovation in innovations
+    ]
+    scores = scored(target(np.zeros((4, 3, 1)), 2), list(zip([[s] for s in scans], given, strict=True)), {"lidar": 3})
+    nis = scores.nis["lidar"]
+    # Run 0: 1, 2, 4; run 1: 13, missed, 1. Of those 13 alone is above 5.991.
+    np.testing.assert_allclose(nis.per_run[:3], [[3, 2], [7, 14], [3, 1]])
+    np.testing.assert_allclose(nis.per_step[:3], [[2, 1, 2], [14, 2, 5], [1, 1, 2]])
+    found = values(scores)["nis.lidar"]
+    assert values(scores)["step_time"].value == pytest.approx(3 * 0.002 / 6 * 1e6)
+    assert found.mean == pytest.approx(21 / 5)
+    assert found.inside95 == pytest.approx(4 / 5)
+    assert found.dof == 2
+    # Successive measurements of run 0 alone: (1, 0) . (1, 1) + (1, 1) . (-2, 0), over the squares of the later ones.
+    white = values(scores)["whiteness.lidar"]
+    assert white.value == pytest.approx((1 - 2) / (2 + 4))
+    assert white.bounds95 == pytest.approx([-1.96 / 2, 1.96 / 2])
+
+
+def test_a_tracker_that_gives_no_innovation_has_no_nis():
+    seen = scan("lidar", 0.0, np.zeros((2, 2)))
+    scores = scored(target(np.zeros((4, 1, 1)), 2), [([seen], estimate(np.zeros((4, 2))))], {"lidar": 1})
+    found = values(scores)
+    assert found["nis.lidar"].mean is None
+    assert "no innovation" in found["nis.lidar"].reason
+    assert found["whiteness.lidar"].value is None
+
+
+def test_repairs_are_counted_where_the_object_is_scored():
+    seen = scan("lidar", 0.0, np.zeros((2, 4)))
+    given = estimate(np.zeros((4, 4)), repaired=np.array([True, False, True, True]))
+    of = target(np.zeros((4, 2, 2)), 2, alive=[[True, True], [True, False]])
+    scores = scored(of, [([seen], given), ([seen], given)], {"lidar": 2})
+    # Members are object 0 runs 0 and 1, object 1 runs 0 and 1.
+    np.testing.assert_array_equal(scores.repaired, [3, 1])
+    assert health(scores).repaired_covariances == 4
+    assert health(scores).repaired_runs == 2
+
+
+def test_the_error_is_taken_over_that_of_the_reference():
+    of = target(np.zeros((4, 1, 1)), 2, reference=(1.5**2, 4.0**2))
+    found = values(scored(of, [([], estimate([[3, 3], [0, 0], [2, 2], [0, 0]]))]))
+    assert found["position_over_reference"].value == pytest.approx(2.0)
+    assert found["velocity_over_reference"].value == pytest.approx(0.5)
+    assert found["position_reference"].value == 1.5
+
+
+TWO = {
+    "ekf": FilterConfig.model_validate(TRACKERS["ekf-cv"]),
+    "ukf": FilterConfig.model_validate(
+        {**TRACKERS["ukf-ctrv"], "sensors": ["radar"], "initial": {"from": "two_readings", "least_time_s": 0}}
+    ),
+    "prior": FilterConfig.model_validate({**TRACKERS["ekf-cv"], "initial": "truth"}),
+    "raw": PluginConfig(use="raw"),
+}
+
+
+def same_errors(found, expected):
+    """By every set of trackers that gave an estimate, also of each class."""
+    assert set(found.errors) == set(expected.errors)
+    for givers, sums in expected.errors.items():
+        other = found.errors[givers]
+        np.testing.assert_allclose(other.per_step, sums.per_step, rtol=1e-12)
+        np.testing.assert_allclose(other.per_run, sums.per_run, rtol=1e-12)
+        moments = [class_sums(item.cells, sums.per_run.shape[1]) for item in (other, sums)]
+        for field in ("total", "square", "product", "parts"):
+            a, b = (getattr(item, field) for item in moments)
+            np.testing.assert_allclose(a, b, rtol=1e-12, err_msg=field)
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["another truth in each run", "one truth"])
+def test_merged_blocks_are_one_block(own):
+    of = random_walk(12, 60, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    if not own:
+        of = truth(of.time, of.px[..., :1], of.py[..., :1], of.vx[..., :1], of.vy[..., :1])
+    whole = work(of, SENSORS, TWO, 12, settle=0.5)
+    one = block_of(whole, range(12))
+    parts = [block_of(whole, runs) for runs in (range(5), range(5, 6), range(6, 12))]
+    for name in TWO:
+        single, merged = one.scores[name], merge([part.scores[name] for part in parts])
+        assert single.steps == merged.steps
+        for field in ("due", "diverged", "repaired"):
+            np.testing.assert_allclose(getattr(merged, field), getattr(single, field), rtol=1e-12, err_msg=field)
+        same_errors(merged, single)
+        for sensor in SENSORS:
+            assert single.nis[sensor].dof == merged.nis[sensor].dof
+            for field in ("per_step", "per_run"):
+                a, b = getattr(merged.nis[sensor], field), getattr(single.nis[sensor], field)
+                # The whiteness products cancel, so that they are as exact as their terms.
+                np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-11)
+            np.testing.assert_allclose(merged.nis[sensor].lags, single.nis[sensor].lags, rtol=1e-12, atol=1e-9)
+    assert one.digests == [digest for part in parts for digest in part.digests]
+    for sensor in SENSORS:
+        np.testing.assert_array_equal(one.detections[sensor], sum(part.detections[sensor] for part in parts))
+
+
+def test_a_block_scores_what_the_tracker_says_of_the_truth():
+    # Measurements without noise: the raw tracker's position is exact, and its velocity that of constant motion.
+    time = np.arange(20) * 0.1
+    of = truth(time, *(a[:, None, None] for a in (5 + 8 * time, 3 - 2 * time, 8 + 0 * time, -2 + 0 * time)))
+    exact = {"lidar": Lidar(rate_hz=10, position_sigma_m=1e-6)}
+    scores = block_of(work(of, exact, {"raw": PluginConfig(use="raw")}, 3), range(3)).scores["raw"]
+    found = values(scores)
+    assert found["position_rmse"].value < 1e-5
+    assert found["velocity_rmse"].value < 1e-4
+    assert errors(scores).per_run[0].tolist() == [19, 19, 19]
+
+
+def test_scores_begin_when_the_settling_time_after_the_first_detection_is_over():
+    of = random_walk(40, 60, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    rare = {"lidar": SENSORS["lidar"].model_copy(update={"detection_probability": 0.3})}
+    whole = work(of, rare, {"raw": PluginConfig(use="raw")}, 40, settle=1.0)
+    scores = block_of(whole, range(40)).scores["raw"]
+    valid = np.stack([seen.valid for seen in sense(whole.scenes[0].sensors, 1, "test", range(40)).scans])
+    first = np.argmax(valid, axis=0)
+    # Thirty measurements, 0.1 s apart.
+    np.testing.assert_array_equal(scores.due, np.maximum(30 - (first + 10), 0))
+
+
+def test_the_recorded_run_is_the_same_in_whichever_block_it_is():
+    of = random_walk(6, 30, 0.05, 2.0, seed=2, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    whole = replace(work(of, SENSORS, TWO, 6), recorded_run=4)
+    one, other = block_of(whole, range(6)), block_of(whole, range(3, 6))
+    assert block_of(whole, range(3)).scans is None
+    for name in TWO:
+        np.testing.assert_allclose(one.recorded[name].mean, other.recorded[name].mean, rtol=1e-12)
+        np.testing.assert_allclose(
+            one.recorded[name].covariance, other.recorded[name].covariance, rtol=1e-12, atol=1e-12
+        )
+        assert one.recorded[name].mean.shape == (4, 30, 1)
+    for a, b in zip(one.scans, other.scans, strict=True):
+        np.testing.assert_array_equal(a.measurement, b.measurement)
+
+
+class Faulty:
+    """Tells nothing but what its options say."""
+
+    batched = True
+
+    def __init__(self, how: str) -> None:
+        self._how = how
+
+    def step(self, state, seen):
+        state = 0 if state is None else state + 1
+        mean, covariance = np.zeros((4, 6)), np.broadcast_to(np.eye(4)[..., None], (4, 4, 6)).copy()
+        if state == 3:
+            match self._how:
+                case "raises":
+                    raise ValueError("no such luck")
+                case "nan":
+                    mean[2, 5] = np.nan
+                case "shape":
+                    mean = mean[:3]
+                case "indefinite":
+                    covariance[0, 0, 5] = -1
+                case "asymmetric":
+                    covariance[0, 1, 5] = 0.5
+        return state, None if self._how == "silent" else (mean, covariance)
+
+
+@pytest.mark.parametrize(
+    ("how", "cause", "member"),
+    [
+        ("raises", "ValueError: no such luck", False),
+        ("nan", NOT_FINITE, True),
+        ("shape", "the mean has the shape (3, 6), where (4, 6) is needed", False),
+        ("indefinite", NOT_DEFINITE, True),
+        ("asymmetric", "the covariance is not symmetric: mirrored entries differ by up to 0.5", False),
+        ("silent", "it gave no estimate at all", False),
+    ],
+)
+def test_a_tracker_that_fails_is_told_apart_from_the_others(how, cause, member):
+    of = random_walk(6, 20, 0.1, 1.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    trackers = {"bad": PluginConfig(use=f"{__name__}:Faulty", options={"how": how}), "good": TWO["ekf"]}
+    block = block_of(work(of, {"lidar": SENSORS["lidar"]}, trackers, 6), range(6))
+    failure = block.scores["bad"]
+    assert isinstance(failure, Failure)
+    assert failure.cause == cause
+    assert not isinstance(block.scores["good"], Failure)
+    if how != "silent":
+        assert (failure.step, failure.time_s) == (3, pytest.approx(0.3))
+    assert (failure.run, failure.object) == ((5, "v1") if member else (None, None))

@@ -1,0 +1,254 @@
+"""Trackers are scored where all of them gave an estimate; what is independent: scenes, runs, stretches of one run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.metrics.test_metrics_scorer import SENSORS, TWO, errors, estimate, scored, scored_together, target
+from tests.support.scenes import block_of, random_walk, scan, truth, values, work
+
+from trackbench.metrics import Interval, evaluate
+from trackbench.metrics.builtin import PositionRmse
+from trackbench.metrics.differences import differences
+from trackbench.metrics.estimates import ESTIMATES
+from trackbench.metrics.parts import scores_of, stretches
+from trackbench.metrics.sums import ERROR, merge
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.models.sensors.base import Dropout
+from trackbench.results.score_summary import MarginSummary
+from trackbench.runner.block import run_block
+from trackbench.runner.evaluated import evaluated
+from trackbench.runner.targets import Targets
+from trackbench.runner.work import BlockRuns, Scene
+from trackbench.sensing.scans import ideal_sensors, sense
+from trackbench.trackers.config import PluginConfig
+
+BOTH = frozenset({"whole", "late"})
+ONE_SCENE = np.zeros(2, dtype=np.intp)
+
+
+def errors_of(*each):
+    """Estimates with errors in px ``(batch,)`` at each instant; NaN where there is none."""
+    found = []
+    for error in np.asarray(each, dtype=float):
+        mean = np.where(np.isnan(error), np.nan, np.zeros((4, 1)))
+        mean[0] = error
+        found.append(([], estimate(mean)))
+    return found
+
+
+def test_a_tracker_that_starts_late_is_held_against_the_others_where_all_gave_an_estimate():
+    # Two runs, three instants: the other tracker begins at the second instant of run 0 and the third of run 1.
+    of = target(np.zeros((4, 3, 1)), 2)
+    whole = errors_of([5, 5], [1, 5], [1, 1])
+    late = errors_of([np.nan, np.nan], [2, np.nan], [2, 2])
+    found = scored_together(of, {"whole": whole, "late": late})
+    alone = {name: scores_of(item, frozenset({name}), ONE_SCENE) for name, item in found.items()}
+    assert alone["whole"].per_part[ERROR["count"]].tolist() == [3, 3]
+    assert alone["late"].per_part[ERROR["count"]].tolist() == [2, 1]
+    for name, square in (("whole", 1.0), ("late", 4.0)):
+        together = scores_of(found[name], BOTH, ONE_SCENE)
+        assert together.per_part[ERROR["count"]].tolist() == [2, 1]
+        assert together.per_part[ERROR["px"]].tolist() == [2 * square, square]
+        np.testing.assert_array_equal(together.per_step[ERROR["count"]], [0, 1, 2])
+        assert together.classes.total[0, 0] == 3
+    assert (found["whole"].coverage, found["late"].coverage) == (1.0, 0.5)
+
+
+@pytest.mark.parametrize("late", [0, 1, 2])
+def test_who_gave_an_estimate_where_is_told_by_brute_force(late):
+    random = np.random.default_rng(late)
+    instants, runs, names = 7, 5, ("a", "b", "c")
+    error = {name: random.normal(size=(instants, runs)) for name in names}
+    for name in names:
+        begin = random.integers(0, 1 + late * 2, size=runs)
+        error[name][np.arange(instants)[:, None] < begin] = np.nan
+    found = scored_together(target(np.zeros((4, instants, 1)), runs), {n: errors_of(*error[n]) for n in names})
+    for name in names:
+        for givers in (frozenset({name}), frozenset({name, "a"}), frozenset(names)):
+            given = np.all([np.isfinite(error[other]) for other in givers], axis=0)
+            expected = np.where(given, error[name] ** 2, 0.0).sum(axis=0)
+            np.testing.assert_allclose(found[name].where(givers).per_run[ERROR["px"]], expected, rtol=1e-12)
+
+
+def test_a_silent_tracker_is_not_ranked_and_takes_no_estimates_from_the_others():
+    of = random_walk(12, 40, 0.05, 2.0, seed=1, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    trackers = {**TWO, "silent": PluginConfig(use=f"{__name__}:Silent")}
+    whole = replace(work(of, SENSORS, trackers, 12), min_coverage=0.9)
+    found = evaluated(whole, [block_of(whole, range(12))])
+    assert "silent" not in found.ranked
+    assert set(found.ranked) == set(TWO)
+    without = replace(work(of, SENSORS, TWO, 12), min_coverage=0.9)
+    alone = evaluated(without, [block_of(without, range(12))])
+    for name in TWO:
+        assert found.evaluations[name].values["position_rmse"] == alone.evaluations[name].values["position_rmse"]
+    assert found.evaluations["silent"].values["coverage"].value < 0.6
+    # It is accurate where it speaks, which is no merit.
+    assert found.evaluations["silent"].values["position_rmse"].value is not None
+
+
+class Silent:
+    """The latest position, but only of the runs whose first one is on the near side."""
+
+    def step(self, state, seen):
+        x, y = state or (0.0, 0.0)
+        if seen.valid and not np.isnan(x):
+            x, y = SENSOR_MODELS[seen.kind].position(seen).mean
+        if state is None and x > 40:
+            x = np.nan
+        return (x, y), None if np.isnan(x) else (np.array([x, y, 10.0, 5.0]), np.eye(4))
+
+
+def test_innovations_that_are_missing_or_impossible_are_counted():
+    # A tracker with an estimate from the first instant on gives an innovation at each second measurement, then one
+    # with an indefinite covariance.
+    good, none = np.array([[1.0], [0.0]]), np.full((2, 1), np.nan)
+    eye, indefinite = np.eye(2)[..., None], np.diag([1.0, -1.0])[..., None]
+    rows = [(none, eye), (good, eye), (none, eye), (good, eye), (good, indefinite)]
+    seen = [[scan("lidar", float(k), np.zeros((2, 1)))] for k in range(5)]
+    given = [
+        estimate(np.zeros((4, 1)), innovation=innovation, innovation_covariance=covariance)
+        for innovation, covariance in rows
+    ]
+    scores = scored(target(np.zeros((4, 5, 1)), 1), list(zip(seen, given, strict=True)), {"lidar": 5})
+    nis = values(scores)["nis.lidar"]
+    # None is due at the first measurement, before which there was no estimate.
+    assert nis.coverage == 2 / 4
+    assert nis.mean == 1.0
+
+
+def test_a_tracker_that_never_gives_an_innovation_has_all_of_them_missing():
+    seen = [[scan("lidar", float(k), np.zeros((2, 1)))] for k in range(4)]
+    given = [estimate(np.zeros((4, 1)))] * 4
+    scores = scored(target(np.zeros((4, 4, 1)), 1), list(zip(seen, given, strict=True)), {"lidar": 4})
+    np.testing.assert_array_equal(scores.nis["lidar"].per_run[:, 0], [0, 0, 0, 0, 0, 0, 3])
+
+
+def scenes(count, runs):
+    """The same sensors and trackers in several scenes, each with a truth of its own."""
+    start = np.array([40.0, 10.0, 10.0, 5.0])
+    truths = [random_walk(1, 40 + 5 * k, 0.05, 2.0, seed=k, start=start) for k in range(count)]
+    whole = work(truths[0], SENSORS, TWO, runs)
+    return replace(whole, scenes=[Scene(of, ideal_sensors(of, SENSORS)) for of in truths])
+
+
+def test_scenes_are_what_is_independent():
+    whole = scenes(3, 4)
+    found = evaluated(whole, [run_block(whole, piece) for piece in whole.pieces()])
+    assert whole.scene_of_run.tolist() == [0] * 4 + [1] * 4 + [2] * 4
+    for name in found.ranked:
+        interval = found.evaluations[name].intervals["position_rmse"]
+        assert interval.influence.shape == (3,)
+        assert interval.influence.sum() == pytest.approx(0.0, abs=1e-12)
+        total = np.stack(
+            [found.evaluations[name].scores.per_run[:, 4 * k : 4 * k + 4].sum(axis=1) for k in range(3)], axis=1
+        )
+        expected = np.sqrt(total[1:3].sum() / total[0].sum())
+        assert found.evaluations[name].values["position_rmse"].value == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_scene_s_runs_do_not_depend_on_the_other_scenes_nor_on_their_number():
+    three, one = scenes(3, 4), scenes(1, 6)
+    first = run_block(three, BlockRuns(0, range(4)))
+    longer = run_block(one, BlockRuns(0, range(6)))
+    assert first.digests == longer.digests[:4]
+    second, third = (run_block(three, BlockRuns(k, range(4))) for k in (1, 2))
+    assert not set(second.digests) & {*first.digests, *third.digests}
+    again = run_block(replace(three, runs=9), BlockRuns(1, range(9)))
+    assert again.digests[:4] == second.digests
+
+
+def test_scenes_of_different_length_are_added_instant_by_instant():
+    whole = scenes(2, 2)
+    short, long = (run_block(whole, piece).scores["raw"] for piece in whole.pieces())
+    both = merge([short, long])
+    count = errors(both).per_step[ERROR["count"]]
+    assert len(count) == len(whole.scenes[1].instants()) > len(whole.scenes[0].instants())
+    np.testing.assert_array_equal(
+        count[: short.spread.shape[1]], errors(short).per_step[0] + errors(long).per_step[0][: short.spread.shape[1]]
+    )
+    assert both.due.shape == (4,)
+
+
+def test_the_first_scene_may_be_the_shortest():
+    whole = scenes(2, 2)
+    both = merge([run_block(whole, piece).scores["raw"] for piece in whole.pieces()])
+    assert both.spread.shape == (2, len(whole.scenes[1].instants()))
+    assert np.isnan(both.spread[:, -1]).all()
+
+
+def test_nobody_is_better_who_leaves_out_what_the_other_gives():
+    spread = 1e-3 * (-1.0) ** np.arange(50)
+    found = {name: {"position_rmse": Interval(value, spread)} for name, value in (("a", 0.1), ("b", 0.2))}
+    margin = MarginSummary(percent=1, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
+    for coverage, better in ((1.0, "a"), (0.995, "a"), (0.97, None)):
+        (item,) = differences(found, [PositionRmse()], margin, {"a": coverage, "b": 1.0})
+        assert item.better == better
+        (mirrored,) = differences(dict(reversed(found.items())), [PositionRmse()], margin, {"a": coverage, "b": 1.0})
+        if better is not None:
+            assert (item.verdict, item.fewer_estimates) == ("a better", None)
+            continue
+        # The difference is shown, so that it is not undecided.
+        assert item.p_value < 0.05
+        assert (item.verdict, mirrored.verdict) == ("smaller", "larger")
+        for each in (item, mirrored):
+            assert each.fewer_estimates is not None
+            assert each.fewer_estimates.tracker == "a"
+            assert each.fewer_estimates.share == pytest.approx(0.03)
+
+
+def test_an_object_out_of_view_of_every_sensor_is_not_scored_for_long():
+    # Away from the sensor at 20 m/s, out of range from 2 s on.
+    time = np.arange(60) * 0.1
+    of = truth(time, *(values[:, None, None] for values in (10 + 20 * time, 0 * time, 20 + 0 * time, 0 * time)))
+    near = {"lidar": SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": 1.0})}
+    for lost_after, last in ((1.0, 3.0), (2.5, 4.5)):
+        whole = replace(work(of, near, {"ekf": TWO["ekf"]}, 2), lost_after=lost_after)
+        count = errors(block_of(whole, range(2)).scores["ekf"]).per_step[ERROR["count"]]
+        assert time[np.flatnonzero(count)[-1]] == pytest.approx(last)
+
+
+def test_an_object_that_comes_back_is_scored_from_its_next_detection():
+    # Out of range from 2 s to 4 s. The first detection after it is that at 4.0 s, or a later one where that is missed.
+    time = np.arange(80) * 0.1
+    away = 3 - time
+    of = truth(time, *(v[:, None, None] for v in (70 - 20 * np.abs(away), 0 * time, 20 * np.sign(away), 0 * time)))
+    for probability, settle in ((1.0, 0.0), (1.0, 0.5), (0.3, 0.0), (0.3, 0.5)):
+        lidar = SENSORS["lidar"].model_copy(update={"max_range_m": 50.0, "detection_probability": probability})
+        whole = replace(work(of, {"lidar": lidar}, {"ekf": TWO["ekf"]}, 40), settle=settle, lost_after=1.0)
+        measured = sense(whole.scenes[0].sensors, whole.seed, whole.noise_of(0), range(40))
+        due = Targets(whole, BlockRuns(0, range(40)), measured).due[:, 0]
+        instants = whole.scenes[0].truth.time[whole.scenes[0].instants()]
+        valid = np.stack([scan.valid for scan in measured.scans]).reshape(len(instants), 40)
+        again = instants > 3.05
+        for run in range(40):
+            first = instants[valid[:, run] & again][0]
+            assert first >= 3.95
+            np.testing.assert_array_equal(due[again, run], instants[again] >= first + settle - 1e-9)
+
+
+def test_silence_of_a_sensor_is_no_excuse():
+    time = np.arange(60) * 0.1
+    of = truth(time, *(values[:, None, None] for values in (10 + 2 * time, 0 * time, 2 + 0 * time, 0 * time)))
+    silent = {"lidar": SENSORS["lidar"].model_copy(update={"dropouts": (Dropout(from_s=2, to_s=5),)})}
+    count = errors(block_of(work(of, silent, {"ekf": TWO["ekf"]}, 2), range(2)).scores["ekf"]).per_step[ERROR["count"]]
+    assert (count[5:] == 2).all()
+
+
+def test_a_single_run_is_cut_into_stretches_of_time():
+    of = random_walk(1, 201, 0.05, 2.0, seed=3, start=np.array([40.0, 10.0, 10.0, 5.0]))
+    whole = work(of, SENSORS, TWO, 1)
+    (scores,) = (block_of(whole, range(1)).scores[name] for name in ("ekf",))
+    parts = scores_of(scores, frozenset({"ekf"}), np.zeros(1, dtype=np.intp))
+    assert parts.per_part.shape == (len(ERROR), 2), "ten seconds, none shorter than four"
+    np.testing.assert_allclose(parts.per_part.sum(axis=1), errors(scores).per_run[:, 0], rtol=1e-12)
+    stretch = stretches(len(whole.scenes[0].instants()), 10.0)
+    expected = np.bincount(stretch, errors(scores).per_step[ERROR["px"]])
+    np.testing.assert_allclose(parts.per_part[ERROR["px"]], expected, rtol=1e-12)
+    assert parts.classes.total[0, 0] == errors(scores).per_run[0, 0]
+    # The moments over stretches are those of the sums themselves.
+    position = parts.per_part[ERROR["px"]] + parts.per_part[ERROR["py"]]
+    assert parts.classes.square[1, 0] == pytest.approx((position**2).sum(), rel=1e-12)
+    found = evaluate({ESTIMATES.name: scores}, np.zeros(1, dtype=np.intp)).values
+    low, high = found["position_rmse"].ci95
+    assert low < found["position_rmse"].value < high

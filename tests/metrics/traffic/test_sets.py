@@ -1,0 +1,168 @@
+"""GOSPA and OSPA against Stone Soup, closed forms and the properties of a metric; OSPA(2) against enumeration."""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from stonesoup.metricgenerator.ospametric import GOSPAMetric, OSPAMetric
+from stonesoup.types.state import State
+from tests.metrics.traffic.histories import counted_of, random_histories, tracks_of, truth_of
+
+from trackbench.base.types import Array
+from trackbench.metrics.traffic import TrackHistory, TruthHistory
+from trackbench.metrics.traffic.gospa import GospaParts, gospa, gospa_of_sets
+from trackbench.metrics.traffic.matching import assign, best_matching
+from trackbench.metrics.traffic.ospa import ospa, ospa2, ospa_of_parts
+
+NOW = datetime.datetime(2000, 1, 1)
+
+
+def sets(seed: int) -> tuple[Array, Array, float]:
+    """Positions ``(2, T, N)`` and ``(2, T, K)`` of objects and tracks, some of them absent, and a cutoff."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for size in rng.integers(1, 8, 2):
+        positions = rng.uniform(0, 20, (2, 10, size))
+        positions[:, rng.random((10, size)) < 0.2] = np.nan
+        found.append(positions)
+    return found[0], found[1], float(rng.uniform(2, 15))
+
+
+def states(positions: Array) -> list[State]:
+    return [State(column[:, None], timestamp=NOW) for column in positions.T if np.isfinite(column[0])]
+
+
+@pytest.mark.parametrize("p", [1.0, 2.0])
+@pytest.mark.parametrize("seed", range(15))
+def test_gospa_and_ospa_equal_stone_soup(seed: int, p: float) -> None:
+    objects, tracks, cutoff = sets(seed)
+    parts = gospa_of_sets(objects, tracks, cutoff, p)
+    numbers = [np.isfinite(positions[0]).sum(axis=1) for positions in (objects, tracks)]
+    ours = ospa_of_parts(parts, *numbers)
+    for k in range(objects.shape[1]):
+        there, found = states(objects[:, k]), states(tracks[:, k])
+        if not there and not found:
+            assert parts.total[k] == ours[k] == 0
+            continue
+        theirs = GOSPAMetric(p=p, c=cutoff).compute_gospa_metric(found, there)[0].value
+        assert parts.total[k] ** (1 / p) == pytest.approx(theirs["distance"], rel=1e-9)
+        for name in ("localisation", "missed", "false"):
+            assert getattr(parts, name)[k] == pytest.approx(theirs[name], rel=1e-9, abs=1e-9)
+        distance = OSPAMetric(p=p, c=cutoff).compute_OSPA_distance(found, there).value
+        if p == 1:
+            assert ours[k] == pytest.approx(distance, rel=1e-9)
+        else:
+            # Stone Soup assigns by the distances, which is not the optimum of their squares.
+            assert ours[k] == pytest.approx(enumerated_ospa(objects[:, k], tracks[:, k], cutoff), rel=1e-9)
+            assert ours[k] <= distance**2 * (1 + 1e-9)
+
+
+def enumerated_ospa(objects: Array, tracks: Array, cutoff: float) -> float:
+    """Squared OSPA of order 2 by its definition: over all permutations."""
+    few, many = sorted((a[:, np.isfinite(a[0])] for a in (objects, tracks)), key=lambda a: a.shape[1])
+    squares = np.minimum(np.hypot(*(few[:, :, None] - many[:, None])), cutoff) ** 2
+    rows = np.arange(few.shape[1])
+    orders = itertools.permutations(range(many.shape[1]), few.shape[1])
+    least = min(float(squares[rows, list(order)].sum()) for order in orders)
+    return (least + cutoff**2 * (many.shape[1] - few.shape[1])) / many.shape[1]
+
+
+def test_one_missed_object_and_one_false_track_cost_half_of_the_cutoff_each() -> None:
+    for p in (1.0, 2.0, 3.0):
+        missed = gospa_of_sets(np.zeros((2, 1, 1)), np.full((2, 1, 1), np.nan), 5.0, p)
+        assert missed.total ** (1 / p) == pytest.approx((5.0**p / 2) ** (1 / p))
+        assert missed == GospaParts(np.zeros(1), np.array([5.0**p / 2]), np.zeros(1))
+        false = gospa_of_sets(np.full((2, 1, 1), np.nan), np.zeros((2, 1, 1)), 5.0, p)
+        assert false == GospaParts(np.zeros(1), np.zeros(1), np.array([5.0**p / 2]))
+
+
+def test_nothing_is_no_distance() -> None:
+    nothing = np.full((2, 3, 2), np.nan)
+    assert not gospa_of_sets(nothing, nothing, 5.0).total.any()
+
+
+POSITIONS = arrays(float, st.tuples(st.just(2), st.just(1), st.integers(1, 4)), elements=st.floats(-10, 10))
+
+
+def distance(a: Array, b: Array) -> float:
+    return float(np.sqrt(gospa_of_sets(a, b, 4.0).total[0]))
+
+
+@given(POSITIONS, POSITIONS, POSITIONS)
+def test_gospa_is_a_metric(a: Array, b: Array, c: Array) -> None:
+    assert distance(a, a) == 0
+    assert distance(a, b) == pytest.approx(distance(b, a), abs=1e-9)
+    assert distance(a, c) <= distance(a, b) + distance(b, c) + 1e-9
+
+
+def test_scores_of_histories_are_those_of_their_sets() -> None:
+    truth, tracks = random_histories(np.random.default_rng(1), 40, 5, 6, 20.0)
+    counted = counted_of(truth, tracks, 4.0)
+    there = np.where(tracks.ids >= 0, tracks.mean[:2], np.nan)
+    expected = gospa_of_sets(np.where(truth.status > 0, truth.state[:2], np.nan), there, 4.0)
+    parts = gospa(counted)
+    for ours, theirs in zip(parts, expected, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+    numbers = (truth.status > 0).sum(axis=1), (tracks.ids >= 0).sum(axis=1)
+    np.testing.assert_allclose(ospa(counted, parts), ospa_of_parts(expected, *numbers), atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_matching_of_a_group_is_the_assignment_with_most_gain(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    gain = rng.uniform(-1, 1, (20, 7, 6)).clip(0)
+    group, row, column = np.nonzero(gain > 0)
+    chosen = best_matching(group, row, column, gain[group, row, column], 7, 6)
+    for k in range(20):
+        own = chosen & (group == k)
+        assert len(set(row[own])) == len(set(column[own])) == own.sum()
+        assert gain[k, row[own], column[own]].sum() == pytest.approx(gain[k][assign(gain[k])].sum(), rel=1e-12)
+
+
+def enumerated_ospa2(truth: TruthHistory, tracks: TrackHistory, cutoff: float, window: int) -> list[float]:
+    """Squared OSPA(2) of order 2 by its definition: over all permutations."""
+    found = []
+    for start in range(0, len(truth.time), window):
+        part = slice(start, start + window)
+        x = np.where(truth.status[part] > 0, truth.state[0, part], np.nan)
+        y = np.where(tracks.ids[part] >= 0, tracks.mean[0, part], np.nan)
+        rows, columns = ([line for line in history.T if np.isfinite(line).any()] for history in (x, y))
+        if len(rows) > len(columns):
+            rows, columns = columns, rows
+        n = max(len(columns), 1)
+        costs = [
+            sum(_base(a, columns[j], cutoff) ** 2 for a, j in zip(rows, order, strict=False))
+            for order in itertools.permutations(range(len(columns)))
+        ]
+        found.append((min(costs) + cutoff**2 * (len(columns) - len(rows))) / n)
+    return found
+
+
+def _base(a: Array, b: Array, cutoff: float) -> float:
+    """Mean distance of two trajectories over the instants at which one is there."""
+    terms = []
+    for i, j in zip(a, b, strict=True):
+        here = np.isfinite(i), np.isfinite(j)
+        if any(here):
+            terms.append(min(abs(i - j), cutoff) if all(here) else cutoff)
+    return float(np.mean(terms))
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_ospa2_equals_the_enumeration(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth, tracks = random_histories(rng, 13, rng.integers(1, 5), rng.integers(1, 6), 10.0)
+    ours = ospa2(counted_of(truth, tracks, 4.0), 5)
+    np.testing.assert_allclose(ours, enumerated_ospa2(truth, tracks, 4.0, 5), rtol=1e-9)
+
+
+def test_ospa2_of_a_switch_half_way_is_half_the_cutoff_for_the_object_and_all_of_it_for_the_second_track() -> None:
+    truth = truth_of([[0.0]] * 4)
+    tracks = tracks_of([[0.0, np.nan]] * 2 + [[np.nan, 0.0]] * 2)
+    assert ospa2(counted_of(truth, tracks, 4.0), 4) == pytest.approx([(2.0**2 + 4.0**2) / 2])

@@ -1,0 +1,246 @@
+"""Motion models against finite differences, numerical integration and simulation."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.special import spherical_jn
+from tests.support.scenes import NOISE
+
+from trackbench.base.types import Gaussian
+from trackbench.models.motion import (
+    MOTION_MODELS,
+    ConstantTurnRateVelocity,
+    InitialSigmas,
+    Kinematics,
+    process_noise,
+    turning,
+)
+from trackbench.models.motion.base import UNKNOWN_ANGLE
+
+MODELS = {name: cls(**NOISE[name]) for name, cls in MOTION_MODELS.loaded().items()}
+TURNING = ("ctrv", "ctra")
+
+every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+turning_models = pytest.mark.parametrize("model", [MODELS[name] for name in TURNING], ids=TURNING)
+
+#: Components of any state, with both signs; yaw rates crowd around zero and the switch to the series.
+RANGES = {
+    "p": st.floats(-200, 200),
+    "v": st.floats(-40, 40),
+    "a": st.floats(-5, 5),
+    "yaw": st.floats(-np.pi, np.pi),
+    "yaw_rate": st.one_of(
+        st.floats(-2, 2), st.floats(-0.05, 0.05), st.sampled_from([0.0, 1e-300, -1e-12, 1e-6, 0.01, 0.02, -0.02])
+    ),
+}
+INTERVALS = st.one_of(st.floats(0, 2), st.sampled_from([0.0, 0.05, 1.0]))
+
+
+def states(model) -> st.SearchStrategy:
+    return st.tuples(*(RANGES[name if name in RANGES else name[0]] for name in model.components)).map(np.array)
+
+
+def finite_difference(function, x: np.ndarray) -> np.ndarray:
+    """Five-point derivative of ``function`` at one state."""
+    columns = []
+    for i in range(len(x)):
+        step = np.zeros(len(x))
+        step[i] = 1e-3
+        values = [function(x + k * step) for k in (-2, -1, 1, 2)]
+        columns.append((values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * 1e-3))
+    return np.stack(columns, axis=1)
+
+
+def rate(model, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Time derivative of a state under constant driving noise, from the definition of each model."""
+    if model.components[2] == "v":
+        a, w = (x[5] if len(x) > 5 else noise[0]), x[4]
+        last = [noise[1]] if len(x) == 5 else [noise[1], noise[0]]
+        return np.array([x[2] * np.cos(x[3]), x[2] * np.sin(x[3]), a, w, *last])
+    return np.concatenate([x[2:], noise])
+
+
+def integrated(model, x: np.ndarray, noise: np.ndarray, dt: float) -> np.ndarray:
+    if dt == 0:
+        return x
+    return solve_ivp(lambda _, s: rate(model, s, noise), (0, dt), x, method="DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+
+
+def test_spherical_bessel_functions_agree_with_scipy_on_both_sides_of_the_switch_to_the_series():
+    small = np.concatenate([np.logspace(-12, 0.5, 400), [0.0, turning.SMALL, np.nextafter(turning.SMALL, 0)]])
+    h = np.concatenate([small, -small])
+    np.testing.assert_allclose(turning.bessel0(h), np.sinc(h / np.pi), rtol=1e-14)
+    # Beyond the switch j1 is a difference of near-equal terms, over h and again over h for the slope.
+    np.testing.assert_allclose(turning.bessel1(h), np.sign(h) * spherical_jn(1, np.abs(h)), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(turning.bessel1_slope(h), spherical_jn(1, np.abs(h), derivative=True), atol=1e-9)
+
+
+@every_model
+@given(data=st.data())
+def test_jacobians_agree_with_finite_differences(model, data):
+    x, dt = data.draw(states(model)), data.draw(INTERVALS)
+    expected = finite_difference(lambda s: model.transition(s, dt), x)
+    np.testing.assert_allclose(model.jacobian(x, dt), expected, atol=1e-8)
+    expected = finite_difference(model.to_cartesian, x)
+    np.testing.assert_allclose(model.cartesian_jacobian(x), expected, atol=1e-8)
+
+
+@every_model
+@given(data=st.data())
+def test_transition_agrees_with_numerical_integration(model, data):
+    x, dt = data.draw(states(model)), data.draw(INTERVALS)
+    expected = integrated(model, x, np.zeros(2), dt)
+    np.testing.assert_allclose(model.transition(x, dt), expected, atol=1e-7)
+
+
+@every_model
+@given(data=st.data())
+def test_two_transitions_in_a_row_are_one(model, data):
+    x, first, second = data.draw(states(model)), data.draw(INTERVALS), data.draw(INTERVALS)
+    np.testing.assert_allclose(
+        model.transition(model.transition(x, first), second), model.transition(x, first + second), atol=1e-10
+    )
+
+
+@every_model
+@given(data=st.data())
+def test_nothing_moves_in_no_time(model, data):
+    x = data.draw(states(model))
+    np.testing.assert_allclose(model.transition(x, 0.0), x, atol=1e-14)
+    np.testing.assert_allclose(model.jacobian(x, 0.0), np.eye(len(x)), atol=1e-14)
+    np.testing.assert_array_equal(process_noise(model, x, 0.0), np.zeros((len(x), len(x))))
+
+
+@every_model
+@pytest.mark.parametrize("driver", [0, 1])
+@pytest.mark.parametrize("dt", [0.05, 0.7, 2.0])
+def test_noise_gain_is_what_constant_driving_noise_adds(model, driver, dt):
+    # At rest the gain of the turning models, which takes the heading at the start, is exact.
+    x = np.zeros(len(model.components))
+    x[:2] = 3.0, -4.0
+    if model.components[2] == "v":
+        x[3] = 2.0
+    noise = np.zeros(2)
+    noise[driver] = 1.3
+    expected = integrated(model, x, noise, dt) - x
+    np.testing.assert_allclose(model.noise_gain(x, dt) @ noise, expected, atol=1e-9)
+
+
+def test_process_noise_of_constant_velocity_in_closed_form():
+    dt, q = 0.4, NOISE["cv"]["acceleration_sigma_mps2"] ** 2
+    axis = q * np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
+    np.testing.assert_allclose(process_noise(MODELS["cv"], np.zeros(4), dt), np.kron(axis, np.eye(2)), rtol=1e-14)
+
+
+@every_model
+def test_process_noise_is_the_covariance_of_simulated_steps(model):
+    random = np.random.default_rng(5)
+    dt, samples = 0.5, 200_000
+    x = np.linspace(1.0, 2.0, len(model.components))
+    noise = random.normal(size=(2, samples)) * np.asarray(model.noise_sigma)[:, None]
+    simulated = np.cov(model.noise_gain(x, dt) @ noise)
+    expected = process_noise(model, x, dt)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs(simulated - expected).max() < 0.02 * scale.max()
+    # The smallest entries are right too.
+    np.testing.assert_allclose(np.diag(simulated), np.diag(expected), rtol=0.02)
+
+
+@every_model
+@given(data=st.data())
+def test_kinematics_become_the_state_of_that_motion(model, data):
+    numbers = [data.draw(RANGES[name]) for name in ("p", "p", "v", "yaw", "a", "yaw_rate")]
+    motion = Kinematics(*map(np.array, numbers))
+    x = model.from_kinematics(motion)
+    px, py, v, course, a, w = numbers
+    expected = [px, py, v * np.cos(course), v * np.sin(course)]
+    np.testing.assert_allclose(model.to_cartesian(x), expected, atol=1e-12)
+    if len(x) == 6:
+        # The second derivative of the position is the acceleration along and across the course.
+        velocity = finite_difference(lambda t: model.to_cartesian(model.transition(x, t[0]))[2:], np.zeros(1))[:, 0]
+        c, s = np.cos(course), np.sin(course)
+        np.testing.assert_allclose(velocity, [a * c - v * w * s, a * s + v * w * c], atol=1e-7)
+
+
+@every_model
+@given(data=st.data())
+def test_a_cartesian_belief_survives_the_way_into_a_state_and_back(model, data):
+    speed, course = data.draw(st.floats(2, 40)), data.draw(RANGES["yaw"])
+    mean = np.array([10.0, -20.0, speed * np.cos(course), speed * np.sin(course)])
+    root = np.random.default_rng(data.draw(st.integers(0, 1000))).normal(size=(4, 4)) * 0.01
+    covariance = root @ root.T + 1e-4 * np.eye(4)
+    belief = model.from_cartesian(Gaussian(mean, covariance), InitialSigmas(acceleration=2.0, yaw_rate=0.1))
+    back = model.cartesian_belief(belief)
+    np.testing.assert_allclose(back.mean, mean, atol=1e-9)
+    np.testing.assert_allclose(back.covariance, covariance, rtol=1e-2, atol=1e-6)
+    assert np.linalg.eigvalsh(belief.covariance).min() > 0
+
+
+@turning_models
+def test_a_belief_at_rest_knows_nothing_of_the_course(model):
+    at_rest = Gaussian(np.array([1.0, 2.0, 0.0, 0.0]), np.diag([0.1, 0.1, 400.0, 400.0]))
+    belief = model.from_cartesian(at_rest, InitialSigmas(acceleration=2.0, yaw_rate=0.1))
+    assert np.isfinite(belief.covariance).all()
+    assert np.sqrt(belief.covariance[3, 3]) == pytest.approx(UNKNOWN_ANGLE)
+    assert np.linalg.eigvalsh(model.cartesian_belief(belief).covariance).min() > 0
+
+
+@turning_models
+@pytest.mark.parametrize("speed", [0.0, 0.5, -3.0, 20.0])
+def test_cartesian_belief_is_that_of_samples(model, speed):
+    random = np.random.default_rng(3)
+    size = len(model.components)
+    mean = np.zeros(size)
+    mean[:5] = 4.0, -3.0, speed, 2.5, 0.1
+    root = random.normal(size=(size, size)) * 0.1
+    root[3] *= 0.5
+    covariance = root @ root.T
+    samples = random.multivariate_normal(mean, covariance, 400_000).T
+    expected = np.cov(model.to_cartesian(samples))
+    found = model.cartesian_belief(Gaussian(mean, covariance))
+    np.testing.assert_allclose(found.mean, model.to_cartesian(mean), atol=1e-12)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs((found.covariance - expected) / scale).max() < 0.03
+
+
+@every_model
+def test_batches_of_any_shape_give_what_single_states_give(model):
+    x = np.random.default_rng(1).normal(size=(len(model.components), 2, 3))
+    single = [[(i, j), x[:, i, j]] for i in range(2) for j in range(3)]
+    for name in ("transition", "jacobian", "noise_gain"):
+        found = getattr(model, name)(x, 0.3)
+        for (i, j), state in single:
+            expected = getattr(model, name)(state, 0.3)
+            here = found[..., i, j] if found.ndim == expected.ndim + 2 else found
+            np.testing.assert_allclose(here, expected, rtol=1e-13, atol=1e-13)
+
+
+@turning_models
+@pytest.mark.parametrize("speed", [0.0, 1e-16, 1e-9, 1e-4, 1e-2])
+def test_the_speed_of_a_body_nearly_at_rest_is_as_uncertain_as_its_velocity(model, speed):
+    belief = Gaussian(np.array([1.0, 2.0, 0.6 * speed, 0.8 * speed]), np.diag([1.0, 1.0, 4.0, 4.0]))
+    found = model.from_cartesian(belief, InitialSigmas(1.0, 0.2))
+    np.testing.assert_allclose(found.covariance[2, 2], 4.0, rtol=1e-12)
+    np.testing.assert_allclose(found.covariance[3, 3], UNKNOWN_ANGLE**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.5, 1.5])
+def test_moments_of_position_and_velocity_hold_for_any_sigma_of_the_yaw(sigma: float) -> None:
+    """Against quadrature over all four components."""
+    motion = ConstantTurnRateVelocity(acceleration_sigma_mps2=1.0, yaw_acceleration_sigma_radps2=1.0)
+    mean = np.array([3.0, -2.0, 9.0, 0.7, 0.2])
+    spread = np.diag([1.0, 0.5, 2.0, sigma, 0.1])
+    mix = np.eye(5) + 0.4 * np.tri(5, k=-1)
+    factor = spread @ mix / np.sqrt((mix**2).sum(axis=1))[:, None]
+    nodes, weights = np.polynomial.hermite_e.hermegauss(20)
+    grid = np.stack(np.meshgrid(*[nodes] * 4, indexing="ij")).reshape(4, -1)
+    weight = np.prod(np.meshgrid(*[weights / weights.sum()] * 4, indexing="ij"), axis=0).ravel()
+    # The lower factor: the first four components need the first four numbers.
+    points = motion.to_cartesian(mean[:, None] + factor[:, :4] @ grid)
+    expected = points @ weight
+    away = points - expected[:, None]
+    found = motion.cartesian_moments(Gaussian(mean[:, None], (factor @ factor.T)[..., None]))
+    np.testing.assert_allclose(found.mean[:, 0], expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.covariance[..., 0], (away * weight) @ away.T, rtol=1e-8, atol=1e-8)

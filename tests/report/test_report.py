@@ -1,0 +1,339 @@
+"""The report of one run as a page."""
+
+from __future__ import annotations
+
+import io
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rich.console import Console
+from tests.support.example_result import RMSE, breakdown, failed_tracker, make_result, make_summary, make_tables
+
+from trackbench.document.html import to_html
+from trackbench.document.palette import ERROR_COLOURS, TRACKER_COLOURS, tracker_colours
+from trackbench.report.calibration import calibration_clauses
+from trackbench.report.console import print_summary
+from trackbench.report.run import run_document
+from trackbench.report.run.pairs import Pairs
+from trackbench.results import Breakdown, Result
+
+
+class Page(HTMLParser):
+    """What the tests look at in a page: elements with their attributes, nesting, and text."""
+
+    VOID = ("meta", "link", "input", "br")
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None], tuple[str, ...]]] = []
+        self.rows: list[list[str]] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(text)
+        assert self._open == [], "every element is closed"
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(self._open)))
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag not in self.VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs), tuple(self._open)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self._open:
+            self.text += data
+        if self._open and "td" in self._open and "small" not in self._open and "svg" not in self._open:
+            self.rows[-1][-1] += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes, _ in self.elements if name == tag]
+
+
+def render(result: Result) -> str:
+    return to_html(run_document(result))
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return render(make_result())
+
+
+@pytest.fixture(scope="module")
+def page(text: str) -> Page:
+    return Page(text)
+
+
+def ranked_rows(page: Page) -> dict[str, list[str]]:
+    return {row[1]: row for row in page.rows if row and row[0].isdigit()}
+
+
+def test_the_page_loads_nothing(text: str, page: Page) -> None:
+    links = [value for _, attributes, _ in page.elements for key, value in attributes.items() if key in ("href", "src")]
+    assert all(str(link).startswith(("#", "data:")) for link in links)
+    assert not {"script", "iframe", "img"} & {tag for tag, _, _ in page.elements}
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "@import" not in text
+
+
+def test_figures_have_captions_and_alternatives(page: Page) -> None:
+    inside = [tag for tag, _, parents in page.elements if "figure" in parents]
+    figures, drawings = page.all("figure"), page.all("svg")
+    assert len(figures) == len(drawings) == inside.count("figcaption") == 14
+    assert all(drawing["role"] == "img" and len(str(drawing["aria-label"])) > 20 for drawing in drawings)
+    identities = [attributes["id"] for _, attributes, _ in page.elements if "id" in attributes]
+    assert len(identities) == len(set(identities))
+
+
+def test_references_inside_drawings_resolve(page: Page) -> None:
+    identities = {attributes.get("id") for _, attributes, _ in page.elements}
+    used = [str(a["clip-path"])[5:-1] for _, a, _ in page.elements if "clip-path" in a]
+    used += [str(a["href"])[1:] for tag, a, _ in page.elements if tag == "use"]
+    assert used
+    assert set(used) <= identities
+
+
+def test_drawings_take_the_colours_of_the_page(text: str) -> None:
+    assert "currentColor" in text
+    assert not any(stand_in in text for stand_in in ("#010203", "#020304", "#030405"))
+
+
+def test_the_page_is_the_same_every_time(text: str) -> None:
+    assert render(make_result()) == text
+
+
+def test_ranked_values_are_those_of_the_result(page: Page) -> None:
+    rows = ranked_rows(page)
+    assert list(rows) == list(RMSE)
+    assert {name: float(row[3]) for name, row in rows.items()} == RMSE
+    assert rows["ekf_tight"][6] == "96.00"
+    assert rows["ekf_tight"][9:11] == ["3", "7"]
+    assert {row[8] for row in rows.values()} == {"99.0"}
+    assert [row[2] for row in rows.values()] == ["a", "a", "b", "c", "d", "e"]
+    assert "0.374 to 0.390" in page.text
+
+
+def test_missing_values_are_na_with_their_reason(page: Page) -> None:
+    assert ranked_rows(page)["raw"][4].startswith("n/a")
+    assert ranked_rows(page)["alpha_beta"][6].startswith("n/a")
+    reasons = [abbreviation["title"] for abbreviation in page.all("abbr")]
+    assert "raw gives no velocity" in reasons
+    assert page.text.count("raw gives no velocity") == 1
+    assert "None" not in page.text
+    assert "nan" not in page.text
+
+
+def test_verdicts_in_words(page: Page) -> None:
+    assert "ukf_ctrv is the most accurate in position: 0.382 m RMSE" in page.text
+    assert "whether it is better than ekf_ctrv is undecided." in page.text
+    assert "0.412 m position RMSE, 1.18 times the reference; pessimistic: the errors are smaller" in page.text
+    said = "(NEES 4.1 where 4 is right; by condition: turning 39.7, straight 2.9)"
+    assert f"depending on the condition {said}" in page.text
+    assert "NEES n/a: the tracker gives no covariance" in page.text
+    assert "white where the interval of their autocorrelation is within 0.05 of zero" in page.text
+    assert "diverged in 3 of 100 runs; covariance repaired 7 times." in page.text
+    assert "1 of 2 expectations failed" in page.text
+    assert "contradicted the motion by up to 5.3 m/s (v2 at 4.50 s)" in page.text
+    assert "v3 jumps by 1.4 m at 15.00 s" in page.text
+
+
+def test_what_velocity_jumps_of_the_truth_make_of_the_errors(page: Page) -> None:
+    assert "4\N{NO-BREAK SPACE}% of the estimates are within a second after a velocity jump." in page.text
+    assert "ekf_cv 36\N{NO-BREAK SPACE}%" in page.text
+
+
+def test_what_is_said_of_calibration_is_what_was_shown() -> None:
+    def said(interval: tuple[float, float] | None = (0.99, 1.01), **changes: float) -> list[str]:
+        found = breakdown(0.4)
+        for place, mean in changes.items():
+            name, _, part = place.partition("__")
+            ci95 = None if interval is None else [interval[0] * mean, interval[1] * mean]
+            found["manoeuvre"][name][f"nees_{part}"] |= {"mean": mean, "ci95": ci95}
+        return calibration_clauses(Breakdown.model_validate(found))
+
+    # The sensor gap is too rare to be worth a word, whatever the errors in it.
+    assert said() == ["optimistic about velocity in turns (errors 1.6 times as large as stated)"]
+    # A NEES of 3.0 with 2 degrees of freedom is 50 % above what is right, its root 1.22 times as large.
+    assert said(turning__velocity=3.0) == []
+    assert said(turning__velocity=3.1) == ["optimistic about velocity in turns (errors 1.2 times as large as stated)"]
+    assert said(turning__velocity=8, straight__velocity=18, straight__position=0.5) == [
+        "optimistic about velocity on straights and in turns (errors up to 3.0 times as large as stated)",
+        "pessimistic about position on straights (errors 0.5 times as large as stated)",
+    ]
+    assert said(turning__velocity=8, turning__position=18) == [
+        "optimistic about position and velocity in turns (errors up to 3.0 times as large as stated)"
+    ]
+    assert said((0.5, 2.0), turning__velocity=5.0) == []
+    assert said(None, turning__velocity=5.0) == []
+
+
+def test_calibration_throughout() -> None:
+    found = breakdown(0.4)
+    del found["manoeuvre"]["sensor gap"]
+    for entry in found["manoeuvre"].values():
+        entry["nees_velocity"] |= {"mean": 8.0, "ci95": [7.9, 8.1]}
+    size = "(errors up to 2.0 times as large as stated)"
+    assert calibration_clauses(Breakdown.model_validate(found)) == [f"optimistic about velocity throughout {size}"]
+    del found["manoeuvre"]["turning"]
+    alone = "optimistic about velocity (errors 2.0 times as large as stated)"
+    assert calibration_clauses(Breakdown.model_validate(found)) == [alone]
+
+
+def test_calibration_by_manoeuvre_is_in_the_tables(page: Page) -> None:
+    rows = [row for row in page.rows if row and row[0] == "ekf_cv" and len(row) == 4]
+    assert ["ekf_cv", "1.0", "1.6", "1.0"] in rows
+    assert ["ekf_cv", "1.0", "1.0", "5.0"] in rows
+    without = [row for row in page.rows if row and row[0] == "alpha_beta" and len(row) == 4]
+    assert ["alpha_beta", "n/a1", "n/a1", "n/a1"] in without
+
+
+def test_nees_by_condition_is_in_a_table_where_it_was_judged(page: Page) -> None:
+    rows = [row for row in page.rows if len(row) == 4 and row[0] == "ekf_ctrv"]
+    assert ["ekf_ctrv", "2.9", "39.7", "4.0"] in rows
+
+
+def test_a_metric_of_a_plug_in_has_its_column() -> None:
+    summary = make_summary()
+    for i, entry in enumerate(summary["trackers"][:-1]):
+        entry["metrics"]["jerk"] = {"rms": {"value": 0.5 + i, "unit": "m/s^3", "ci95": [0.4 + i, 0.6 + i]}}
+    page = Page(render(Result.from_json(summary, make_tables())))
+    headings = [cell["data-label"] for cell in page.all("td")]
+    assert headings.count("jerk.rms, m/s^3") == len(RMSE)
+    assert ["ukf_ctrv", "5.500"] in page.rows
+    assert "5.400 to 5.600" in page.text
+
+
+def test_trackers_keep_the_colours_of_their_batch() -> None:
+    names = ["other", *(tracker["name"] for tracker in make_summary()["trackers"])]
+    colours = tracker_colours(names)
+    alone, batch = (to_html(run_document(make_result(), given)) for given in (None, colours))
+    first = make_summary()["trackers"][0]["name"]
+    for text, expected in ((alone, TRACKER_COLOURS[0]), (batch, TRACKER_COLOURS[1])):
+        assert f'style="--mark: {expected}"></span>{first}</label>' in text
+    assert colours["other"] not in batch.partition("<main>")[2].partition("<figure")[0]
+
+
+def test_the_map_is_coloured_by_error(text: str, page: Page) -> None:
+    drawn = text[text.index('<figure id="map">') :].partition("</figure>")[0]
+    assert sum(colour.lower() in drawn for colour in ERROR_COLOURS) >= 3
+    assert "under " in drawn
+    assert "The ring is where it was largest (ukf_ctrv: " in page.text
+
+
+def test_the_page_has_one_legend(text: str) -> None:
+    legend = text[text.index('<fieldset class="toggles">') :].partition("</fieldset>")[0]
+    assert all(f"</span>{name}</label>" in legend for name in RMSE)
+    reference = make_result().summary.reference.label
+    assert legend.count(reference) == 1
+    figures = [part.partition("</figure>")[0] for part in text.split("<figure ")[1:]]
+    own = [
+        entry for figure in figures for entry in re.findall(r'<li[^>]*><span class="mark.*?</span>(.*?)</li>', figure)
+    ]
+    assert "observer" in own
+    assert "10th to 90th percentile" in own
+    assert not {*RMSE, reference} & set(own)
+
+
+def test_a_failed_tracker_is_shown_with_its_cause(page: Page) -> None:
+    assert "ValueError: matrix <3> is singular (step 12, 0.60 s, sensor roof_lidar, run 0, object v1)" in page.text
+    assert "mine" not in ranked_rows(page)
+
+
+def test_text_is_escaped() -> None:
+    summary = make_summary()
+    attack = "<script>alert('x')</script>"
+    summary["scenario"] |= {"name": attack, "description": attack, "text": attack}
+    summary["truth"]["objects"][0] = attack
+    tables = make_tables()
+    for name in ("truth", "estimates", "measurements"):
+        at = tables[name].column_names.index("object")
+        objects = [attack if value == "v1" else value for value in tables[name]["object"].to_pylist()]
+        tables[name] = tables[name].set_column(at, "object", pa.array(objects))
+    page = Page(render(Result.from_json(summary, tables)))
+    assert not page.all("script")
+    assert page.text.count(attack) >= 4
+
+
+def test_every_tracker_failed() -> None:
+    summary = make_summary()
+    summary |= {"trackers": [failed_tracker()], "ranking": ["mine"], "differences": []}
+    empty = pa.table({})
+    page = Page(
+        render(
+            Result.from_json(
+                summary, {**make_tables(), "steps": empty, "nis": empty, "estimates": empty, "autocorrelation": empty}
+            )
+        )
+    )
+    assert "No tracker finished." in page.text
+    assert "is singular" in page.text
+    assert [figure["id"] for figure in page.all("figure")] == ["map"]
+
+
+def test_one_run_gives_no_intervals() -> None:
+    summary = make_summary()
+    for entry in summary["trackers"]:
+        for value in entry["metrics"].values():
+            if isinstance(value, dict) and "ci95" in value:
+                value["ci95"] = None
+    for entry in summary["differences"]:
+        entry |= {"ci95": None, "p_value": 1.0, "better": None, "verdict": "undecided"}
+    page = Page(render(Result.from_json(summary, make_tables())))
+    assert {row[2] for row in ranked_rows(page).values()} == {"a"}
+    assert "95 % interval 0" not in page.text
+
+
+def test_single_innovations_are_held_against_their_95_per_cent_line() -> None:
+    tables = make_tables()
+    nis = tables["nis"]
+    alone = pa.array(np.ones(nis.num_rows))
+    tables["nis"] = nis.set_column(nis.column_names.index("count"), "count", alone)
+    page = Page(render(Result.from_json(make_summary(), tables)))
+    assert "95 % are below the dashed line, at 7.815 (3 degrees of freedom)" in page.text
+    assert "at 5.991 (2 degrees of freedom)" in page.text
+    whole = Page(render(Result.from_json(make_summary(), make_tables())))
+    assert "below the dashed line" not in whole.text
+
+
+@pytest.mark.parametrize("settle", [0.0, 1.0])
+def test_smaller_errors_that_do_not_count_as_better_are_told(settle: float) -> None:
+    summary = make_summary()
+    summary["score"]["settle_s"] = settle
+    for entry in summary["differences"]:
+        if entry["b"] == "ekf_cv" and entry["a"] in ("ukf_ctrv", "ekf_ctrv"):
+            fewer = {"tracker": entry["a"], "share": 0.05}
+            entry |= {"better": None, "verdict": "smaller", "fewer_estimates": fewer}
+    result = Result.from_json(summary, make_tables())
+    page, console = Page(render(result)), Console(file=io.StringIO(), width=80)
+    print_summary(result, console)
+    terminal = console.file.getvalue()
+    said = "but ukf_ctrv, ekf_ctrv: smaller errors than ekf_cv, not called better: 5 % fewer estimates"
+    for text, begin in ((page.text, "under “group”,"), (terminal, "that share a letter")):
+        flat = " ".join(text.split())
+        assert f"{begin} {said}" in flat
+        assert ("score.settle_s leaves the time after a track's start out of the scores" in flat) == (settle == 0)
+    assert max(map(len, terminal.splitlines())) <= 80
+    headline = "it is not called better than ekf_cv, since it gave 5 % fewer estimates."
+    assert headline in " ".join(page.text.split())
+    assert {name: row[2] for name, row in ranked_rows(page).items()}["ekf_cv"] == "a"
+    assert "Smaller and larger: shown to differ" in page.text
+    for a, b, verdict in (("ukf_ctrv", "ekf_cv", "smaller"), ("ekf_cv", "ukf_ctrv", "larger")):
+        pair = Pairs(result.summary).get(a, b)
+        assert pair is not None
+        assert pair.verdict == verdict
+
+
+def test_a_result_without_reasons_is_still_read() -> None:
+    assert all("fewer_estimates" not in entry for entry in make_summary()["differences"])
+    assert "not called better" not in Page(render(make_result())).text

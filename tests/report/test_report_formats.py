@@ -1,0 +1,273 @@
+"""A document in every format: LaTeX, CSV, SVG, PDF, Markdown, terminal and HTML say the same."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from xml.etree import ElementTree
+
+import pytest
+from matplotlib.figure import Figure as Canvas
+from tests.support.example_result import make_result
+
+from trackbench.document import (
+    Cell,
+    Code,
+    Column,
+    Document,
+    Figure,
+    Item,
+    Items,
+    LegendEntry,
+    Paragraph,
+    Row,
+    Section,
+    Status,
+    Table,
+    TrackerStyle,
+)
+from trackbench.document.csv import to_csv
+from trackbench.document.drawing import INK, MUTED, pdf_file, svg_file
+from trackbench.document.files import FORMATS, Format, files, text
+from trackbench.document.html import to_html
+from trackbench.document.latex import escape, table_to_latex
+from trackbench.document.markdown import to_markdown
+from trackbench.report.run import run_document
+
+#: What any of the formats could take for its own.
+HOSTILE = r"50 % of $x_1$ & {y} # ~^\end{document} <b> `*[a]* | --"
+STYLE = TrackerStyle("t0", "ekf_cv", "#123456")
+
+
+class Painter:
+    """Draws a line, and counts how often."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, canvas: Canvas) -> None:
+        self.count += 1
+        axes = canvas.add_subplot(xlabel="time, s")
+        axes.plot([0, 1], [2, 3], color=STYLE.colour, gid=STYLE.key)
+        axes.axhline(2.5, color=INK)
+        axes.axhspan(2.1, 2.2, color=MUTED)
+
+
+TABLE = Table(
+    "ranking",
+    (Column("tracker", left=True), Column("RMSE, m", details="95 % interval"), Column("note, %", left=True)),
+    (
+        (Cell("ekf_cv", tracker="ekf_cv"), Cell("\N{MINUS SIGN}0.12", ("0.11 to 0.13",), strong=True), Cell(HOSTILE)),
+        (Cell("raw"), Cell("n/a", reason="it gives no velocity"), Cell("95\N{NO-BREAK SPACE}%", link="raw.html")),
+        (Cell("mine"), Cell("n/a", reason="it gives no velocity"), Cell("")),
+    ),
+    caption="The ranking",
+)
+
+
+def document(painter: Painter) -> Document:
+    figure = Figure(
+        "error",
+        "Error over time",
+        "A caption that says what is drawn.",
+        "The error grows from 2 to 3.",
+        painter,
+        200,
+        legend=(LegendEntry("ekf_cv", STYLE.colour, key=STYLE.key), LegendEntry("the noise", MUTED, "band")),
+        tooltips={STYLE.key: STYLE.name},
+    )
+    verdict = Section(
+        "Verdict",
+        (
+            Paragraph("ekf_cv is the best.", strong=True),
+            Status("1 of 2 failed", "bad"),
+            Items((Item(HOSTILE, "ekf_cv", "small print", "ekf_cv"), Item("it failed", "mine", tone="bad")), True),
+            TABLE,
+        ),
+    )
+    more = Section("More", (Code("key: 1\n  deep: '```'  # 5 %\n", "yaml"),), folded=True)
+    return Document(
+        "report", f"Title {HOSTILE}", (verdict, Section("Figures", (Row((figure,)), more))), "A lead.", ("1 run",),
+        (STYLE,),
+    )  # fmt: skip
+
+
+def made(format: Format) -> tuple[dict[str, bytes], int]:
+    painter = Painter()
+    found = {name: content() for name, content in files(document(painter), format)}
+    return found, painter.count
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_the_same_document_gives_the_same_bytes(format: Format) -> None:
+    assert made(format) == made(format)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_figure_is_drawn_once_where_the_format_shows_it(format: Format) -> None:
+    assert made(format)[1] == (0 if format in ("terminal", "csv") else 1)
+
+
+def test_nothing_is_drawn_before_a_file_is_asked_for() -> None:
+    painter = Painter()
+    assert [name for name, _ in files(document(painter), "latex")] == [
+        "report.tex",
+        "tables/ranking.tex",
+        "figures/error.pdf",
+    ]
+    assert painter.count == 0
+
+
+def test_csv_read_back_is_the_table() -> None:
+    assert list(csv.reader(io.StringIO(to_csv(TABLE)))) == [
+        ["tracker", "RMSE, m", "RMSE, m: 95 % interval", "note, %"],
+        ["ekf_cv", "-0.12", "0.11 to 0.13", HOSTILE],
+        ["raw", "n/a", "", "95 %"],
+        ["mine", "n/a", "", ""],
+    ]
+
+
+def test_every_table_of_a_run_reads_back_from_csv() -> None:
+    found = run_document(make_result())
+    assert len(found.tables) > 10
+    names = [name for name, _ in files(found, "csv")]
+    assert names == [f"tables/{table.name}.csv" for table in found.tables]
+    assert len(set(names)) == len(names)
+    for table in found.tables:
+        heading, *rows = csv.reader(io.StringIO(to_csv(table)))
+        assert len(rows) == len(table.rows)
+        assert len(set(heading)) == len(heading), "a heading says what its column is"
+        assert all(len(row) == len(heading) for row in rows)
+        assert [row[0] for row in rows] == [row[0].text for row in table.rows]
+
+
+def balanced(source: str) -> bool:
+    """Whether every environment and every brace that is not escaped is closed, in order."""
+    bare = re.sub(r"\\[\\{}%]", "", source)
+    depth = 0
+    for letter in bare:
+        depth += (letter == "{") - (letter == "}")
+        if depth < 0:
+            return False
+    opened: list[str] = []
+    for what, name in re.findall(r"\\(begin|end)\{(\w+)\}", source):
+        if what == "begin":
+            opened.append(name)
+        elif not opened or opened.pop() != name:
+            return False
+    return depth == 0 and not opened
+
+
+def test_latex_is_balanced_and_escaped() -> None:
+    found = {name: content.decode() for name, content in made("latex")[0].items() if name.endswith(".tex")}
+    for source in found.values():
+        assert balanced(source)
+        assert r"\end{document} <" not in source
+        # Outside of a command's own use, nothing special is left bare.
+        assert not re.search(r"(?<!\\)[%#]", re.sub(r"\\(?:documentclass|usepackage).*", "", source))
+    main = found["report.tex"]
+    assert main.count(r"\end{document}") == 1
+    assert main.rstrip().endswith(r"\end{document}")
+    assert r"\input{tables/ranking.tex}" in main
+    assert r"\includegraphics[max width=\linewidth]{figures/error.pdf}" in main
+    assert not balanced(main.replace(r"\end{enumerate}", "", 1))
+
+
+def test_the_whole_report_of_a_run_is_balanced_latex() -> None:
+    found = run_document(make_result())
+    for name, content in files(found, "latex"):
+        if name.endswith(".tex"):
+            assert balanced(content().decode()), name
+
+
+@pytest.mark.parametrize(
+    ("plain", "expected"),
+    [
+        ("a_b & 5 %", r"a\_b \& 5 \%"),
+        ("\N{MINUS SIGN}1~^", r"$-$1\textasciitilde{}\textasciicircum{}"),
+        ("--workers", "-{}-workers"),
+        (r"\x{1}", r"\textbackslash{}x\{1\}"),
+        ("Cramér-Rao ±2 µs", "Cramér-Rao ±2 µs"),
+    ],
+)
+def test_latex_escapes(plain: str, expected: str) -> None:
+    assert escape(plain) == expected
+
+
+def test_a_latex_table_has_the_rules_of_booktabs_and_every_row() -> None:
+    lines = table_to_latex(TABLE).splitlines()
+    assert [line for line in lines if line.endswith("rule")] == [r"\toprule", r"\midrule", r"\bottomrule"]
+    body = lines[lines.index(r"\midrule") + 1 : lines.index(r"\bottomrule")]
+    # The first row has a line of small print under it.
+    assert len(body) == len(TABLE.rows) + 1
+    assert all(len(re.findall(r"(?<!\\)&", line)) == 2 and line.endswith(r" \\") for line in body)
+    assert body[0].startswith(r"\textbf{ekf\_cv} & \textbf{$-$0.12} & ")
+    assert body[1] == r" & {\scriptsize 0.11 to 0.13} &  \\"
+    assert lines[-1].endswith("it gives no velocity")
+    assert "|" not in lines[1]
+
+
+def test_svg_files_parse_and_hold_their_colours_and_legend() -> None:
+    (content,) = made("svg")[0].values()
+    svg = ElementTree.fromstring(content)
+    assert svg.tag == "{http://www.w3.org/2000/svg}svg"
+    assert svg.attrib["aria-label"] == "The error grows from 2 to 3."
+    assert "the noise" in "".join(svg.itertext())
+    assert STYLE.colour in content.decode()
+    assert "trackbench:" not in content.decode()
+
+
+def test_pdf_files_are_pdf_without_a_date() -> None:
+    ((name, content),) = made("pdf")[0].items()
+    assert name == "figures/error.pdf"
+    assert content.startswith(b"%PDF-")
+    assert content.rstrip().endswith(b"%%EOF")
+    assert b"CreationDate" not in content
+    # The fonts are in the file, as TrueType.
+    assert b"/FontFile2" in content
+
+
+def test_files_of_a_figure_have_room_for_the_legend() -> None:
+    figure = document(Painter()).figures[0]
+    height = float(ElementTree.fromstring(svg_file(figure)).attrib["height"])
+    assert height > figure.height
+    media = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", pdf_file(figure))
+    assert media is not None
+    assert float(media[2]) == pytest.approx(height)
+
+
+def test_markdown_shows_figures_only_where_their_files_are() -> None:
+    with_files = to_markdown(document(Painter()), figures="figures")
+    assert "![The error grows from 2 to 3.](figures/error.svg)" in with_files
+    assert "![" not in to_markdown(document(Painter()))
+    assert "````yaml" in with_files
+    assert "| **ekf_cv** | **\N{MINUS SIGN}0.12** (0.11 to 0.13) |" in with_files
+    assert "[95\N{NO-BREAK SPACE}%](raw.html)" in with_files
+    assert "<b>" not in with_files
+
+
+@pytest.mark.parametrize("width", [80, 50])
+def test_a_terminal_shows_every_cell_in_its_width(width: int) -> None:
+    found = run_document(make_result())
+    shown = text(found, width)
+    assert max(map(len, shown.splitlines())) <= max(width, max(len(c.text) for c in codes(found)))
+    words = set(shown.split())
+    for table in found.tables:
+        for row in table.rows:
+            assert {word for cell in row for word in cell.text.split()} <= words
+    assert "Accuracy" not in shown.splitlines(), "it holds figures alone"
+
+
+def codes(found: Document) -> list[Code]:
+    from trackbench.document.model import every
+
+    return [Code(line) for block in every(found.blocks) if isinstance(block, Code) for line in block.text.splitlines()]
+
+
+def test_a_page_escapes_what_is_hostile() -> None:
+    page = to_html(document(Painter()))
+    assert "<b>" not in page
+    assert page.count("&lt;b&gt;") >= 3
+    assert '<a href="raw.html">' in page
+    assert 'aria-label="The error grows from 2 to 3."' in page

@@ -1,0 +1,107 @@
+"""The tables of one run in the terminal and in Markdown, and the letters that say which differences are real."""
+
+from __future__ import annotations
+
+import io
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+from tests.support.example_result import RMSE, make_result
+
+from trackbench.document.markdown import to_markdown
+from trackbench.report.console import print_summary
+from trackbench.report.run import run_document
+from trackbench.report.run.pairs import Pairs, groups
+from trackbench.results import Difference, Result
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return make_result()
+
+
+def test_markdown_table(result: Result) -> None:
+    lines = to_markdown(run_document(result)).splitlines()
+    start = lines.index("## Ranking") + 4
+    assert lines[start].count("|") == lines[start + 2].count("|")
+    assert lines[start + 2].startswith("| 1 | **ukf_ctrv** | a | 0.382 (0.374 to 0.390) |")
+    assert "1. n/a: the tracker gives no covariance" in lines
+    assert any(line.startswith("- **mine**: ValueError: matrix \\<3\\> is singular") for line in lines)
+
+
+def test_markdown_holds_the_whole_report(result: Result) -> None:
+    text = to_markdown(run_document(result))
+    headings = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## ")]
+    assert headings == [
+        "Verdict",
+        "Ranking",
+        "Differences between trackers",
+        "Worst moments",
+        "By manoeuvre and range",
+        "Consistency",
+        "Expectations",
+        "Truth and sensors",
+        "How to reproduce it",
+    ]
+    assert "optimistic about velocity in turns (errors 1.6 times as large as stated)" in text
+    assert "1 of 2 expectations failed." in text
+    assert "```yaml\n" + result.summary.scenario.text.rstrip() + "\n```" in text
+    assert result.summary.command in text
+    assert "None" not in text
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_terminal_output_fits(result: Result, width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    output = io.StringIO()
+    print_summary(result, Console(file=output, width=width))
+    text = output.getvalue()
+    assert max(len(line) for line in text.splitlines()) <= width
+    assert "\x1b" not in text
+    assert all(name in text for name in (*RMSE, "mine"))
+    assert "0.412 ±0.008" in text
+    assert "mixed: errors larger or smaller than stated, by condition (NEES, 4 expected):" in text
+    assert "  ekf_ctrv: turning 39.7, straight 2.9" in text
+    assert "FAILED ekf_cv position_rmse below 0.4: 0.412" in text
+    assert "ekf_cv position_rmse below 0.5" not in text
+    assert "FAILED mine: ValueError: matrix <3> is singular" in text
+
+
+def test_terminal_colours_only_where_wanted(result: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    def printed(**options: Any) -> str:
+        output = io.StringIO()
+        print_summary(result, Console(file=output, width=80, force_terminal=True, **options))
+        return output.getvalue()
+
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    assert "\x1b[31m" in printed(color_system="standard") or "\x1b[1;31m" in printed(color_system="standard")
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "31m" not in printed()
+
+
+def test_letters_say_exactly_who_differs() -> None:
+    names = ["a", "b", "c", "d"]
+    differ = {("a", "c"), ("a", "d"), ("b", "d")}
+    entries = [
+        Difference(
+            a=x,
+            b=y,
+            metric="position_rmse",
+            unit="m",
+            value=-1.0,
+            ci95=(-2.0, 0.0),
+            margin=0.005,
+            p_value=0.01,
+            better=x if (x, y) in differ else None,
+            verdict=f"{x} better" if (x, y) in differ else "undecided",
+        )
+        for i, x in enumerate(names)
+        for y in names[i + 1 :]
+    ]
+    found = groups(names, Pairs(SimpleNamespace(headline="position_rmse", differences=entries)))
+    for i, x in enumerate(names):
+        for y in names[i + 1 :]:
+            assert bool(set(found[x]) & set(found[y])) == ((x, y) not in differ)
+    assert found == {"a": "a", "b": "ab", "c": "bc", "d": "c"}

@@ -1,0 +1,420 @@
+"""Each bad scenario gives its messages: file, line, key path and the nearest valid choice."""
+
+from pathlib import Path
+
+import pytest
+
+# The messages below count the lines of this file.
+from tests.support.places import DATA
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import load_scenario
+
+GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
+
+FILTERS = "filter (built in: kf, ekf, iekf, ukf, ckf) or use (your own)"
+
+# What is replaced, by what, and the messages after the file's name.
+BAD = [
+    # Unknown keys, most often in another unit.
+    (
+        "azimuth_sigma_deg: 0.5",
+        "azimuth_sigma_rad: 0.01",
+        ["15: sensors.front.azimuth_sigma_rad: unknown key; use azimuth_sigma_deg (degrees): 0.573"],
+    ),
+    (
+        "azimuth_sigma_deg: 0.5",
+        "azimuth_sigma: 0.5",
+        ["15: sensors.front.azimuth_sigma: unknown key; use azimuth_sigma_deg (degrees)"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_cm: 30",
+        ["14: sensors.front.range_sigma_cm: unknown key; use range_sigma_m (metres): 0.3"],
+    ),
+    (
+        "range_rate_sigma_mps: 0.1",
+        "range_rate_sigma_kmh: 0.36",
+        ["16: sensors.front.range_rate_sigma_kmh: unknown key; use range_rate_sigma_mps (m/s): 0.1"],
+    ),
+    (
+        "azimuth_sigma_deg: 0.5",
+        "azimut_sigma_mrad: 10",
+        ["15: sensors.front.azimut_sigma_mrad: unknown key; use azimuth_sigma_deg (degrees): 0.573"],
+    ),
+    ("duration_s: 20", "duration: 20", ["6: truth.duration: unknown key; use duration_s (seconds)"]),
+    ("duration_s: 20", "duration_min: 2", ["6: truth.duration_min: unknown key; use duration_s (seconds): 120"]),
+    ("duration_s: 20", "durations_s: 20", ["6: truth.durations_s: unknown key; use duration_s (seconds): 20"]),
+    ("rate_hz: 10", "rate: 10", ["19: sensors.roof.rate: unknown key; use rate_hz (Hz)"]),
+    (
+        "env: highway-v0",
+        "env: highway-v0\n  speed_kmh: 90",
+        [
+            "6: truth.speed_kmh: unknown key; choose from: source, duration_s, rate_hz, env, config, seed, seeds, "
+            "observer, targets, ego, steering_rate_degps, sizes, others_within_m, audit"
+        ],
+    ),
+    ("{nearest: 4}", "{nearst: 4}", ["9: truth.targets: write all, {nearest: 4} or {ids: [v1, v2]}"]),
+    ("observer: ego", "observer: {x_m: 3}", ["8: truth.observer.x_m: unknown key; use x"]),
+    ("monte_carlo:", "monte-carlo:", ["24: monte-carlo: unknown key; did you mean 'monte_carlo'?"]),
+    (
+        "name: example",
+        "name: example\nduration_s: 9",
+        ["2: duration_s: unknown key here; it belongs to truth"],
+    ),
+    (
+        "settle_s: 2",
+        "settle_s: 2, velocity_sigma_mps: 3",
+        [
+            "25: score.velocity_sigma_mps: unknown key here; it belongs to trackers.initial or score.reference",
+        ],
+    ),
+    ("seed: 7", "seed: 7, workers: 2", ["24: monte_carlo.workers: unknown key; choose from: runs, seed"]),
+    # Options of a class beside its name.
+    (
+        "{use: ",
+        "{alpha: 0.5, use: ",
+        ["23: trackers.mine.alpha: unknown key; options of a class go under options: {alpha: 0.5}"],
+    ),
+    (
+        "{use: ",
+        "{motion: cv, use: ",
+        ['23: trackers.mine.motion: unknown key; options of a class go under options: {motion: "cv"}'],
+    ),
+    ("{use: ", "{optoins: {}, use: ", ["23: trackers.mine.optoins: unknown key; did you mean 'options'?"]),
+    (
+        "{use: ",
+        "{duration_s: 9, use: ",
+        ["23: trackers.mine.duration_s: unknown key; options of a class go under options: {duration_s: 9}"],
+    ),
+    # A key of many sections, and of another form of the one that it is in.
+    (
+        "ekf: {filter: ekf",
+        "ekf: {position_sigma_m: 3, filter: ekf",
+        ["21: trackers.ekf.position_sigma_m: unknown key here; it belongs to sensors or trackers.initial"],
+    ),
+    # Wrong types.
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m: 20 m",
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not '20 m'; write 20"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m: 30cm",
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not '30cm'; write 0.3"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m: 3 s",
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not seconds"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        'range_sigma_m: "0,3"',
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not '0,3'; write 0.3"],
+    ),
+    (
+        "detection_probability: 0.9",
+        "detection_probability: 90%",
+        ["17: sensors.front.detection_probability: a number is needed, not '90%'; write 0.9"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m: true",
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not true"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m: .nan",
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not nan"],
+    ),
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m:",
+        ["14: sensors.front.range_sigma_m: a number in metres is needed, not nothing"],
+    ),
+    ("runs: 100", "runs: 2.5", ["24: monte_carlo.runs: a whole number is needed, not 2.5; write 2 or 3"]),
+    ("runs: 100", "runs: 1e2", ["24: monte_carlo.runs: a whole number is needed, not 100.0; write 100"]),
+    ("runs: 100", "runs: many", ["24: monte_carlo.runs: a whole number is needed, not 'many'"]),
+    ("description: one line", "description: 5", ['2: description: text is needed, not 5; write "5"']),
+    (
+        "sensors: [front, roof]",
+        "sensors: roof",
+        ["21: trackers.ekf.sensors: a list is needed, not 'roof'; write [roof]"],
+    ),
+    (
+        "{nearest: 4}",
+        "{ids: [1]}",
+        ['9: truth.targets.ids.0: text is needed, not 1; write "1"'],
+    ),
+    (
+        "score: {settle_s: 2}",
+        "score: 2",
+        [
+            "25: score: a mapping of keys to values is needed, not 2 (keys: settle_s, divergence_m, lost_after_s, "
+            "cutoff_m, min_coverage, margin, reference, metrics)"
+        ],
+    ),
+    ("observer: ego", "observer: 5", ["8: truth.observer: write ego or {x: 0, y: 0, yaw_deg: 0}"]),
+    (
+        "initial: truth",
+        "initial: truth, augmented: maybe",
+        ["22: trackers.ukf.augmented: true or false is needed, not 'maybe'"],
+    ),
+    # Words that are not known.
+    ("observer: ego", "observer: egg", ["8: truth.observer: 'egg' is not known; did you mean 'ego'?"]),
+    ("type: lidar", "type: lidr", ["19: sensors.roof.type: 'lidr' is not known; did you mean 'lidar'?"]),
+    ("type: lidar, ", "", ["19: sensors.roof.type: missing; choose from: lidar, radar, speed_radar"]),
+    ("filter: ekf", "filter: efk", ["21: trackers.ekf.filter: 'efk' is not known; did you mean 'ekf'?"]),
+    ("motion: ctrv", "motion: ctvr", ["22: trackers.ukf.motion: 'ctvr' is not known; did you mean 'ctrv'?"]),
+    (
+        "initial: truth",
+        "initial: thruth",
+        ["22: trackers.ukf.initial.from: 'thruth' is not known; did you mean 'truth'?"],
+    ),
+    (
+        "rate_hz: 10",
+        "preset: velodyne_vlp61",
+        ["19: sensors.roof.preset: no lidar preset has the name 'velodyne_vlp61'; did you mean 'velodyne_vlp16'?"],
+    ),
+    (
+        "rate_hz: 10",
+        "preset: bosch_lrr3",
+        ["19: sensors.roof.preset: no lidar preset has the name 'bosch_lrr3'; choose from: ouster_os1, velodyne_vlp16"],
+    ),
+    ("name: example", "name: My Example", ["1: name: 'My Example' is not possible: only a to z, 0 to 9, _ and -"]),
+    (
+        "  roof:",
+        "  roof.top:",
+        ["19: sensors.roof.top: a name starts with a letter and has only letters, digits, _ and -, at most 64"],
+    ),
+    # Impossible values.
+    (
+        "range_sigma_m: 0.3",
+        "range_sigma_m: -1",
+        ["14: sensors.front.range_sigma_m: -1 is not possible: it must be above 0; write 1"],
+    ),
+    (
+        "detection_probability: 0.9",
+        "detection_probability: 95",
+        ["17: sensors.front.detection_probability: 95 is not possible: it must be at most 1; write 0.95"],
+    ),
+    ("runs: 100", "runs: 0", ["24: monte_carlo.runs: 0 is not possible: it must be at least 1"]),
+    ("{nearest: 4}", "{nearest: 0}", ["9: truth.targets.nearest: 0 is not possible: it must be at least 1"]),
+    ("to_s: 6", "to_s: 5", ["18: sensors.front.dropouts.0.to_s: must be later than from_s, which is 5"]),
+    ("sensors: [front, roof]", "sensors: []", ["21: trackers.ekf.sensors: must not be empty"]),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front, front]",
+        ["21: trackers.ekf.sensors.1: 'front' is named twice; remove one"],
+    ),
+    # Required keys.
+    (
+        "    range_sigma_m: 0.3\n",
+        "",
+        ["11: sensors.front.range_sigma_m: missing; standard deviation of the range, m"],
+    ),
+    (
+        "name: example\n",
+        "",
+        [
+            "1: name: missing; name of the result's folder. The noise is drawn by the name and the seed: a copy under "
+            "another name has other noise"
+        ],
+    ),
+    # Trackers.
+    ("use: raw", "use: raw, filter: ekf", [f"23: trackers.mine: write {FILTERS}, and not both"]),
+    ("use: raw, ", "", [f"23: trackers.mine: write {FILTERS}, and not both"]),
+    (
+        "motion: cv, acceleration_sigma_mps2: 3",
+        "motion: ca, acceleration_sigma_mps2: 3",
+        [
+            "21: trackers.ekf.acceleration_sigma_mps2: motion ca does not use this; it uses jerk_sigma_mps3",
+            "21: trackers.ekf.jerk_sigma_mps3: missing: motion ca needs jerk_sigma_mps3",
+        ],
+    ),
+    (
+        "filter: ukf",
+        "filter: kf",
+        ["22: trackers.ukf.motion: kf needs a linear motion model: use ca or cv, or filter: ekf with ctrv"],
+    ),
+    (
+        "filter: ekf",
+        "filter: ekf, sigma_points: classic",
+        ["21: trackers.ekf.sigma_points: only filter ukf has this key; the filter here is ekf"],
+    ),
+    (
+        "filter: ukf",
+        "filter: ukf, sigma_points: classic, alpha: 0.5",
+        ["22: trackers.ukf.alpha: not used with sigma_points: classic; remove it, or use sigma_points: scaled"],
+    ),
+    (
+        "initial: truth",
+        "initial: {from: two_readings, velocity_sigma_mps: 3}",
+        [
+            "22: trackers.ukf.initial.velocity_sigma_mps: not used with from: two_readings; remove it, "
+            "or use from: first_reading or batch or truth"
+        ],
+    ),
+    (
+        "motion: cv,",
+        "motion: cv, initial: {yaw_rate_sigma_radps: 1},",
+        [
+            "21: trackers.ekf.initial.yaw_rate_sigma_radps: motion cv has no such component; ctra and ctrv have",
+        ],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front, rof]",
+        ["21: trackers.ekf.sensors.1: the scenario has no sensor 'rof'; did you mean 'roof'?"],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front], measurement_noise: {roof: {position_sigma_m: 0.3}}",
+        ["21: trackers.ekf.measurement_noise.roof: the tracker does not read roof; it reads front"],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front], sensor_models: {roof: lidar}",
+        ["21: trackers.ekf.sensor_models.roof: the tracker does not read roof; it reads front"],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [front, roof], initial: {from: first_reading, velocity: radial, sensors: [roof]}",
+        [
+            "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
+            "that does"
+        ],
+    ),
+    (
+        "sensors: [front, roof]",
+        "sensors: [roof], initial: {from: first_reading, velocity: range_rate}",
+        [
+            "21: trackers.ekf.initial.velocity: roof (lidar) measures no range rate; remove it, or start from a sensor "
+            "that does"
+        ],
+    ),
+    # Times and rates.
+    (
+        "rate_hz: 10",
+        "rate_hz: 7",
+        ["19: sensors.roof.rate_hz: 7 Hz does not divide truth.rate_hz, which is 20; use 5 or 10"],
+    ),
+    (
+        "rate_hz: 10",
+        "rate_hz: 40",
+        ["19: sensors.roof.rate_hz: 40 Hz does not divide truth.rate_hz, which is 20; use 20"],
+    ),
+    (
+        "type: lidar, rate_hz: 10, position_sigma_m: 0.15",
+        "type: radar, preset: bosch_lrr3",
+        [
+            "19: sensors.roof.rate_hz: 12.5 Hz does not divide truth.rate_hz, which is 20; use 10 or 20 "
+            "(the rate is that of preset bosch_lrr3)"
+        ],
+    ),
+    (
+        "rate_hz: 10",
+        "rate_hz: 10, phase_s: 0.1",
+        ["19: sensors.roof.phase_s: must be below the sensor's period, which is 0.1 s"],
+    ),
+    (
+        "rate_hz: 10",
+        "rate_hz: 10, phase_s: 0.04",
+        ["19: sensors.roof.phase_s: must be a multiple of the truth step, which is 0.05 s; use 0.05"],
+    ),
+    ("settle_s: 2", "settle_s: 20", ["25: score.settle_s: must be shorter than truth.duration_s, which is 20"]),
+    ("run: 0", "run: 100", ["28: recording.run: must be from 0 to 99, because monte_carlo.runs is 100"]),
+    # Expectations.
+    ("tracker: ekf", "tracker: efk", ["27: expect.0.tracker: the scenario has no tracker 'efk'; did you mean 'ekf'?"]),
+    (
+        "metric: position_rmse",
+        "metric: position_rms",
+        ["27: expect.0.metric: there is no metric 'position_rms'; did you mean 'position_rmse'?"],
+    ),
+    (
+        "metric: position_rmse",
+        "metric: nis.frnt.mean",
+        ["27: expect.0.metric: there is no metric 'nis.frnt.mean'; did you mean 'nis.front.mean'?"],
+    ),
+    (
+        "tracker: ekf, metric: position_rmse",
+        "tracker: mine, metric: nis.roof.mean",
+        ["27: expect.0.metric: tracker mine does not read roof; it reads front"],
+    ),
+    (
+        "below: 0.5",
+        "below: 0.5, above: 0.1",
+        ["27: expect.0.above: an expectation has one limit: write a second one beside below"],
+    ),
+    (", below: 0.5", "", ["27: expect.0: says nothing: add one of below, above, is, better_than"]),
+    (
+        "below: 0.5",
+        "is: consistent",
+        ["27: expect.0.is: position_rmse is a number, not a word; use below or above"],
+    ),
+    (
+        "metric: position_rmse, below: 0.5",
+        "metric: nees.verdict, below: 5",
+        [
+            "27: expect.0.below: nees.verdict is a word, not a number; "
+            "use is: consistent | optimistic | pessimistic | undecided | mixed"
+        ],
+    ),
+    (
+        "metric: position_rmse, below: 0.5",
+        "metric: nees.verdict, is: consistant",
+        ["27: expect.0.is: nees.verdict is never 'consistant'; did you mean 'consistent'?"],
+    ),
+    (
+        "below: 0.5",
+        "better_than: row",
+        ["27: expect.0.better_than: the scenario has no tracker 'row'; choose from: ekf, mine, ukf"],
+    ),
+    (
+        "below: 0.5",
+        "better_than: ekf",
+        ["27: expect.0.better_than: a tracker cannot be better than itself; name another one"],
+    ),
+    (
+        "metric: position_rmse, below: 0.5",
+        "metric: nees.mean, better_than: ukf",
+        [
+            "27: expect.0.better_than: trackers are not compared by nees.mean; only by position_rmse, velocity_rmse, "
+            "course_rmse, rmse.px, rmse.py, rmse.vx, rmse.vy"
+        ],
+    ),
+    # Several mistakes are all shown, in the order of the file.
+    (
+        "rate_hz: 10, position_sigma_m: 0.15}\ntrackers:\n  ekf: {filter: ekf",
+        "rate_hz: fast, position_sigma_m: 0}\ntrackers:\n  ekf: {filter: ekg",
+        [
+            "19: sensors.roof.rate_hz: a number in Hz is needed, not 'fast'",
+            "19: sensors.roof.position_sigma_m: 0 is not possible: it must be above 0",
+            "21: trackers.ekf.filter: 'ekg' is not known; did you mean 'ekf'?",
+        ],
+    ),
+]
+
+
+def messages(path: Path) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    return str(caught.value).replace(str(path), "FILE").splitlines()
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), BAD, ids=[new.strip()[:50] or f"no {old}" for old, new, _ in BAD])
+def test_message(tmp_path: Path, old: str, new: str, expected: list[str]) -> None:
+    assert GOOD.count(old) >= 1
+    path = tmp_path / "bad.yaml"
+    path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+
+    assert messages(path) == [f"FILE:{line}" for line in expected]
+
+
+def test_the_good_scenario_is_good(tmp_path: Path) -> None:
+    path = tmp_path / "good.yaml"
+    path.write_text(GOOD)
+
+    assert load_scenario(path).config.name == "example"

@@ -1,0 +1,133 @@
+"""Files that are not YAML or no scenario, and values set over a file from the command line."""
+
+from pathlib import Path
+
+import pytest
+from tests.support.places import DATA
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import load_scenario
+
+GOOD = (DATA / "scenario.yaml").read_text(encoding="utf-8")
+
+# What is replaced, by what, and the message after the file's name.
+NOT_YAML = [
+    (
+        "runs: 100",
+        "runs: 100, runs: 4",
+        "24: monte_carlo.runs: this key is given twice, first in line 24; remove one",
+    ),
+    ("description: one line", "\tdescription: tab", "2: a tab where YAML needs spaces"),
+    (
+        "description: one line",
+        "description: merge: and exit",
+        "2: not valid YAML: a second ': ' in one line, or wrong indentation; quote text that contains ': '",
+    ),
+    (
+        "runs: 100",
+        "runs: !!python/name:os.system 1",
+        "24: monte_carlo.runs: the tag 'tag:yaml.org,2002:python/name:os.system' is not known; remove it",
+    ),
+    ("seed: 7", "<<: *nothing", "24: not valid YAML: found undefined alias 'nothing'"),
+    ("score: {settle_s: 2}", "score: &a {reference: *a}", "25: score.reference: an anchor that contains itself"),
+    ("name: example", "name: example\n---\nname: b", "2: a second YAML document; a scenario file holds one"),
+    ("one line", "one\x07line", "2: a control character, which a scenario cannot hold"),
+]
+
+
+def messages(path: Path, *overrides: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load_scenario(path, overrides)
+    return str(caught.value).replace(str(path), "FILE").splitlines()
+
+
+@pytest.mark.parametrize(("old", "new", "expected"), NOT_YAML)
+def test_not_yaml(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+
+    assert messages(path) == [f"FILE:{expected}"]
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"", "FILE:1: the file is empty; a scenario has the keys name, truth, sensors, trackers"),
+        (b"# only a comment\n", "FILE:1: the file is empty; a scenario has the keys name, truth, sensors, trackers"),
+        (
+            b"- a\n- b\n",
+            "FILE:1: the file is not a mapping of keys to values; a scenario has the keys name, truth, sensors, "
+            "trackers",
+        ),
+        (b"name: a\nb: \xff\n", "FILE:2: not UTF-8 text (byte 0xff); save the file as UTF-8"),
+        (b"name: [" * 3000, "FILE: nested too deeply"),
+        (
+            b"a: &a [1,1,1,1,1,1,1,1,1,1]\n"
+            + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 10)) for c in b"bcdef"),
+            "more than 100000 values, aliases expanded",
+        ),
+    ],
+    ids=["empty", "comment", "list", "encoding", "deep", "aliases"],
+)
+def test_file_that_is_no_scenario(tmp_path: Path, content: bytes, expected: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_bytes(content)
+
+    [message] = messages(path)
+    assert message.endswith(expected)
+
+
+def test_missing_file_names_its_nearest_neighbour(tmp_path: Path) -> None:
+    (tmp_path / "highway.yaml").write_text(GOOD)
+
+    near = f"'{tmp_path}/highway.yaml' or 'highway', which comes with trackbench?"
+    assert messages(tmp_path / "higway.yaml") == [f"FILE: there is no such file; did you mean {near}"]
+    (far,) = messages(tmp_path / "no" / "x.yaml")
+    assert far.startswith("FILE: there is no such file; `trackbench list scenarios` shows")
+
+
+def test_folder(tmp_path: Path) -> None:
+    assert messages(tmp_path) == ["FILE: this is a folder; name a file in it"]
+
+
+@pytest.mark.parametrize(
+    ("override", "expected"),
+    [
+        ("monte_carlo.runs=0", "--set monte_carlo.runs=0: monte_carlo.runs: 0 is not possible: it must be at least 1"),
+        ("monte_carlo.rusn=3", "--set monte_carlo.rusn=3: monte_carlo.rusn: unknown key; did you mean 'runs'?"),
+        (
+            "sensors.front.range_sigma_cm=30",
+            "--set sensors.front.range_sigma_cm=30: sensors.front.range_sigma_cm: unknown key; "
+            "use range_sigma_m (metres): 0.3",
+        ),
+        (
+            "trackers.ekf.sensors.1=rof",
+            "--set trackers.ekf.sensors.1=rof: trackers.ekf.sensors.1: the scenario has no sensor 'rof'; "
+            "did you mean 'roof'?",
+        ),
+        (
+            "score.reference.velocity_sigma_mps=-5",
+            "--set score.reference.velocity_sigma_mps=-5: score.reference.velocity_sigma_mps: -5 is not possible: "
+            "it must be above 0; write 5",
+        ),
+        # The override breaks what the file says elsewhere, so the file's line is named.
+        (
+            "truth.rate_hz=10",
+            "FILE:13: sensors.front.rate_hz: 20 Hz does not divide truth.rate_hz, which is 10; use 10",
+        ),
+        ("monte_carlo.runs", "--set monte_carlo.runs: write --set key.path=value, such as --set monte_carlo.runs=10"),
+        ("a..b=1", "--set a..b=1: write --set key.path=value, such as --set monte_carlo.runs=10"),
+        ("expect.1.below=2", "--set expect.1.below=2: expect: '1' is not an index of this list; choose from 0 to 0"),
+        (
+            "trackers.ukf.initial.position_sigma_m=2",
+            "--set trackers.ukf.initial.position_sigma_m=2: trackers.ukf.initial: it is 'truth', which has no key "
+            "'position_sigma_m'; set it as a whole: --set 'trackers.ukf.initial={...}'",
+        ),
+        ("name=[", "--set name=[: not valid YAML: expected the node content, but found '<stream end>'"),
+    ],
+)
+def test_override_message(tmp_path: Path, override: str, expected: str) -> None:
+    path = tmp_path / "good.yaml"
+    path.write_text(GOOD)
+
+    assert messages(path, override) == [expected]

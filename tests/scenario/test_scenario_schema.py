@@ -1,0 +1,120 @@
+"""The JSON Schema and the page that is made from it."""
+
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+from tests.support.places import DOCS, SCENARIOS
+
+from trackbench.metrics.registry import by_path, known
+from trackbench.scenario import load_scenario
+from trackbench.scenario.config import ScenarioConfig
+from trackbench.scenario.docs import scenario_markdown
+from trackbench.scenario.examples import EXAMPLES
+from trackbench.scenario.schema import json_schema
+from trackbench.scenario.source import parse
+
+SHIPPED = sorted((SCENARIOS).rglob("*.yaml"))
+EXAMPLE = "".join(EXAMPLES.values())
+
+
+def errors(text: str) -> list[Any]:
+    return list(jsonschema.Draft202012Validator(json_schema()).iter_errors(parse(text, "example").value))
+
+
+def test_schema_is_a_schema() -> None:
+    schema = json_schema()
+
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["$id"].startswith("urn:")
+
+
+def test_every_key_is_described() -> None:
+    schema = json_schema()
+
+    bare = [
+        f"{name}.{key}"
+        for name, part in {"ScenarioConfig": schema, **schema["$defs"]}.items()
+        for key, field in part["properties"].items()
+        if not field.get("description")
+    ]
+    assert bare == []
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=[path.stem for path in SHIPPED])
+def test_shipped_scenarios_fit_the_schema(path: Path) -> None:
+    assert errors(path.read_text(encoding="utf-8")) == []
+    assert load_scenario(path).config.name
+
+
+def test_the_examples_of_the_page_are_one_valid_scenario(tmp_path: Path) -> None:
+    path = tmp_path / "example.yaml"
+    path.write_text(EXAMPLE)
+
+    assert errors(EXAMPLE) == []
+    assert load_scenario(path).config.name == "highway_overtake"
+    assert set(yaml.safe_load(EXAMPLE)) == set(ScenarioConfig.model_fields)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("seed: 1", "sed: 1"),
+        ("rate_hz: 20", "rate_hz: fast"),
+        ("range_sigma_m: 0.3", "range_sigma_m: -0.3"),
+        ("    range_sigma_m: 0.3\n", ""),
+        ("preset: velodyne_vlp16", "preset: velodyne"),
+        ("    acceleration_sigma_mps2: 3\n", ""),
+        ("filter: ukf", "filter: kf"),
+        ("filter: ekf", "filter: ekf\n    use: raw"),
+        ("below: 1.0", "below: 1.0, above: 0.1"),
+        ("observer: ego", "observer: {z: 1}"),
+        ("from: first_reading, velocity_sigma_mps", "from: birth, velocity_sigma_mps"),
+        ("  front_radar:\n", "  front.radar:\n"),
+    ],
+)
+def test_schema_refuses(old: str, new: str) -> None:
+    assert old in EXAMPLE
+    assert errors(EXAMPLE.replace(old, new, 1))
+
+
+def test_schema_accepts_what_a_preset_supplies() -> None:
+    without = "    position_sigma_m: 0.15   # a key that is written wins over the preset\n"
+
+    assert without in EXAMPLE
+    assert errors(EXAMPLE.replace(without, "")) == []
+
+
+def test_schema_knows_the_options_that_a_published_tracker_declares() -> None:
+    options = "{filter: 'a:b', state: [px, py, vx, vy], initial: own}"
+    mine = EXAMPLE.replace("raw: {use: raw}", f"raw: {{use: raw}}\n  mine: {{use: filterpy, options: {options}}}")
+    assert errors(mine) == []
+    assert errors(mine.replace("initial: own", "initial: birth"))
+    assert errors(mine.replace("filter: 'a:b', ", ""))
+    own = EXAMPLE.replace("motion: cv\n    acceleration_sigma_mps2: 3", "motion: 'mine:Model'\n    gain: 3")
+    assert own != EXAMPLE
+    assert errors(own) == []
+
+
+def test_the_page_is_up_to_date() -> None:
+    page = (DOCS / "scenario-file.md").read_text(encoding="utf-8")
+
+    assert page == scenario_markdown(), "run: python -m trackbench.scenario.docs > docs/scenario-file.md"
+
+
+def test_the_page_has_every_class_and_metric() -> None:
+    page = scenario_markdown()
+
+    assert all(part["description"] in page for part in json_schema()["$defs"].values())
+    assert all(metric.path in scenario_markdown() for metric in known())
+
+
+def test_metric_paths_name_the_sensors() -> None:
+    paths = by_path(["front"])
+
+    assert "nis.front.inside95" in paths
+    assert "whiteness.front.verdict" in paths
+    assert not any("<" in path for path in paths)

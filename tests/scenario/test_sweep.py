@@ -1,0 +1,211 @@
+"""One tracker for each point of a sweep."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.cli.commands import cli
+from trackbench.document.markdown import to_markdown
+from trackbench.report.run import run_document
+from trackbench.results import MOST_DRAWN
+from trackbench.scenario import load_scenario
+from trackbench.subjects.recording.contents import contents_of
+from trackbench.subjects.recording.reader import read
+from trackbench.subjects.recording.writer import write
+
+HEAD = """\
+name: example
+truth: {source: scripted, duration_s: 2, rate_hz: 10, objects: {car: {start: {x: 20, speed_mps: 3}}}}
+sensors:
+  front: {type: radar, rate_hz: 10, range_sigma_m: 0.1, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.1}
+  roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.1}
+trackers:
+"""
+COMBINED = """\
+  ukf:
+    filter: ukf
+    motion: ctrv
+    sweep:
+      acceleration_sigma_mps2: [0.8, 2]
+      yaw_acceleration_sigma_radps2:
+        - 0.4
+        - 1e-3
+"""
+
+
+def load(folder: Path, trackers: str, *overrides: str):
+    path = folder / "sweep.yaml"
+    path.write_text(HEAD + trackers, encoding="utf-8")
+    return load_scenario(path, overrides)
+
+
+def messages(folder: Path, trackers: str) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        load(folder, trackers)
+    return str(caught.value).replace(str(folder / "sweep.yaml"), "FILE").splitlines()
+
+
+def test_all_combinations_in_order(tmp_path):
+    loaded = load(tmp_path, "  raw: {use: raw}\n" + COMBINED + "  last: {use: raw}\n")
+
+    points = ("ukf_0p8_0p4", "ukf_0p8_0p001", "ukf_2_0p4", "ukf_2_0p001")
+    assert tuple(loaded.config.trackers) == ("raw", *points, "last")
+    assert loaded.sweeps == {"ukf": points}
+    point = loaded.config.trackers["ukf_2_0p4"]
+    assert (point.filter, point.motion.acceleration_sigma_mps2, point.motion.yaw_acceleration_sigma_radps2) == (
+        "ukf",
+        2,
+        0.4,
+    )
+    assert point.sweep is None
+
+
+def test_a_list_of_points(tmp_path):
+    sweep = "  ekf: {filter: ekf, motion: cv, sweep: [{acceleration_sigma_mps2: 1}, {acceleration_sigma_mps2: 2, "
+    loaded = load(tmp_path, sweep + "sensors: [roof]}]}\n")
+
+    assert loaded.sweeps == {"ekf": ("ekf_1", "ekf_2_roof")}
+    assert loaded.config.trackers["ekf_1"].sensors is None
+    assert loaded.config.trackers["ekf_2_roof"].sensors == ["roof"]
+
+
+def test_any_option_can_vary(tmp_path):
+    loaded = load(
+        tmp_path,
+        "  all: &all\n    motion: cv\n    acceleration_sigma_mps2: 1\n"
+        "    sweep: {filter: [kf, ukf], sensors: [[front, roof], [roof]], initial: [truth, {from: first_reading}]}\n"
+        "  q: {filter: ekf, motion: cv, sweep: {process_noise_diag: [[20, 20, 4, 4], [1, 1, 1, 0.5]]}}\n"
+        "  p: {filter: ekf, motion: cv, acceleration_sigma_mps2: 1, initial: {from: first_reading},\n"
+        "      sweep: {initial.velocity_sigma_mps: [5, 10]}}\n"
+        "  w: {filter: ukf, motion: cv, acceleration_sigma_mps2: 1, sweep: {augmented: [true, false]}}\n",
+    )
+
+    assert loaded.sweeps["all"][0] == "all_kf_front-roof_truth"
+    assert len(loaded.sweeps["all"]) == 8
+    assert loaded.config.trackers["all_ukf_roof_first_reading"].initial.source == "first_reading"
+    assert loaded.sweeps["q"] == ("q_20-20-4-4", "q_1-1-1-0p5")
+    assert loaded.config.trackers["p_10"].initial.velocity_sigma_mps == 10
+    assert loaded.sweeps["w"] == ("w_true", "w_false")
+
+
+def test_options_of_a_tracker_of_ones_own(tmp_path):
+    loaded = load(tmp_path, "  mine: {use: 'm:C', options: {beta: 1}, sweep: {options.alpha: [0.1, 0.5]}}\n")
+
+    assert loaded.config.trackers["mine_0p5"].options == {"beta": 1, "alpha": 0.5}
+    assert loaded.config.trackers["mine_0p1"].options == {"beta": 1, "alpha": 0.1}
+
+
+def test_expectations_and_overrides_name_the_points(tmp_path):
+    expect = "expect: [{tracker: ukf_2_0p4, metric: position_rmse, below: 1}]\n"
+    assert load(tmp_path, COMBINED + expect).config.expect[0].tracker == "ukf_2_0p4"
+
+    loaded = load(tmp_path, COMBINED, "trackers.ukf.sweep.acceleration_sigma_mps2=[7]")
+    assert loaded.sweeps == {"ukf": ("ukf_7_0p4", "ukf_7_0p001")}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("[0.8, 2]", "[0.8, -2]", "11: trackers.ukf.sweep.acceleration_sigma_mps2.1: -2 is not possible"),
+        ("- 1e-3", "- fast", "14: trackers.ukf.sweep.yaw_acceleration_sigma_radps2.1: a number"),
+        ("motion: ctrv", "motion: ctrw", "9: trackers.ukf.motion: 'ctrw' is not known; did you mean 'ctrv'?"),
+        ("filter: ukf", "filter: kf", "9: trackers.ukf.motion: kf needs a linear motion model"),
+        (
+            "yaw_acceleration_sigma_radps2:",
+            "yaw_acc_sigma_radps2:",
+            "13: trackers.ukf.sweep.yaw_acc_sigma_radps2.0: unk",
+        ),
+        ("[0.8, 2]", "0.8", "11: trackers.ukf.sweep.acceleration_sigma_mps2: a list of values is needed"),
+        ("[0.8, 2]", "[]", "11: trackers.ukf.sweep.acceleration_sigma_mps2: a list of values is needed"),
+        (
+            "[0.8, 2]",
+            "[2, 2.0]",
+            "11: trackers.ukf.sweep.acceleration_sigma_mps2.1: there is another tracker 'ukf_2_0p4'",
+        ),
+        (
+            "acceleration_sigma_mps2: [0.8, 2]",
+            "sensors: [[rof]]\n      acceleration_sigma_mps2: [0.8, 2]",
+            "11: trackers.ukf.sweep.sensors.0.0: the scenario has no",
+        ),
+        (
+            "acceleration_sigma_mps2: [0.8, 2]",
+            "filter.x: [1]",
+            "11: trackers.ukf.sweep.filter.x.0: it is 'ukf', which has",
+        ),
+        ("acceleration_sigma_mps2: [0.8, 2]", "sweep: [1]", "11: trackers.ukf.sweep.sweep: 'sweep' is not an option"),
+        (
+            "[0.8, 2]",
+            f"[{', '.join(map(str, range(600)))}]",
+            "10: trackers.ukf.sweep: 1200 points are too many; at most 1000",
+        ),
+        ("[0.8, 2]", f"['{'x' * 70}']", "11: trackers.ukf.sweep.acceleration_sigma_mps2.0: the name 'ukf_xxx"),
+    ],
+)
+def test_a_mistake_is_shown_where_it_was_written(tmp_path, old, new, expected):
+    assert old in COMBINED
+    found = messages(tmp_path, COMBINED.replace(old, new, 1))
+
+    assert any(message.startswith(f"FILE:{expected}") for message in found), found
+    # A mistake in what the points share is one mistake.
+    assert len(found) == len(set(found))
+
+
+@pytest.mark.parametrize("sweep", ["3", "[]", "{}", "[3]", "[{}]", "word", "null"])
+def test_neither_form(tmp_path, sweep):
+    [message] = messages(tmp_path, f"  ekf: {{filter: ekf, motion: cv, sweep: {sweep}}}\n")
+    assert message.startswith("FILE:7: trackers.ekf.sweep")
+    assert "a list of mappings, each a point" in message
+
+
+def test_check_shows_the_number_of_points(tmp_path):
+    load(tmp_path, COMBINED)
+    shown = CliRunner().invoke(cli, ["check", str(tmp_path / "sweep.yaml")])
+
+    assert shown.exit_code == 0
+    assert shown.output == f"{tmp_path / 'sweep.yaml'}: ok (ukf: 4 points)\n"
+
+
+def test_the_name_of_a_sweep_chooses_all_of_its_points(tmp_path):
+    load(tmp_path, COMBINED + "  raw: {use: raw}\nmonte_carlo: {runs: 2}\n")
+    command = ["run", str(tmp_path / "sweep.yaml"), "--out", str(tmp_path / "out"), "--no-recording", "--json"]
+    for chosen, count in (("ukf", 4), ("ukf_0p8_0p4,raw", 2)):
+        done = CliRunner().invoke(cli, [*command, "--trackers", chosen], standalone_mode=False)
+        result = json.loads((tmp_path / "out" / "example" / "result.json").read_text())
+        assert done.exit_code == 0
+        assert len(result["trackers"]) == count
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """The result of more trackers than a picture shows."""
+    points = ", ".join(str(0.5 * (number + 1)) for number in range(MOST_DRAWN + 2))
+    trackers = f"  ekf: {{filter: ekf, motion: cv, sweep: {{acceleration_sigma_mps2: [{points}]}}}}\n"
+    return tb.run(load(tmp_path_factory.mktemp("swept"), trackers, "monte_carlo.runs=5"))
+
+
+def test_figures_show_the_best_and_tables_all(swept):
+    best = swept.summary.ranking[:MOST_DRAWN]
+    assert [tracker.name for tracker in swept.drawn] == best
+    document = run_document(swept)
+    assert [style.name for style in document.trackers] == best
+    for figure in document.figures:
+        shown = {entry.label for entry in figure.legend if entry.key}
+        assert shown in (set(), set(best)), figure.name
+    (ranking,) = (table for table in document.tables if table.name == "ranking")
+    assert len(ranking.rows) == MOST_DRAWN + 2
+    assert "Figures show the best 12." in to_markdown(document)
+
+
+def test_a_recording_draws_the_best_and_keeps_all(swept, tmp_path):
+    contents = contents_of(swept)
+    assert set(contents.colours) == set(swept.summary.ranking[:MOST_DRAWN])
+    assert set(contents.tables.estimates["tracker"].unique().to_pylist()) == set(contents.colours)
+    assert contents.tables.truth.equals(swept.tables.truth)
+    write(swept, tmp_path / "swept.rrd")
+    kept = read(tmp_path / "swept.rrd").result
+    assert list(kept) == list(swept)
+    assert set(kept.tables.estimates["tracker"].to_pylist()) == set(swept)

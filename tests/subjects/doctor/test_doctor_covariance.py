@@ -1,0 +1,232 @@
+"""The covariance that a tracker returns, its process noise, and the gains that go with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.doctor.correct import CORRECT
+from benchmarks.doctor.faults import MUTANTS
+from benchmarks.doctor.plain_ekf import PlainEkf
+
+from trackbench.subjects.doctor.checks.gain import gain
+from trackbench.subjects.doctor.checks.noise_powers import noise_powers
+from trackbench.subjects.doctor.checks.own_covariance import one_gain, stated_covariance
+from trackbench.subjects.doctor.checks.validity import validity
+from trackbench.subjects.doctor.examine import Doctor
+from trackbench.subjects.doctor.findings import PartResult
+from trackbench.subjects.doctor.probes import Probes
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+
+Part = Callable[[TrackerUnderTest], PartResult]
+
+
+def examined(make: Callable[[], Any]) -> TrackerUnderTest:
+    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
+
+
+def mutant(name: str) -> Callable[[], Any]:
+    return next(one for one in MUTANTS if one.name == name).make
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "covariance_constant/plain_ekf/returned",
+        "covariance_diagonal/plain_ekf/returned",
+        "covariance_order/plain_ekf/px_vx_py_vy",
+        "covariance_order/plain_kf/px_vx_py_vy",
+    ],
+)
+def test_a_covariance_that_is_not_the_own_one_is_named(name: str) -> None:
+    (finding,) = stated_covariance(examined(mutant(name))).findings
+    assert finding.fault == name.split("/")[0]
+    if finding.fault == "covariance_order":
+        assert "in the order px, vx, py, vy" in finding.evidence
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("covariance_update_wrong/plain_ekf/twice", "that of two updates"),
+        ("covariance_update_wrong/plain_kf/twice", "that of two updates"),
+        ("covariance_update_wrong/plain_ekf/other_gain", "Joseph's form with 1.6 or 0.4 times the applied gain"),
+        ("gain_inconsistent/plain_ekf/mean_moved_farther", "is 1.5 times that of its own predicted covariance"),
+    ],
+)
+def test_mean_and_covariance_with_different_gains_are_no_wrong_jacobian(name: str, words: str) -> None:
+    tracker = examined(mutant(name))
+    found = one_gain(tracker).findings
+    assert [(one.fault, one.sensor) for one in found] == [(name.split("/")[0], sensor) for sensor in SENSORS]
+    assert all(words in one.evidence for one in found)
+    assert gain(tracker).findings == []
+
+
+class ThreeTimes(PlainEkf):
+    """Moves the mean three times by one measurement."""
+
+    def update(self, x, P, scan):
+        first, after = super().update(x, P, scan)
+        second, _ = super().update(first, P, scan)
+        return super().update(second, P, scan)[0], after
+
+
+def test_a_measurement_that_is_applied_three_times_is_told_so() -> None:
+    lidar, radar = one_gain(examined(ThreeTimes)).findings
+    assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
+    assert lidar.factor == radar.factor == 3.0
+    assert "3 updates with the same measurement" in lidar.evidence
+
+
+class Inflated(PlainEkf):
+    """A fading memory: the covariance is multiplied after each update."""
+
+    def corrected_covariance(self, P, K, S):
+        return 1.05 * super().corrected_covariance(P, K, S)
+
+
+class OwnGain(PlainEkf):
+    """A larger gain than the optimal one, with the covariance that it leaves."""
+
+    times = 1.3
+
+    def corrected(self, x, P, K, y, S):
+        return x + self.times * K @ y, P - K @ S @ K.T + (self.times - 1) ** 2 * K @ S @ K.T
+
+
+class LargerGain(OwnGain):
+    times = 1.6
+
+
+class DiagonalInnovation(PlainEkf):
+    """Each component of the measurement has the gain that it had alone."""
+
+    def update(self, x, P, scan):
+        H = self.sensor_jacobian(x, scan)
+        R = self.noise(scan)
+        K = P @ H.T / np.diag(H @ P @ H.T + R)
+        kept = np.eye(4) - K @ H
+        return x + K @ self.innovation(scan, self.predicted_measurement(x, scan)), kept @ P @ kept.T + K @ R @ K.T
+
+
+def test_a_gain_with_its_own_covariance_is_no_wrong_jacobian() -> None:
+    tracker = examined(LargerGain)
+    lidar, radar = one_gain(tracker).findings
+    assert {lidar.fault, radar.fault} == {"gain_inconsistent"}
+    assert lidar.factor == pytest.approx(1.6, rel=1e-6)
+    assert "the covariance after it is that of this gain" in lidar.evidence
+    assert gain(tracker).findings == []
+    for finding in one_gain(examined(DiagonalInnovation)).findings:
+        assert finding.fault == "gain_inconsistent"
+        assert "of the diagonal of the innovation covariance alone" in finding.evidence
+
+
+@pytest.mark.parametrize("make", [Inflated, OwnGain], ids=lambda make: make.__name__)
+def test_a_consistent_update_has_no_finding(make: Callable[[], Any]) -> None:
+    assert one_gain(examined(make)).findings == []
+
+
+@pytest.mark.parametrize("name", ["azimuth_over_range", "rate_term_missing", "lidar_not_turned"])
+def test_a_wrong_jacobian_is_one(name: str) -> None:
+    tracker = examined(mutant(f"jacobian_wrong/plain_ekf/{name}"))
+    assert stated_covariance(tracker).findings == one_gain(tracker).findings == []
+    assert next(one.fault for one in gain(tracker).findings) == "jacobian_wrong"
+
+
+class Continuous(PlainEkf):
+    """A white acceleration in continuous time."""
+
+    def process_noise(self, x, dt):
+        return 0.5 * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(2))
+
+
+class OneAxis(Continuous):
+    """With dt^4 / 4 for the position along y."""
+
+    def process_noise(self, x, dt):
+        noise = super().process_noise(x, dt)
+        noise[1, 1] = 0.5 * dt**4 / 4
+        return noise
+
+
+def test_the_powers_of_the_time_step() -> None:
+    """dt^4, dt^3, dt^2 of an acceleration that is constant over a step; dt^3, dt^2, dt of a continuous one."""
+    (check,) = noise_powers(examined(PlainEkf)).checks
+    assert check.passed
+    assert "grow with dt^4, dt^3, dt^2" in check.result
+    (check,) = noise_powers(examined(Continuous)).checks
+    assert check.passed
+    assert "grow with dt^3, dt^2, dt^1" in check.result
+    (finding,) = noise_powers(examined(OneAxis)).findings
+    assert finding.fault == "q_wrong_power_of_dt"
+    assert "of py grows with dt^4" in finding.evidence
+    assert "where dt^3 goes" in finding.evidence
+
+
+@pytest.mark.parametrize(
+    ("variant", "words"),
+    [
+        ("covariance_dt^4", "px and vx grows with dt^4"),
+        ("covariance_dt^2", "px and vx grows with dt^2"),
+        ("position_dt^3", "of px grows with dt^3"),
+    ],
+)
+def test_a_wrong_power_of_the_time_step_is_named(variant: str, words: str) -> None:
+    (finding,) = noise_powers(examined(mutant(f"q_wrong_power_of_dt/plain_ekf/{variant}"))).findings
+    assert finding.fault == "q_wrong_power_of_dt"
+    assert words in finding.evidence
+
+
+def test_other_process_noise_is_not_judged() -> None:
+    class Diagonal(PlainEkf):
+        def process_noise(self, x, dt):
+            return np.diag([0.1, 0.1, 1.0, 1.0]) * dt
+
+    for make in (Diagonal, CORRECT["PlainUkf first_reading"], CORRECT["alpha_beta"]):
+        assert noise_powers(examined(make)).findings == []
+
+
+def test_an_entry_that_is_changed_where_the_estimate_is_returned_is_none_of_the_prediction() -> None:
+    tracker = examined(mutant("covariance_asymmetric/plain_ekf/one_entry"))
+    asymmetric = [one for one in validity(tracker).findings if one.fault.endswith("covariance_asymmetric")]
+    assert [one.fault for one in asymmetric] == ["covariance_asymmetric"]
+    assert "where the estimate is returned" in asymmetric[0].evidence
+    assert "with the ratio 0.9 in every estimate" in asymmetric[0].evidence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", [stated_covariance, one_gain, noise_powers], ids=lambda part: part.__name__)
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("imm", "range bias", "ensemble", "information filter", "adaptive process noise", "alpha_beta"),
+        *("kf ca usual, two_readings", "ekf ctrv usual, first_reading", "ukf ctrv classic, two_readings"),
+    ],
+)
+def test_a_sound_tracker_has_none(part: Part, name: str) -> None:
+    assert part(examined(CORRECT[name])).findings == []
+
+
+class Template:
+    """Constant gains and a constant covariance, as in a tracker that is only begun."""
+
+    def step(self, state, scan):
+        inner = CORRECT["alpha_beta"]() if state is None else state[0]
+        kept, answer = inner.step(None if state is None else state[1], scan)
+        return (inner, kept), None if answer is None else (answer[0], np.diag([1.0, 1.0, 9.0, 9.0]))
+
+
+@pytest.mark.slow
+def test_checks_of_a_covariance_that_is_not_the_own_one_are_not_made() -> None:
+    found = Doctor(SENSORS).examine("begun", Template)
+    assert found.findings[0].fault == "covariance_constant"
+    assert {one.fault for one in found.findings if one.consequence_of is None} == {"covariance_constant"}
+    results = {check.name: check for check in found.checks}
+    for name in ("start_confidence", "spreading", "process_noise", "gain.radar", "one_gain.lidar"):
+        assert results[name].passed is None
+        assert "not the tracker's own" in results[name].result
+    skipped = Doctor(SENSORS, skip=["stated_covariance"]).examine("begun", Template)
+    assert next(check for check in skipped.checks if check.name == "process_noise").passed is False

@@ -1,0 +1,134 @@
+"""What ``trackbench doctor`` prints and writes of a tracker with a fault."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+from tests.report.test_report import Page
+from tests.support.places import DOCS
+
+from trackbench.subjects.doctor.examine import Examination
+from trackbench.subjects.doctor.findings import CheckResult, Finding, known_faults
+from trackbench.subjects.doctor.report.text import text
+
+pytestmark = pytest.mark.slow
+
+EXAMPLES = DOCS / "examples"
+FILES = ["examination.json", "recording.rrd", "report.html"]
+KEYS = {"fault", "confidence", "sensor", "factor", "evidence", "advice", "consequence_of"}
+
+
+@dataclass(frozen=True)
+class Faulty:
+    """The student's tracker, examined."""
+
+    done: subprocess.CompletedProcess[str]
+    out: Path
+
+
+@pytest.fixture(scope="module")
+def faulty(trackbench: str, tmp_path_factory: pytest.TempPathFactory) -> Faulty:
+    out = tmp_path_factory.mktemp("doctor") / "out"
+    command = [trackbench, "doctor", "sensor_fusion_student:Tracker", "--json", "--out", str(out)]
+    return Faulty(subprocess.run(command, cwd=EXAMPLES, capture_output=True, text=True, check=False), out)
+
+
+def test_a_fault_is_named_and_the_status_is_1(faulty: Faulty) -> None:
+    assert faulty.done.returncode == 1
+    said = json.loads(faulty.done.stdout)
+    assert said["tracker"] == "sensor_fusion_student:Tracker"
+    assert said["healthy"] is False
+    first = said["findings"][0]
+    assert (first["fault"], first["sensor"], first["consequence_of"]) == ("azimuth_not_wrapped", "radar", None)
+    assert all(set(finding) == KEYS for finding in said["findings"])
+    assert all(set(check) == {"name", "question", "passed", "skipped", "result"} for check in said["checks"])
+
+
+def test_json_is_what_is_written_and_nothing_else_is_printed(faulty: Faulty) -> None:
+    assert (faulty.out / "examination.json").read_text(encoding="utf-8") == faulty.done.stdout
+    assert faulty.done.stderr == ""
+    assert sorted(path.name for path in faulty.out.iterdir()) == FILES
+    assert [path.name for path in faulty.out.parent.iterdir()] == ["out"]
+
+
+def test_the_report_shows_the_jump(faulty: Faulty) -> None:
+    markup = (faulty.out / "report.html").read_text(encoding="utf-8")
+    page = Page(markup)
+    finding = json.loads(faulty.done.stdout)["findings"][0]
+    assert finding["evidence"] in page.text
+    assert known_faults()["azimuth_not_wrapped"].fix in page.text
+    drawn = {str(plot.get("aria-label")) for plot in page.all("svg")}
+    (innovation,) = (label for label in drawn if label.startswith("Innovations of radar over time, azimuth"))
+    assert "azimuth applied -6.2" in innovation
+    assert {label.split()[0] for label in drawn} == {"Innovations", "Map", "Position", "NEES", "Update"}
+    (update,) = (label for label in drawn if label.startswith("Update with radar: a target just before the azimuth pi"))
+    assert re.search(r"Position: tracker .*; as of the same target turned away .* m apart", update)
+    assert len(page.rows) == 1 + len(json.loads(faulty.done.stdout)["checks"])
+    assert not re.search("https?://", markup)
+
+
+def test_the_recording_shows_the_jump(faulty: Faulty) -> None:
+    reader = RrdReader(faulty.out / "recording.rrd")
+    (store,) = reader.recordings()
+    chunks = [chunk.to_record_batch() for chunk in reader.stream(store=store)]
+    names = {name for chunk in chunks for name in chunk.schema.names}
+    assert "sim_time" in names
+    by_entity: dict[str, list[float]] = {}
+    texts = []
+    for chunk in chunks:
+        entity = chunk.schema.metadata[b"rerun:entity_path"].decode()
+        for name, values in zip(chunk.schema.names, chunk.columns, strict=True):
+            if name == "Scalars:scalars":
+                by_entity.setdefault(entity, []).extend(v for row in values.to_pylist() for v in row or [])
+            if name == "TextDocument:text":
+                texts += [line for row in values.to_pylist() for line in row or []]
+    applied, expected = (
+        np.array(by_entity[f"/series/azimuth_crossing/innovation/radar/azimuth/{name}"])
+        for name in ("tracker", "reference")
+    )
+    first = int(np.argmax(np.abs(applied - expected) > 1.0))
+    assert applied[first] == pytest.approx(-2 * np.pi, abs=0.1)
+    assert expected[first] == pytest.approx(0.0, abs=0.1)
+    entities = {chunk.schema.metadata[b"rerun:entity_path"].decode() for chunk in chunks}
+    scene = {
+        "truth",
+        "sensors",
+        "tracker",
+        "tracker/covariance",
+        "reference",
+        "measurements/radar",
+        "measurements/lidar",
+    }
+    assert {f"/azimuth_crossing/world/{name}" for name in scene} <= entities
+    assert "azimuth_not_wrapped" in "".join(texts)
+    assert len(reader.blueprints()) == 1
+
+
+def test_the_text_fits_80_columns_and_tells_roots_from_consequences() -> None:
+    long = "a sentence of evidence with 12.5 numbers " * 8
+    examination = Examination(
+        "mine",
+        [
+            Finding("jacobian_wrong", 0.9, long, sensor="radar", factor=4.0),
+            Finding("r_too_small", 0.6, long, consequence_of="jacobian_wrong"),
+        ],
+        [
+            CheckResult("a", long, True, long),
+            CheckResult("b", "Why?", False, long),
+            CheckResult("c", long, None, "could not"),
+        ],
+    )
+    said, every = text(examination), text(examination, every_check=True)
+    assert max(len(line) for line in (said + every).splitlines()) <= 80
+    assert "mine: 1 fault found" in said
+    assert "jacobian_wrong: confidence 90 %, sensor radar, factor 4" in said
+    assert "  r_too_small (of jacobian_wrong): a sentence" in said
+    assert "Checks: 1 of 2 passed, failed:\n  b: Why?\n1 check not made:\n  c: could not" in said
+    assert "FAILED   b: Why?" in every

@@ -1,0 +1,178 @@
+"""Sigma points, samples and units in the checks of the doctor."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from benchmarks.doctor.correct import CORRECT, OTHERS
+from benchmarks.doctor.faults import MUTANTS
+from benchmarks.doctor.plain_ekf import PlainEkf
+from benchmarks.doctor.plain_ukf import PlainUkf
+from benchmarks.doctor.sampling_filters import EnsembleFilter, ParticleFilter
+
+from trackbench.base.types import Estimate
+from trackbench.subjects.doctor.checks.gain import gain
+from trackbench.subjects.doctor.checks.prediction import prediction
+from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks.sigma_points import no_time
+from trackbench.subjects.doctor.checks.validity import repeatability
+from trackbench.subjects.doctor.checks.wrapping import wrapping
+from trackbench.subjects.doctor.expected_gain import gain_error, gaussian_gain, linearised_gain
+from trackbench.subjects.doctor.kind_of_filter import learned_offsets
+from trackbench.subjects.doctor.probes import GENERAL, Probes
+from trackbench.subjects.doctor.root_causes import rank
+from trackbench.subjects.doctor.session import TrackerSession
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.subjects.doctor.trial import Trial
+
+
+def _under_test(make, sensors=SENSORS) -> TrackerUnderTest:
+    return TrackerUnderTest(make, sensors, [], Probes(), 0, {})
+
+
+def _mutant(name: str):
+    return next(mutant for mutant in MUTANTS if mutant.name == name).make
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("sigma_weights_wrong/plain_ukf/equal", 1.1),
+        ("sigma_weights_wrong/plain_ukf/centre_left_out", 5 / 3),
+        ("sigma_weights_wrong/filterpy_ukf/covariance_weights_for_mean", 3.0),
+        ("sigma_spread_wrong/plain_ukf/other_kappa", 3 / 5),
+        ("sigma_spread_wrong/plain_ukf/spread_forgotten", 1 / 5),
+        ("sigma_spread_wrong/filterpy_ukf/root_forgotten", 5.0),
+    ],
+)
+def test_a_prediction_over_no_time_shows_the_sums_of_the_weights(name: str, factor: float) -> None:
+    """The sum of the mean's weights, and the ratio of n + lambda of the points to that of the weights."""
+    (finding,) = no_time(_under_test(_mutant(name))).findings
+    assert finding.fault == name.split("/")[0]
+    assert finding.factor == pytest.approx(factor, rel=0.02)
+
+
+@pytest.mark.parametrize("subject", ["plain_ukf", "filterpy_ukf"])
+def test_rows_of_the_factor_change_the_shape_of_the_covariance(subject: str) -> None:
+    (finding,) = no_time(_under_test(_mutant(f"sigma_points_misdrawn/{subject}/rows_for_columns"))).findings
+    assert finding.fault == "sigma_points_misdrawn"
+
+
+def test_noise_left_out_of_the_first_update_is_found() -> None:
+    (finding,) = no_time(_under_test(_mutant("measurement_noise_omitted/plain_ukf/update"))).findings
+    assert finding.fault == "measurement_noise_omitted"
+
+
+@pytest.mark.parametrize("name", ["PlainEkf first_reading", "PlainUkf first_reading", "ensemble", "range bias", "imm"])
+def test_nothing_happens_over_no_time_to_a_sound_tracker(name: str) -> None:
+    result = no_time(_under_test(CORRECT[name]))
+    assert result.findings == []
+    assert result.checks[0].passed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in CORRECT if name not in ("raw", "alpha_beta")])
+def test_nothing_happens_over_no_time_to_any_sound_tracker(name: str) -> None:
+    assert no_time(_under_test(CORRECT[name])).findings == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("gain_inconsistent/plain_ukf/other_kappa_in_update", "gain_inconsistent"),
+        ("sigma_points_not_redrawn/plain_ukf/update", "sigma_points_not_redrawn"),
+        ("measurement_noise_twice/plain_ukf/update", "measurement_noise_twice"),
+    ],
+)
+def test_a_wrong_gain_of_sigma_points_is_no_wrong_jacobian(name: str, fault: str) -> None:
+    found = gain(_under_test(_mutant(name))).findings
+    assert found[0].fault == fault
+    assert "jacobian_wrong" not in {one.fault for one in found}
+
+
+@pytest.mark.parametrize("name", ["angle_mean_not_circular/plain_ukf/mean", "azimuth_not_wrapped/plain_ukf/residual"])
+def test_a_plain_mean_of_azimuths_is_told_from_a_plain_innovation(name: str) -> None:
+    found = rank(wrapping(_under_test(_mutant(name))).findings)
+    assert found[0].fault == name.split("/")[0]
+
+
+def test_process_noise_that_is_left_out_is_not_just_small() -> None:
+    (finding,) = process_noise(_under_test(_mutant("process_noise_omitted/plain_ukf/prediction"))).findings
+    assert finding.fault == "process_noise_omitted"
+
+
+@pytest.mark.parametrize(("make", "expected"), [(PlainEkf, True), (PlainUkf, False), (OTHERS["imm"], True)])
+def test_an_ekf_predicts_the_measurement_of_its_mean(make, expected: bool) -> None:
+    assert _under_test(make).linearises is expected
+
+
+def _trial(mean, covariance, kind: str = "radar") -> Trial:
+    scan = GENERAL[0].scan(kind, SENSORS[kind], 0.0)
+    return Trial("", "", scan, Estimate(np.array(mean), np.array(covariance)), TrackerSession(PlainEkf))
+
+
+def test_both_expected_gains_are_the_kalman_gain_of_a_linear_measurement() -> None:
+    covariance = np.diag([2.0, 1.0, 3.0, 3.0])
+    trial = _trial([18.0, 13.0, -4.0, 9.0], covariance, "lidar")
+    right = np.vstack([np.diag([2.0 / (2.0 + 0.15**2), 1.0 / (1.0 + 0.15**2)]), np.zeros((2, 2))])
+    np.testing.assert_allclose(linearised_gain(trial), right, atol=1e-12)
+    np.testing.assert_allclose(gaussian_gain(trial), right, atol=1e-12)
+    assert gain_error(trial, 0.9 * right)[0] == pytest.approx(0.1)
+
+
+def test_the_moments_of_the_range_across_the_line_of_sight() -> None:
+    """At px = r with a variance s^2 of py alone, the range has the variance s^4 / (2 r^2) to lowest order."""
+    trial = _trial([1000.0, 0.0, 0.0, 0.0], np.diag([1e-12, 400.0, 1e-12, 1e-12]))
+    assert trial.second_order[0] == pytest.approx(400.0 / 2000.0, rel=1e-3)
+    assert trial.curvature[0] * trial.sigma[0] == pytest.approx(400.0 / (np.sqrt(2) * 1000.0), rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "learned"), [("range bias", ["range"]), ("information filter", [])])
+def test_a_constant_error_that_a_tracker_estimates_is_known(name: str, learned: list[str]) -> None:
+    assert learned_offsets(_under_test(CORRECT[name]), "radar") == learned
+
+
+def test_a_filter_that_says_that_it_draws_may_draw() -> None:
+    few = type("Few", (EnsembleFilter,), {"count": 200})
+    silent = type("Silent", (few,), {"stochastic": False})
+    assert repeatability(_under_test(few)).findings == []
+    (finding,) = repeatability(_under_test(silent)).findings
+    assert finding.fault == "not_deterministic"
+
+
+def test_sampling_noise_is_seen_of_a_seeded_filter() -> None:
+    """The mean of N samples has the standard error N^-1/2; a Kalman filter has none."""
+    few = type("Few", (ParticleFilter,), {"count": 500})
+    noise = _under_test(partial(few, seed=1), {"lidar": SENSORS["lidar"]}).sampling_noise
+    assert 0.3 / np.sqrt(500) < noise < 10 / np.sqrt(500)
+    assert _under_test(PlainEkf).sampling_noise == 0.0
+
+
+def test_a_velocity_in_kilometres_per_hour_is_said_as_such() -> None:
+    (finding,) = prediction(_under_test(_mutant("velocity_unit/plain_ekf/kmh"))).findings
+    assert finding.fault == "velocity_unit"
+    assert finding.factor == pytest.approx(3.6, rel=1e-3)
+    assert "km/h for m/s" in finding.evidence
+
+
+def test_a_time_step_in_milliseconds_is_said_as_such() -> None:
+    (finding,) = prediction(_under_test(_mutant("wrong_dt/plain_ekf/milliseconds"))).findings
+    assert finding.fault == "wrong_dt"
+    assert "milliseconds and seconds are confused" in finding.evidence
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("degrees_for_radians/plain_ekf/sigma_in_degrees", "degrees_for_radians"),
+        ("jacobian_wrong/plain_ekf/azimuth_in_degrees", "jacobian_wrong"),
+    ],
+)
+def test_degrees_in_the_noise_and_in_a_row_are_said_as_such(name: str, fault: str) -> None:
+    first = gain(_under_test(_mutant(name))).findings[0]
+    assert first.fault == fault
+    assert "180/pi" in first.evidence

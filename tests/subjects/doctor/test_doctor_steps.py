@@ -1,0 +1,157 @@
+"""Faults of single steps: each is named by the part of the examination that looks for it, and by no other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.doctor.faults import CORRECT, MUTANTS
+
+from trackbench.subjects.doctor.checks.covariance_update import covariance_update
+from trackbench.subjects.doctor.checks.expectation import expectation
+from trackbench.subjects.doctor.checks.gate import gate
+from trackbench.subjects.doctor.checks.instants import instants
+from trackbench.subjects.doctor.checks.integers import integers
+from trackbench.subjects.doctor.checks.prediction import prediction
+from trackbench.subjects.doctor.checks.process_noise import process_noise
+from trackbench.subjects.doctor.checks.validity import validity
+from trackbench.subjects.doctor.checks.velocity import velocity
+from trackbench.subjects.doctor.checks.wrapping import wrapping
+from trackbench.subjects.doctor.findings import Finding, PartResult
+from trackbench.subjects.doctor.probes import Probes
+from trackbench.subjects.doctor.root_causes import rank
+from trackbench.subjects.doctor.subject import SENSORS
+from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
+from trackbench.trackers.builtin import ekf
+
+Part = Callable[[TrackerUnderTest], PartResult]
+PARTS: dict[Part, list[str]] = {
+    covariance_update: ["covariance_not_reduced/update", "covariance_not_reduced/radar", "process_noise_twice/update"],
+    expectation: ["scale_error/range_1.02", "scale_error/lidar_0.97", "time_offset/predicted_later"],
+    gate: ["gate_never_reopens/fixed", "gate_never_reopens/frozen"],
+    instants: ["second_measurement_dropped/any", "time_offset/radar_0.05", "time_offset/lidar_0.05"],
+    integers: ["integer_state_matrix/state", "integer_state_matrix/covariance", "integer_state_matrix/start"],
+    prediction: ["missed_scan_not_predicted/skipped", "missed_scan_not_predicted/time_stored"],
+    process_noise: ["q_constant_per_step/0.1", "q_constant_per_step/0.05"],
+    validity: ["predicted_covariance_not_psd/correlation_beyond_one"],
+    velocity: ["velocity_not_kept/prediction", "velocity_not_kept/update"],
+}
+FAULTY = [(part, name) for part, names in PARTS.items() for name in names]
+
+
+def examined(make: Callable[[], Any]) -> TrackerUnderTest:
+    return TrackerUnderTest(make, SENSORS, [], Probes(), 0, {})
+
+
+def mutant(name: str, subject: str = "plain_ekf"):
+    fault, variant = name.split("/")
+    return next(one for one in MUTANTS if one.name == f"{fault}/{subject}/{variant}")
+
+
+@cache
+def sound(name: str) -> TrackerUnderTest:
+    return examined(CORRECT[name])
+
+
+@pytest.mark.parametrize(("part", "name"), FAULTY, ids=lambda value: getattr(value, "__name__", value))
+def test_a_fault_of_a_step_is_named(part: Part, name: str) -> None:
+    injected = mutant(name)
+    found = part(examined(injected.make)).findings
+    assert {one.fault for one in found} == {injected.fault}
+    if injected.fault in ("covariance_not_reduced", "scale_error"):
+        assert {one.sensor for one in found} <= {injected.sensor} if injected.sensor else set(SENSORS)
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
+def test_a_sound_tracker_has_none(part: Part) -> None:
+    found = part(sound("PlainEkf first_reading"))
+    assert found.findings == []
+    assert all(check.passed for check in found.checks)
+
+
+IMM = {
+    "imm": [{"model": "cv", "acceleration_sigma_mps2": 0.5}, {"model": "ca", "jerk_sigma_mps3": 19.0}],
+    "stay_s": [13.0, 10.0],
+}
+OTHERS: dict[str, Callable[[], Any]] = {
+    **{name: CORRECT[name] for name in ("alpha_beta", "FilterPyUkf first_reading")},
+    **{name: CORRECT[name] for name in ("ekf ctra usual, two_readings", "iekf ctrv usual, first_reading")},
+    **{name: CORRECT[name] for name in ("ukf ctrv classic, two_readings", "ckf ctrv calm, first_reading")},
+    **{name: CORRECT[name] for name in ("kf cv calm, first_reading", "ukf ctra lively, first_reading")},
+    "imm": partial(ekf, motion=IMM),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_motion_models_and_filters_have_none(name: str) -> None:
+    tracker = examined(OTHERS[name])
+    found = [one for part in (*PARTS, wrapping) for one in part(tracker).findings]
+    assert found == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["spread", "mean"])
+def test_a_course_that_is_not_wrapped_is_named(variant: str) -> None:
+    injected = mutant(f"course_not_wrapped/{variant}", "plain_ukf")
+    assert {one.fault for one in wrapping(examined(injected.make)).findings} == {"course_not_wrapped"}
+
+
+@pytest.mark.parametrize("variant", ["rate_velocity_swapped", "azimuth_in_degrees"])
+def test_a_wrong_jacobian_is_no_angle_that_is_not_wrapped(variant: str) -> None:
+    """With the velocities' entries swapped the track of the target with the course pi diverges."""
+    assert wrapping(examined(mutant(f"jacobian_wrong/{variant}").make)).findings == []
+
+
+def test_process_noise_that_is_added_twice_in_a_turning_model_is_named() -> None:
+    (radar, lidar) = covariance_update(examined(mutant("process_noise_twice/update", "plain_ukf").make)).findings
+    assert {radar.fault, lidar.fault} == {"process_noise_twice"}
+    assert radar.factor == pytest.approx(2.0, abs=0.01)
+    assert lidar.factor == pytest.approx(2.0, abs=0.01)
+
+
+def test_the_factor_of_a_scale_is_that_of_the_measurements() -> None:
+    (finding,) = expectation(examined(mutant("scale_error/range_1.02").make)).findings
+    assert finding.factor == pytest.approx(1.02, abs=1e-3)
+    assert "range times 1.02" in finding.evidence
+
+
+def test_a_delay_is_told_in_milliseconds() -> None:
+    """Of 50 ms: asked by the clock that is off, the target is 50 ms further."""
+    (finding,) = instants(examined(mutant("time_offset/radar_0.05").make)).findings
+    assert "+50 ms" in finding.evidence
+    (finding,) = expectation(examined(mutant("time_offset/predicted_later").make)).findings
+    assert "50 ms after" in finding.evidence
+
+
+def test_a_constant_covariance_is_none_of_a_filter_that_forgets_to_reduce_it() -> None:
+    class Fixed:
+        """An estimate with fixed gains, that states the same covariance always."""
+
+        batched = False
+
+        def step(self, state, scan):
+            inner = CORRECT["alpha_beta"]() if state is None else state[0]
+            kept, answer = inner.step(None if state is None else state[1], scan)
+            return (inner, kept), (answer[0], np.diag([0.04, 0.04, 1.0, 1.0]))
+
+    tracker = examined(Fixed)
+    assert covariance_update(tracker).findings == []
+    assert integers(tracker).findings == []
+
+
+def test_a_named_fault_explains_what_the_drives_show() -> None:
+    seen = [Finding("too_far_off", 0.85, ""), Finding("covariance_unbelievable", 0.85, "")]
+    named = rank([*seen, Finding("velocity_not_kept", 0.95, "")])
+    assert [(one.fault, one.consequence_of) for one in named] == [
+        ("velocity_not_kept", None),
+        ("too_far_off", "velocity_not_kept"),
+        ("covariance_unbelievable", "velocity_not_kept"),
+    ]
+    assert [(one.fault, one.consequence_of) for one in rank(seen)] == [
+        ("too_far_off", None),
+        ("covariance_unbelievable", "too_far_off"),
+    ]

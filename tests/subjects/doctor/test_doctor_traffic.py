@@ -1,0 +1,189 @@
+"""The doctor of trackers of several objects: every fault by its name, and sound trackers without any."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.doctor.traffic import rates
+from benchmarks.doctor.traffic.nearest_faults import CounterReset
+from benchmarks.doctor.traffic.nearest_global import NearestGlobal
+from benchmarks.doctor.traffic.sound import SOUND
+from benchmarks.doctor.traffic.subject import Make, looped
+from click.testing import CliRunner
+
+from trackbench.base.errors import InputError
+from trackbench.cli.commands import cli
+from trackbench.subjects.doctor.findings import faults_of
+from trackbench.subjects.doctor.subject import SENSORS, subject
+from trackbench.subjects.doctor.traffic.examine import TrafficDoctor
+from trackbench.subjects.doctor.traffic.ranking import CONSEQUENCES
+from trackbench.subjects.templates.plug_in import new
+from trackbench.testing.kinds import Identities
+
+FAULTS = set(faults_of("trackbench.subjects.doctor.traffic"))
+
+
+def first_fault(sensor: str, make: Make) -> str:
+    findings = TrafficDoctor({sensor: SENSORS[sensor]}).examine("tracker", make).findings
+    return findings[0].fault if findings else ""
+
+
+@pytest.mark.parametrize("sensor", ["radar", "lidar"])
+@pytest.mark.parametrize("name", ["builtin gnn", "builtin pmb", "nearest global"])
+def test_a_sound_tracker_has_no_fault(sensor: str, name: str) -> None:
+    assert first_fault(sensor, SOUND[name]) == ""
+
+
+class ByColumn(NearestGlobal):
+    """Gives each track the detection in its own column."""
+
+    def associated(self, distances, scan):
+        return {k: k for k in range(min(distances[0].shape))}
+
+
+class ByColumnInGate(ByColumn):
+    def associated(self, distances, scan):
+        inside = self.inside(distances[0], scan)
+        return {k: k for k in super().associated(distances, scan) if inside[k, k]}
+
+
+@pytest.mark.parametrize("kind", [ByColumn, ByColumnInGate])
+def test_a_column_taken_for_an_object_depends_on_the_order(kind: type[NearestGlobal]) -> None:
+    findings = TrafficDoctor({"lidar": SENSORS["lidar"]}).examine("tracker", looped(kind)).findings
+    assert findings[0].fault == "order_dependent"
+    assert {finding.consequence_of for finding in findings[1:]} <= {"order_dependent"}
+
+
+def test_a_tracker_without_a_track_is_said_to_have_none() -> None:
+    class Silent(NearestGlobal):
+        def reported(self):
+            return []
+
+    finding, *_ = TrafficDoctor(SENSORS).examine("tracker", looped(Silent)).findings
+    assert (finding.fault, finding.evidence) == ("confirms_too_late", "There is no track at all of it in 3 s.")
+
+
+def test_an_identity_taken_modulo_is_reused() -> None:
+    class Modulo(NearestGlobal):
+        def next_id(self):
+            free = set(range(9)) - {track.id for track in self.tracks}
+            self.count += 1
+            return next(one % 9 for one in range(self.count, self.count + 9) if one % 9 in free)
+
+    assert first_fault("lidar", looped(Modulo)) == "ids_reused"
+
+
+def test_a_sensor_that_the_tracker_does_not_read_is_left_out() -> None:
+    class LidarAlone(NearestGlobal):
+        def step(self, state, scan):
+            return super().step(state, scan) if scan.kind == "lidar" else (None, None)
+
+    found = TrafficDoctor(SENSORS).examine("tracker", looped(LidarAlone))
+    assert found.findings == []
+    assert [check.name for check in found.checks if check.passed is None] == ["confirmation.radar"]
+
+
+def test_a_fault_of_one_sensor_names_it() -> None:
+    class RadarAnywhere(NearestGlobal):
+        def inside(self, d2, scan):
+            return d2 < 1e5 if scan.kind == "radar" else super().inside(d2, scan)
+
+    found = TrafficDoctor(SENSORS).examine("tracker", looped(RadarAnywhere))
+    assert (found.findings[0].fault, found.findings[0].sensor) == ("gate_too_large", "radar")
+
+
+def test_the_subjects_are_as_many_as_the_page_says_and_their_names_differ() -> None:
+    faulty = [one for one in rates.SUBJECTS if one.fault]
+    assert {one.fault for one in faulty} == FAULTS
+    assert len({(one.name, one.sensors) for one in rates.SUBJECTS}) == len(rates.SUBJECTS)
+    assert len(faulty) >= 60
+    assert len(rates.SUBJECTS) - len(faulty) >= 25
+
+
+def test_the_table_counts_first_names() -> None:
+    numbers = [k for k, one in enumerate(rates.SUBJECTS) if one.fault == "ids_reused" and one.tracker != "ipda"]
+    held_out = [k for k in numbers if k >= len(rates.MADE_WITH)]
+    seen = [rates.TrafficSeen(k, ("ids_reused", "double_tracks"), 1.0, "") for k in numbers]
+    seen[-1] = seen[-1]._replace(found=("double_tracks", "ids_reused"))
+    sound = rates.TrafficSeen(0, (), 3.0, "")
+    *_, row, last = rates.table([*seen, sound])
+    own = len(numbers) - len(held_out)
+    assert row.startswith("| `ids_reused` |")
+    assert f"| {own}/{own} |" in row
+    assert row.endswith(f"| {len(held_out) - 1}/{len(held_out)} |")
+    assert last.split("|")[2:] == row.split("|")[2:]
+    text = "\n".join(rates.section([*seen, sound]))
+    assert f"- {seen[-1].subject.name} (held out): double_tracks, ids_reused" in text
+    assert "at most 3 s" in text
+
+
+def test_an_examination_for_the_table() -> None:
+    number = next(k for k, one in enumerate(rates.SUBJECTS) if one.variant == CounterReset.__name__)
+    seen = rates.examine(number)
+    assert seen.right
+    assert seen.found == ("ids_reused",)
+    assert "identities" in seen.words
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held_out", [False, True])
+def test_nine_of_ten_faults_are_named_first_and_sound_trackers_have_none(held_out: bool) -> None:
+    numbers = range(len(rates.SUBJECTS))[len(rates.MADE_WITH) if held_out else 0 :][::3]
+    seen = [rates.examine(number) for number in numbers if (number >= len(rates.MADE_WITH)) == held_out]
+    faulty = [one for one in seen if one.subject.fault]
+    assert np.mean([one.right for one in faulty]) >= 0.9, [one.subject.name for one in faulty if not one.right]
+    assert [one.subject.name for one in seen if not one.subject.fault and one.found] == []
+
+
+def test_a_tracker_of_a_scenario_and_a_class_are_examined(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    new("multi-tracker", "nearest_of_several", tmp_path)
+    slow = "from nearest_of_several import NearestOfSeveral\n\n\nclass Slow(NearestOfSeveral):\n"
+    (tmp_path / "mine.py").write_text(f"{slow}    def __init__(self):\n        super().__init__(confirm=(40, 45))\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    for arguments, fault in (
+        (["traffic/dense_highway#naive"], "order_dependent"),
+        (["mine:Slow", "--identities", "hidden", "--in-process"], "confirms_too_late"),
+        (["mine:Slow", "--identities", "hidden"], "confirms_too_late"),
+    ):
+        done = CliRunner().invoke(cli, ["doctor", *arguments, "--json", "--out", str(tmp_path / "out")])
+        assert done.exit_code == 1, done.output
+        assert json.loads(done.stdout)["findings"][0]["fault"] == fault
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.parametrize("more", [[], ["--in-process"]])
+def test_a_tracker_of_the_other_kind_is_known_as_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    for kind, name in (("multi-tracker", "several_cars"), ("tracker", "one_car")):
+        assert runner.invoke(cli, ["new", kind, name]).exit_code == 0
+    done = runner.invoke(cli, ["doctor", "several_cars:SeveralCars", *more])
+    assert str(done.exception) == "--identities: several_cars:SeveralCars follows several objects: choose hidden"
+    assert isinstance(done.exception, InputError)
+    done = runner.invoke(cli, ["doctor", "one_car:OneCar", "--identities", "hidden", *more])
+    assert str(done.exception) == "--identities: one_car:OneCar follows one object: choose known"
+    assert isinstance(done.exception, InputError)
+
+
+@pytest.mark.parametrize(
+    ("target", "identities", "own"),
+    [("highway#ekf_cv", "hidden", "known"), ("traffic/dense_highway#naive", "known", "hidden")],
+)
+def test_a_scenario_says_which_identities_its_trackers_have(target: str, identities: Identities, own: str) -> None:
+    with pytest.raises(InputError, match=f"the scenario's identities are {own}: leave --identities out"):
+        subject(target, {}, identities=identities)
+
+
+def test_the_oracle_is_not_examined() -> None:
+    with pytest.raises(InputError, match="told the true origins"):
+        subject("traffic/dense_highway#oracle", {})
+
+
+def test_causes_and_consequences_are_known_faults() -> None:
+    assert set(CONSEQUENCES) | {fault for faults in CONSEQUENCES.values() for fault in faults} <= FAULTS

@@ -1,0 +1,322 @@
+"""A run without a simulator, recorded, and its file read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+from scipy import stats
+
+from trackbench.results import (
+    ConditionVerdict,
+    ExpectationResult,
+    Health,
+    MetricValue,
+    Result,
+    Summary,
+    Tables,
+    TrackerResult,
+)
+from trackbench.results.scenario_summary import (
+    ComponentNoise,
+    MountSummary,
+    ReferenceSummary,
+    ScenarioSummary,
+    SensorSummary,
+    TruthSummary,
+)
+from trackbench.results.score_summary import MarginSummary, ScoreSummary
+from trackbench.subjects import recording
+
+MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
+STEPS, DT, RUNS = 401, 0.05, 100
+TARGETS = ("v1", "v2", "v3", "v4", "v5")
+TRACKERS = {"raw": 0.9, "kf_cv": 0.5, "ekf_cv": 0.42, "ukf_ctrv": 0.38, "tuned_badly": 0.55}
+CLAIMED = 0.4
+SENSORS = {"front_radar": (1, 3), "roof_lidar": (2, 2)}
+KINDS = {"front_radar": "radar", "roof_lidar": "lidar"}
+TIME = np.arange(STEPS) * DT
+
+
+def synthetic_result() -> Result:
+    """Traffic on three lanes: v1 changes lane to the left, v4 arrives at 5 s, v5 leaves at 12 s."""
+    rng = np.random.default_rng(5)
+    truth = _truth()
+    estimates, recorded_nis, steps, nis = [], [], [], []
+    for tracker, sigma in TRACKERS.items():
+        for name in TARGETS:
+            estimates.append(_estimates(rng, tracker, sigma, truth[name]))
+        growth = 1 + 2 * np.exp(-TIME)
+        rmse = sigma * growth * (1 + 0.03 * rng.standard_normal(STEPS))
+        count = RUNS * sum(truth[name]["alive"] for name in TARGETS)
+        low, high = (stats.chi2.ppf(q, 4 * count) / count for q in (0.025, 0.975))
+        mean = rng.chisquare(4 * count) / count * (3.0 if tracker == "tuned_badly" else 1.0)
+        steps.append(
+            {
+                "tracker": [tracker] * STEPS,
+                "time_s": TIME,
+                "count": count,
+                "position_rmse_m": rmse,
+                "velocity_rmse_mps": 2 * rmse,
+                "nees_mean": mean,
+                "nees_low": low,
+                "nees_high": high,
+                "position_reference_m": 0.3 * growth,
+                "velocity_reference_mps": 0.5 * growth,
+            }
+        )
+        for sensor, (every, dof) in SENSORS.items():
+            if tracker == "raw":
+                continue
+            at, number = TIME[::every], count[::every]
+            low, high = (stats.chi2.ppf(q, dof * number) / number for q in (0.025, 0.975))
+            mean = rng.chisquare(dof * number) / number * (1.6 if tracker == "tuned_badly" else 1.0)
+            nis.append(
+                {
+                    "tracker": [tracker] * len(at),
+                    "sensor": [sensor] * len(at),
+                    "time_s": at,
+                    "count": number,
+                    "nis_mean": mean,
+                    "dof": np.full(len(at), float(dof)),
+                    "nis_low": low,
+                    "nis_high": high,
+                }
+            )
+            for name in TARGETS:
+                seen = at[truth[name]["alive"][::every]]
+                recorded_nis.append(
+                    {
+                        "tracker": [tracker] * len(seen),
+                        "sensor": [sensor] * len(seen),
+                        "object": [name] * len(seen),
+                        "time_s": seen,
+                        "nis": rng.chisquare(dof, len(seen)),
+                    }
+                )
+    lanes = [(line, x, 4.0 * line - 2.0) for line in range(4) for x in np.linspace(-50, 650, 71)]
+    tables = {
+        "truth": [{**rows, "heading_rad": rows["course_rad"]} for rows in truth.values()],
+        "measurements": [_measurements(rng, truth, name, sensor) for sensor in SENSORS for name in TARGETS],
+        "estimates": estimates,
+        "recorded_nis": recorded_nis,
+        "steps": steps,
+        "nis": nis,
+        "roads": [dict(zip(("line", "x_m", "y_m"), map(np.array, zip(*lanes, strict=True)), strict=True))],
+    }
+    return Result(_summary(), Tables({name: _table(parts) for name, parts in tables.items()}))
+
+
+def _truth() -> dict[str, dict[str, Any]]:
+    starts = {"ego": (0, 4, 25), "v1": (15, 0, 25.5), "v2": (-14, 8, 25.5), "v3": (34, 4, 25), "v4": (20, 8, 25)}
+    starts["v5"] = (-20, 0, 24.5)
+    lives = {"v4": TIME >= 5, "v5": TIME < 12}
+    rows = {}
+    for name, (x, y, speed) in starts.items():
+        change = 2 * (1 + np.tanh((TIME - 8) / 1.2)) if name == "v1" else np.zeros(STEPS)
+        vy = np.gradient(change, DT)
+        rows[name] = {
+            "object": [name] * STEPS,
+            "role": ["observer" if name == "ego" else "target"] * STEPS,
+            "time_s": TIME,
+            "alive": lives.get(name, np.ones(STEPS, dtype=bool)),
+            "px_m": x + speed * TIME,
+            "py_m": y + change,
+            "course_rad": np.arctan2(vy, speed),
+            "length_m": np.full(STEPS, 5.0),
+            "width_m": np.full(STEPS, 2.0),
+        }
+    return rows
+
+
+def _estimates(rng: np.random.Generator, tracker: str, sigma: float, truth: dict[str, Any]) -> dict[str, Any]:
+    smooth = np.exp(-np.arange(20) / 6.0)
+    noise = rng.standard_normal((2, STEPS + 40))
+    error = np.stack([np.convolve(row, smooth / np.linalg.norm(smooth), "same")[20:-20] for row in noise])
+    error *= sigma / np.sqrt(2) * (1 + 2 * np.exp(-TIME))
+    alive = truth["alive"]
+    number = int(alive.sum())
+    p_00, p_11, p_01 = 1.6 * CLAIMED**2, 0.4 * CLAIMED**2, 0.6 * CLAIMED**2
+    inverse = np.linalg.inv([[p_00, p_01], [p_01, p_11]])
+    return {
+        "tracker": [tracker] * number,
+        "object": list(np.array(truth["object"])[alive]),
+        "time_s": TIME[alive],
+        "px_m": (truth["px_m"] + error[0])[alive],
+        "py_m": (truth["py_m"] + error[1])[alive],
+        "p_00": np.full(number, p_00),
+        "p_01": np.full(number, p_01),
+        "p_11": np.full(number, p_11),
+        "position_error_m": np.hypot(*error)[alive],
+        "velocity_error_mps": 2 * np.hypot(*error)[alive],
+        "nees": np.einsum("it,ij,jt->t", error, inverse, error)[alive] + rng.chisquare(2, number),
+    }
+
+
+def _measurements(rng: np.random.Generator, truth: dict[str, dict[str, Any]], name: str, sensor: str) -> dict[str, Any]:
+    every, _ = SENSORS[sensor]
+    rows = {key: np.asarray(values)[::every] for key, values in truth[name].items()}
+    number = len(rows["time_s"])
+    valid = rows["alive"] & (rng.random(number) < 0.9)
+    x, y = (np.where(valid, rows[axis] + 0.4 * rng.standard_normal(number), np.nan) for axis in ("px_m", "py_m"))
+    kind = [KINDS[sensor]] * number
+    names = {"sensor": [sensor] * number, "kind": kind, "object": [name] * number}
+    return {**names, "time_s": rows["time_s"], "valid": valid, "x_m": x, "y_m": y}
+
+
+def _table(parts: list[dict[str, Any]]) -> pa.Table:
+    return pa.table({key: np.concatenate([np.asarray(part[key]) for part in parts]) for key in parts[0]})
+
+
+def _summary() -> Summary:
+    return Summary(
+        scenario=ScenarioSummary(
+            name="synthetic_highway",
+            description="Six cars on three lanes; one changes lane.",
+            file="synthetic.yaml",
+            text="",
+            overrides=[],
+        ),
+        seed=7,
+        runs=RUNS,
+        versions={"trackbench": "0.1.0", "numpy": "2.4.0"},
+        command="trackbench run synthetic.yaml",
+        fingerprints=[f"{run:016x}" for run in range(RUNS)],
+        truth=TruthSummary(
+            source="highway-env",
+            env="highway-v0",
+            objects=list(TARGETS),
+            steps=STEPS,
+            dt=DT,
+            duration_s=20.0,
+            audit={},
+            cached=False,
+        ),
+        sensors={
+            "front_radar": _sensor(
+                "radar", 20, {"range": (0.3, "m"), "azimuth": (0.5, "deg"), "range_rate": (0.1, "m/s")}
+            ),
+            "roof_lidar": _sensor("lidar", 10, {"x": (0.15, "m"), "y": (0.15, "m")}),
+        },
+        reference=ReferenceSummary(
+            kind="reference",
+            motion="cv",
+            acceleration_sigma_mps2=1.0,
+            acceleration_from="truth",
+            acceleration_changes="each measurement",
+            velocity_sigma_mps=10.0,
+        ),
+        score=ScoreSummary(
+            settle_s=0.0,
+            divergence_m=10.0,
+            lost_after_s=5.0,
+            min_coverage=0.5,
+            common_share=1.0,
+            from_s=0.0,
+            to_s=TIME[-1],
+            margin=MARGIN,
+        ),
+        recorded_run=0,
+        trackers=[_tracker(name, sigma) for name, sigma in TRACKERS.items()],
+        ranking=sorted(TRACKERS, key=TRACKERS.__getitem__),
+        differences=[],
+        expectations=[
+            _expectation("ukf_ctrv", "position_rmse", "below", 0.45, 0.38, True),
+            _expectation("tuned_badly", "nees.verdict", "is", "consistent", "optimistic", False),
+        ],
+        passed=False,
+        artifacts={},
+    )
+
+
+def _sensor(kind: str, rate_hz: float, sigmas: dict[str, tuple[float, str]]) -> SensorSummary:
+    return SensorSummary(
+        kind=kind,
+        dof=len(sigmas),
+        noise={name: ComponentNoise(sigma=sigma, unit=unit) for name, (sigma, unit) in sigmas.items()},
+        fov_deg=120,
+        max_range_m=150,
+        mount=MountSummary(x_m=2.5, y_m=0, yaw_deg=0),
+        rate_hz=rate_hz,
+        detection_rate=0.9,
+        preset=None,
+    )
+
+
+def _tracker(name: str, sigma: float) -> TrackerResult:
+    if name == "raw":
+        nees = MetricValue(value=None, unit="1", dof=4, reason="no covariance")
+    elif name == "tuned_badly":
+        nees = MetricValue(value=12.1, unit="1", dof=4, verdict="optimistic")
+    elif name == "kf_cv":
+        off = ConditionVerdict(name="turning", mean=39.7, ci95=(39.0, 40.4), verdict="optimistic")
+        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="mixed", conditions=(off,))
+    else:
+        nees = MetricValue(value=4.02, unit="1", dof=4, verdict="consistent")
+    metrics = {
+        "position_rmse": MetricValue(value=sigma, unit="m", ci95=(sigma - 0.01, sigma + 0.01)),
+        "nees": nees,
+        "position_over_reference": MetricValue(value=sigma / 0.3, unit="1"),
+    }
+    return TrackerResult(name=name, describe=f"{name}, both sensors", failed=None, metrics=metrics, health=Health())
+
+
+def _expectation(
+    tracker: str, metric: str, operator: str, limit: float | str, value: float | str, passed: bool
+) -> ExpectationResult:
+    return ExpectationResult(
+        tracker=tracker,
+        metric=metric,
+        operator=operator,
+        limit=limit,
+        value=value,
+        passed=passed,
+        text=f"{tracker} {metric} {operator} {limit}",
+    )
+
+
+@pytest.fixture(scope="session")
+def result() -> Result:
+    return synthetic_result()
+
+
+@pytest.fixture(scope="session")
+def file(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("run") / "recording.rrd"
+    recording.write(result, path)
+    return path
+
+
+class Read:
+    """The rows of a recording: for an entity and a component, values by time in seconds (None: static)."""
+
+    def __init__(self, path: Path) -> None:
+        self.rows: dict[tuple[str, str], dict[float | None, Any]] = {}
+        self.timelines: set[str] = set()
+        for chunk in RrdReader(path).stream():
+            batch = chunk.to_record_batch()
+            self.timelines.update(chunk.timeline_names)
+            times = [None] * len(batch) if chunk.is_static else batch.column("sim_time").to_numpy().astype(float) / 1e9
+            for name in batch.schema.names:
+                values = batch.column(name).to_pylist()
+                self.rows.setdefault((chunk.entity_path, name), {}).update(zip(times, values, strict=True))
+
+    def __call__(self, entity: str, component: str) -> dict[float | None, Any]:
+        return self.rows[entity, component]
+
+    def entities(self) -> set[str]:
+        return {entity for entity, _ in self.rows}
+
+
+@pytest.fixture(scope="session")
+def read(file: Path) -> Read:
+    return Read(file)
+
+
+@pytest.fixture(scope="session")
+def read_file() -> type[Read]:
+    return Read

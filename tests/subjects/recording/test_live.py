@@ -1,0 +1,200 @@
+"""A run is shown while it goes on, and does not notice what becomes of the viewer."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+
+from trackbench.base.types import Gaussian
+from trackbench.document.palette import tracker_colours
+from trackbench.results import Result
+from trackbench.runner.recorded import RecordedInstant
+from trackbench.runner.run import run
+from trackbench.scenario import Scenario, load_scenario
+from trackbench.scenario.truth import truth_of
+from trackbench.subjects.recording import live, painter
+from trackbench.subjects.recording.contents import colours_of
+from trackbench.subjects.recording.live import Live, LiveRun
+from trackbench.subjects.recording.painter import Painter
+from trackbench.truth import LoadedTruth
+
+
+@pytest.fixture
+def scene(tiny: Path) -> tuple[Scenario, LoadedTruth]:
+    loaded = load_scenario(tiny)
+    return loaded, truth_of(loaded)
+
+
+@pytest.fixture
+def deaf() -> Iterator[str]:
+    """A viewer that takes connections and reads nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield f"rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy"
+
+
+ABSENT = "rerun+http://127.0.0.1:9/proxy"
+
+
+def stop(viewer: Live) -> None:
+    viewer._process.kill()
+    viewer._process.wait()
+
+
+@pytest.mark.parametrize("url", [None, ABSENT])
+def test_a_run_hands_over_what_it_finds_and_never_waits(
+    scene: tuple[Scenario, LoadedTruth], deaf: str, url: str | None
+) -> None:
+    loaded, truth = scene
+    viewer = Live(url or deaf)
+    try:
+        viewer.begin(loaded, truth.truth)
+        instant = RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 500)), np.zeros((4, 4, 500)))})
+        # Six hundred megabytes, which no pipe and no connection takes.
+        longest = 0.0
+        for _ in range(10_000):
+            start = time.perf_counter()
+            viewer.observe(instant)
+            longest = max(longest, time.perf_counter() - start)
+        assert longest < 0.5
+        result = run(loaded, [truth], on_recorded_run=viewer.observe)
+        viewer.end(result)
+        start = time.perf_counter()
+        viewer.close()
+        assert time.perf_counter() - start < live.PARTING + 1.0
+    finally:
+        stop(viewer)
+
+
+def test_what_waits_is_bounded_and_the_oldest_goes_first(
+    scene: tuple[Scenario, LoadedTruth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "WAITING", 3)
+    monkeypatch.setattr(threading.Thread, "start", lambda self: None)
+    viewer = Live(ABSENT)
+    try:
+        viewer.begin(scene[0], scene[1].truth)
+        for instant in range(10):
+            viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
+        about, *kept = viewer._batch()
+        assert isinstance(about, LiveRun)
+        assert [item.number for item in kept] == [7, 8, 9]
+    finally:
+        stop(viewer)
+        # Which otherwise the thread does.
+        viewer._pipe.close()
+
+
+def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, LoadedTruth]) -> None:
+    loaded, truth = scene
+    viewer = Live(ABSENT)
+    stop(viewer)
+    viewer.begin(loaded, truth.truth)
+    result = run(loaded, [truth], on_recorded_run=viewer.observe)
+    viewer.end(result)
+    viewer.close()
+    assert viewer.lost
+    assert result.summary.trackers[0].failed is None
+
+
+def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
+    scene: tuple[Scenario, LoadedTruth], deaf: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rerun itself would wait for ever."""
+    from trackbench.subjects.recording import forward
+
+    code = f"from trackbench.subjects.recording import forward; forward.STALLED = 2; forward.main({deaf!r})"
+    assert forward.STALLED > 2
+    begin = subprocess.Popen
+    monkeypatch.setattr(live.subprocess, "Popen", lambda command, **rest: begin([command[0], "-c", code], **rest))
+    viewer = Live(deaf)
+    monkeypatch.undo()
+    try:
+        viewer.begin(scene[0], scene[1].truth)
+        viewer.end(run(scene[0], [scene[1]]))
+        viewer.close()
+        assert viewer._process.wait(timeout=30) != 0
+    finally:
+        stop(viewer)
+
+
+def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
+    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+) -> None:
+    loaded, truth = scene
+    monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
+    seen: list[Any] = []
+    result = run(loaded, [truth], on_recorded_run=seen.append)
+
+    def draw(name: str, batches: list[list[Any]]) -> Any:
+        drawing = Painter(name)
+        for batch in batches:
+            drawing.take(batch)
+        drawing.finish()
+        return read_file(tmp_path / f"{name}.rrd")
+
+    colours = tracker_colours(["other", "raw", "ekf"])
+    about = LiveRun("tiny", colours_of(["raw", "ekf"], colours), ["radar", "lidar"], truth.truth)
+    going = draw("going", [[about, seen[0]], *(seen[i : i + 5] for i in range(1, len(seen), 5))])
+    half = draw("half", [[about, *seen[:6]]])
+    whole = draw("whole", [[about, result]])
+    entities = [
+        ("/world/vehicles/v1", "Boxes2D:half_sizes"),
+        ("/world/measurements/radar", "Points2D:positions"),
+        ("/world/estimates/ekf/v1/covariance", "Ellipses2D:half_sizes"),
+        ("/series/recorded_run/position_error/ekf", "Scalars:scalars"),
+    ]
+    for entity, component in entities:
+        expected = {time: value for time, value in whole(entity, component).items() if value}
+        assert {time: value for time, value in going(entity, component).items() if value} == expected
+    for drawn in (going, whole):
+        assert drawn("/world/estimates/ekf/v1", "Points2D:colors")[None] == [int(colours["ekf"][1:] + "FF", 16)]
+    times = {time for time in half("/world/vehicles/v1", "Boxes2D:half_sizes") if time is not None}
+    assert max(times) == pytest.approx(0.4), "vehicles are drawn as far as the trackers have come"
+    for tracker in about.colours:
+        dots = half(f"/world/estimates/{tracker}/v1", "Points2D:positions")
+        assert max(time for time in dots if time is not None) == pytest.approx(0.4)
+        assert len(dots[0.4]) == 1, "at the latest time, which the viewer shows, every tracker is there"
+    assert "/data/result" not in half.entities()
+
+
+def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(
+    scene: tuple[Scenario, LoadedTruth], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read_file: Any
+) -> None:
+    monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(tmp_path / f"{url}.rrd"))
+    seen: list[Any] = []
+    run(scene[0], [scene[1]], on_recorded_run=seen.append)
+    for item in seen[4:]:
+        del item.estimates["ekf"]
+    drawing = Painter("failing")
+    drawing.take([LiveRun("tiny", tracker_colours(["raw", "ekf"]), ["radar", "lidar"], scene[1].truth), *seen])
+    drawing.finish()
+    read = read_file(tmp_path / "failing.rrd")
+    raw, ekf = (read(f"/world/estimates/{name}/v1", "Points2D:positions") for name in ("raw", "ekf"))
+    assert [len(ekf[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 0, 0]
+    assert [len(raw[round(0.1 * i, 9)]) for i in range(1, 5)] == [1, 1, 1, 1]
+
+
+def test_only_the_recorded_run_of_random_motion_is_sent(run_tiny: Callable[..., Result], tiny: Path) -> None:
+    loaded = load_scenario(tiny, ["recording.run=3"])
+    truth = truth_of(loaded).truth
+    several = np.repeat(truth.px, 5, axis=2) + np.arange(5.0)
+    from dataclasses import replace
+
+    sent = live._of_run(replace(truth, px=several), 3)
+    assert sent.px.shape[2] == sent.py.shape[2] == 1
+    np.testing.assert_array_equal(sent.px[..., 0], several[..., 3])
+
+
+def test_painter_leaves_out_what_has_no_beginning(tmp_path: Path) -> None:
+    drawing = painter.Painter(ABSENT)
+    drawing.take([RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))})])
+    drawing.finish()

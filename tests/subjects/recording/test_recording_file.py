@@ -1,0 +1,256 @@
+"""The file of a recording: sound, whole or not there, with its scores, its text and its layout."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pytest
+from rerun.chunk import RrdReader
+from scipy import stats
+
+from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.document.palette import TRACKER_COLOURS, tracker_colours
+from trackbench.results import Failure, Result, Tables
+from trackbench.subjects import recording
+
+
+def test_rerun_verifies_the_file(file: Path) -> None:
+    command = [Path(sys.executable).parent / "rerun", "rrd", "verify", file]
+    # With CI set, the command sends no usage data.
+    done = subprocess.run(command, env=os.environ | {"CI": "1"}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "1 file verified without error" in done.stdout + done.stderr
+
+
+def test_five_vehicles_and_five_trackers_in_a_second_and_ten_megabytes(result: Result, tmp_path: Path) -> None:
+    start = time.process_time()
+    recording.write(result, tmp_path / "run.rrd")
+    assert time.process_time() - start < 1.0
+    assert (tmp_path / "run.rrd").stat().st_size < 10e6
+
+
+def test_the_layout_is_in_the_file(file: Path, result: Result) -> None:
+    reader = RrdReader(file)
+    assert len(reader.blueprints()) == 1
+    (store,) = reader.blueprints()
+    views = {
+        row[0]
+        for chunk in reader.stream(store=store)
+        if "ViewBlueprint:display_name" in (batch := chunk.to_record_batch()).schema.names
+        for row in batch.column("ViewBlueprint:display_name").to_pylist()
+    }
+    assert {"Seen from above", *result.summary.truth.objects} <= views
+    assert {"Legend", "Ranking", "About this run", "Position RMSE, m", "Velocity error, m/s", "NEES"} <= views
+
+
+def test_series_hold_the_tables_values_and_share_their_bounds(read: Any, result: Result) -> None:
+    steps = [row for row in result.tables.steps.to_pylist() if row["tracker"] == "ekf_cv"]
+    rmse = read("/series/all_runs/position_rmse/ekf_cv", "Scalars:scalars")
+    assert [rmse[round(row["time_s"], 9)] for row in steps] == [[row["position_rmse_m"]] for row in steps]
+    bounds = {entity for entity in read.entities() if "/bounds/" in entity and entity.startswith("/series/all_runs/")}
+    assert {entity.removeprefix("/series/all_runs/") for entity in bounds} == {
+        "position_rmse/bounds/position_reference_m_1",
+        "velocity_rmse/bounds/velocity_reference_mps_1",
+        "nees/bounds/nees_low_1",
+        "nees/bounds/nees_high_1",
+        *(f"nis/{sensor}/bounds/nis_{side}_1" for sensor in result.summary.sensors for side in ("low", "high")),
+    }
+
+
+def test_a_bound_of_one_tracker_alone_is_drawn_in_its_colour(result: Result, tmp_path: Path, read_file: Any) -> None:
+    nis = result.tables.nis
+    own = pc.multiply(nis["nis_high"], pc.if_else(pc.equal(nis["tracker"], "kf_cv"), 0.7, 1.0))
+    changed = nis.set_column(nis.column_names.index("nis_high"), "nis_high", own)
+    recording.write(Result(result.summary, Tables({**result.tables, "nis": changed})), tmp_path / "run.rrd")
+    read = read_file(tmp_path / "run.rrd")
+    place = "/series/all_runs/nis/front_radar/bounds"
+    names = [read(f"{place}/nis_high_{i}", "SeriesLines:names")[None][0] for i in (1, 2)]
+    assert names == ["95 % bounds: kf_cv", "95 % bounds: ekf_cv, ukf_ctrv, tuned_badly"]
+    own_colour = read("/series/all_runs/nis/front_radar/kf_cv", "SeriesLines:colors")[None]
+    assert read(f"{place}/nis_high_1", "SeriesLines:colors")[None] == own_colour
+    assert read(f"{place}/nis_high_2", "SeriesLines:colors")[None] != own_colour
+
+
+def test_the_recorded_run_has_the_rms_error_of_its_targets_and_bounds_for_their_number(
+    read: Any, result: Result
+) -> None:
+    rows = [
+        row
+        for row in result.tables.estimates.to_pylist()
+        if row["tracker"] == "ukf_ctrv" and round(row["time_s"], 9) == 8.0
+    ]
+    error = np.sqrt(np.mean([row["position_error_m"] ** 2 for row in rows]))
+    assert read("/series/recorded_run/position_error/ukf_ctrv", "Scalars:scalars")[8.0] == pytest.approx([error])
+    nees = np.mean([row["nees"] for row in rows])
+    assert read("/series/recorded_run/nees/ukf_ctrv", "Scalars:scalars")[8.0] == pytest.approx([nees])
+    high = stats.chi2.ppf(0.975, 4 * len(rows)) / len(rows)
+    assert read("/series/recorded_run/nees/bounds/high_1", "Scalars:scalars")[8.0] == pytest.approx([high])
+
+
+def test_single_innovations_have_the_line_under_which_95_per_cent_of_them_are(
+    result: Result, tmp_path: Path, read_file: Any
+) -> None:
+    nis, shown = result.tables.nis, result.tables.recorded_nis
+    nis = nis.set_column(nis.column_names.index("count"), "count", pc.if_else(pc.greater(nis["count"], 0), 1.0, 0.0))
+    shown = shown.filter(pc.equal(shown["object"], "v1"))
+    recording.write(
+        Result(result.summary, Tables({**result.tables, "nis": nis, "recorded_nis": shown})), tmp_path / "run.rrd"
+    )
+    read = read_file(tmp_path / "run.rrd")
+    for run in ("all_runs", "recorded_run"):
+        place = f"/series/{run}/nis/front_radar/bounds"
+        assert {entity for entity in read.entities() if entity.startswith(place)} == {f"{place}/line_1"}
+        assert read(f"{place}/line_1", "SeriesLines:names")[None][0] == "95 % of single innovations"
+        values = read(f"{place}/line_1", "Scalars:scalars").values()
+        np.testing.assert_allclose([value[0] for value in values], 7.815, atol=5e-4)
+
+
+def test_a_line_is_broken_where_there_is_no_value(result: Result, tmp_path: Path, read_file: Any) -> None:
+    steps = result.tables.steps
+    column = steps.column_names.index("nees_mean")
+    values = steps["nees_mean"].to_numpy().copy()
+    values[10] = np.nan
+    recording.write(
+        Result(
+            result.summary,
+            Tables({**result.tables, "steps": steps.set_column(column, "nees_mean", pa.array(values))}),
+        ),
+        tmp_path / "run.rrd",
+    )
+    nees = read_file(tmp_path / "run.rrd")("/series/all_runs/nees/raw", "Scalars:scalars")
+    assert (nees[0.5], len(nees[0.55])) == ([], 1)
+
+
+def test_a_tracker_has_one_colour_in_the_scene_and_in_the_plots(read: Any, result: Result) -> None:
+    for name, colour in tracker_colours(tracker.name for tracker in result.summary.trackers).items():
+        expected = [int(colour[1:] + "FF", 16)]
+        assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
+        assert read(f"/world/estimates/{name}/v1/covariance", "Ellipses2D:colors")[None] == expected
+        assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
+    assert len(set(TRACKER_COLOURS)) == len(TRACKER_COLOURS)
+
+
+def test_the_colours_of_several_runs_are_taken(result: Result, tmp_path: Path, read_file: Any) -> None:
+    colours = {name: TRACKER_COLOURS[i + 2] for i, name in enumerate(tracker.name for tracker in result.scored)}
+    recording.write(result, tmp_path / "run.rrd", colours)
+    read = read_file(tmp_path / "run.rrd")
+    for name, colour in colours.items():
+        expected = [int(colour[1:] + "FF", 16)]
+        assert read(f"/world/estimates/{name}/v1", "Points2D:colors")[None] == expected
+        assert read(f"/series/all_runs/nees/{name}", "SeriesLines:colors")[None] == expected
+
+
+def test_the_text_ranks_the_trackers_and_names_the_run(read: Any) -> None:
+    (ranking,) = read("/ranking", "TextDocument:text")[None]
+    lines = [line for line in ranking.splitlines() if line.startswith("| ")]
+    assert [line.split(" ")[1] for line in lines[1:]] == ["ukf_ctrv", "ekf_cv", "kf_cv", "tuned_badly", "raw"]
+    assert "| tuned_badly | 0.550 ±0.010 | 1.83 | 12.1 | optimistic |" in lines
+    assert "- **not met**: tuned_badly nees.verdict is consistent (is optimistic)" in ranking
+    (about,) = read("/about", "TextDocument:text")[None]
+    assert "run 0 of 100, seed 7" in about
+    radar = next(line for line in about.splitlines() if line.startswith("- **front_radar**"))
+    assert radar.endswith(
+        "noise (1 sigma) range 0.3 m, azimuth 0.5 deg, range rate 0.1 m/s; field of view 120 deg, range 150 m; "
+        "mount x 2.5 m, y 0 m, yaw 0 deg"
+    )
+    assert read("/__properties/trackbench", "seed")[None] == [7]
+    assert read("/__properties/trackbench", "scenario")[None] == ["synthetic_highway"]
+
+
+def test_a_failed_tracker_is_named_with_its_cause(result: Result, tmp_path: Path, read_file: Any) -> None:
+    failed = Failure(cause="returned NaN", step=12, time_s=0.6, sensor="roof_lidar", run=3, object="v1")
+    trackers = [
+        tracker.model_copy(update={"failed": failed if tracker.name == "raw" else None})
+        for tracker in result.summary.trackers
+    ]
+    others = {
+        name: table.filter(pc.not_equal(table["tracker"], "raw")) if "tracker" in table.column_names else table
+        for name, table in result.tables.items()
+    }
+    recording.write(
+        Result(result.summary.model_copy(update={"trackers": trackers}), Tables(others)), tmp_path / "run.rrd"
+    )
+    read = read_file(tmp_path / "run.rrd")
+    assert "**raw**: returned NaN (step 12, 0.60 s" in read("/ranking", "TextDocument:text")[None][0]
+    assert "/world/estimates/ekf_cv/v1" in read.entities()
+    assert "/world/estimates/raw/v1" not in read.entities()
+
+
+@pytest.mark.parametrize("name", ["roads", "measurements", "estimates", "recorded_nis", "nis"])
+def test_an_empty_table_leaves_the_rest(name: str, result: Result, tmp_path: Path, read_file: Any) -> None:
+    recording.write(
+        Result(result.summary, Tables({**result.tables, name: result.tables[name].slice(0, 0)})), tmp_path / "a.rrd"
+    )
+    assert "/world/vehicles/v1" in read_file(tmp_path / "a.rrd").entities()
+
+
+def test_a_run_in_which_every_tracker_failed_still_shows_the_scene(
+    result: Result, tmp_path: Path, read_file: Any
+) -> None:
+    nothing = dict.fromkeys(("steps", "nis", "estimates", "recorded_nis"), pa.table({}))
+    recording.write(Result(result.summary, Tables({**result.tables, **nothing})), tmp_path / "run.rrd")
+    entities = read_file(tmp_path / "run.rrd").entities()
+    assert {"/world/vehicles/v1", "/world/measurements/front_radar"} <= entities
+    assert not any(entity.startswith("/series") for entity in entities)
+
+
+def test_names_need_not_be_plain(result: Result, tmp_path: Path, read_file: Any) -> None:
+    measurements = result.tables.measurements
+    odd = pa.array([name.as_py().replace("front_radar", "front/radar é") for name in measurements["sensor"]])
+    tables = {
+        **result.tables,
+        "measurements": measurements.set_column(measurements.column_names.index("sensor"), "sensor", odd),
+    }
+    sensors = result.summary.sensors
+    summary = result.summary.model_copy(update={"sensors": sensors | {"front/radar é": sensors["front_radar"]}})
+    recording.write(Result(summary, Tables(tables)), tmp_path / "run.rrd")
+    entities = read_file(tmp_path / "run.rrd").entities()
+    assert any(entity.startswith("/world/measurements/front\\/radar") for entity in entities)
+
+
+def test_an_existing_recording_is_replaced_whole_and_nothing_else_is_left(result: Result, tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    path.write_bytes(b"old")
+    recording.write(result, path)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
+    assert len(RrdReader(path).recordings()) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_one_clear_error(result: Result, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(TrackbenchError, match=r"cannot write .*file/run\.rrd: "):
+        recording.write(result, tmp_path / "file" / "run.rrd")
+    (tmp_path / "run.rrd").mkdir()
+    with pytest.raises(TrackbenchError, match="Is a directory"):
+        recording.write(result, tmp_path / "run.rrd")
+    assert {entry.name for entry in tmp_path.iterdir()} == {"file", "run.rrd"}
+
+
+def test_a_full_disk_leaves_the_old_recording(result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, content: bytes) -> int:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    (tmp_path / "run.rrd").write_text("old")
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(TrackbenchError, match="No space left on device"):
+        recording.write(result, tmp_path / "run.rrd")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.rrd"]
+    assert (tmp_path / "run.rrd").read_text() == "old"
+
+
+def test_rerun_switched_off_by_the_environment_is_said(
+    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RERUN", "off")
+    with pytest.raises(InputError, match="RERUN"):
+        recording.write(result, tmp_path / "run.rrd")

@@ -1,0 +1,103 @@
+"""Trails, labels, the legend and the axes of a recording."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.results import Result
+from trackbench.results.columns import Columns
+from trackbench.subjects.recording.charts import Chart, ChartLine
+from trackbench.subjects.recording.labels import GAP, HEIGHT, LETTER, label_points
+from trackbench.subjects.recording.legend import entries, legend_view
+
+TIME = np.arange(100) * 0.05
+
+
+def chart(values: Array, **rest: Any) -> Chart:
+    return Chart(("run", "error"), "Position error", "m", (ChartLine(("a",), "a", "#E69F00", TIME, values),), **rest)
+
+
+def vehicle(px: float, py: float) -> Columns:
+    full = np.full(3, 1.0)
+    return {
+        "px_m": px * full, "py_m": py * full, "length_m": 5 * full, "width_m": 2 * full, "alive": full > 0,
+        "time_s": np.arange(3.0),
+    }  # fmt: skip
+
+
+def test_a_trail_is_the_path_piece_by_piece(read: Any, result: Result) -> None:
+    rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == "ekf_cv"]
+    pieces = read("/world/trails/estimates/ekf_cv", "LineStrips2D:strips")
+    now, before = (
+        {row["object"]: (row["px_m"], row["py_m"]) for row in rows if round(row["time_s"], 9) == t} for t in (8.0, 7.95)
+    )
+    expected = sorted([list(before[name]), list(now[name])] for name in now)
+    np.testing.assert_allclose(sorted(pieces[8.0]), expected, rtol=1e-6)
+    true = read("/world/trails/truth", "LineStrips2D:strips")
+    assert len(true[8.0]) == 6
+    assert len(true[12.5]) == 5, "v5 has left at 12 s"
+    assert len(true[5.0]) == 5, "v4 arrives at 5 s, and has no path before"
+
+
+def test_what_spans_a_large_range_is_there_as_logarithms_too() -> None:
+    steady, steep = chart(np.linspace(1, 2, 100)), chart(np.geomspace(0.01, 10, 100))
+    assert (steady.large, steep.large) == (False, True)
+    assert steep.log_title == "log10 of position error, m"
+    assert not chart(np.geomspace(0.01, 10, 100), signed=True).large
+
+
+def test_an_axis_shows_what_it_must() -> None:
+    values = np.where(TIME[50] == TIME, 30.0, 1.0)
+    assert chart(values).span()[1] < 2, "one peak does not flatten the rest"
+    assert chart(values).span(shown=30.0)[1] > 30
+    low, high = chart(np.sin(TIME), signed=True).span()
+    assert -low == high > 1
+
+
+def test_logarithms_are_of_the_values(read: Any) -> None:
+    plain = read("/series/vehicles/v1/position_error/raw", "Scalars:scalars")
+    logarithms = read("/series/log10/vehicles/v1/position_error/raw", "Scalars:scalars")
+    for time in (1.0, 8.0, 19.0):
+        assert logarithms[time] == [np.log10(plain[time][0])]
+
+
+def test_the_plots_of_a_vehicle_are_of_it_alone(read: Any, result: Result) -> None:
+    rows = result.tables.estimates.to_pylist()
+    row = next(r for r in rows if (r["tracker"], r["object"], round(r["time_s"], 9)) == ("ekf_cv", "v2", 8.0))
+    for name, column in (
+        ("position_error", "position_error_m"),
+        ("velocity_error", "velocity_error_mps"),
+        ("nees", "nees"),
+    ):
+        assert np.isclose(read(f"/series/vehicles/v2/{name}/ekf_cv", "Scalars:scalars")[8.0], row[column])
+
+
+def test_names_of_vehicles_do_not_overlap() -> None:
+    # Three lanes of 4 m, three cars side by side and one close behind, at a scale where names are wider than cars.
+    cars = [vehicle(0, 0), vehicle(0, 4), vehicle(0, 8), vehicle(-7, 0)]
+    names, scale = ["v1", "v2", "v3", "observer"], 0.18
+    points = label_points(cars, names, scale)
+    boxes = []
+    for point, name in zip(points, names, strict=True):
+        half = LETTER * len(name) / 2 * scale
+        top = point[0, 1] - GAP * scale
+        boxes.append((point[0, 0] - half, point[0, 0] + half, top - HEIGHT * scale, top))
+    for a, b in combinations(boxes, 2):
+        assert a[1] <= b[0] or b[1] <= a[0] or a[3] <= b[2] + 1e-9 or b[3] <= a[2] + 1e-9
+
+
+def test_the_legend_names_every_colour_once(read: Any, result: Result) -> None:
+    names = [name for entity in read.entities() if entity.startswith("/legend/") for name in labels(read, entity)]
+    assert sorted(names) == sorted(
+        [*(t.name for t in result.scored), "front_radar", "roof_lidar", "truth, bounds", "observer"]
+    )
+    assert legend_view(entries({"a": "#E69F00"}, ["radar"])).name == "Legend"
+
+
+def labels(read: Any, entity: str) -> list[str]:
+    found = [read.rows.get((entity, f"{kind}:labels")) for kind in ("LineStrips2D", "Points2D")]
+    return [name for rows in found if rows for name in rows[None]]

@@ -1,0 +1,256 @@
+"""A recording is read back without loss and without a viewer; what cannot be read is said in one message."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.metrics.moments import worst
+from trackbench.metrics.recorded_run import recorded_run
+from trackbench.results import Result, Tables, to_json
+from trackbench.subjects import recording
+from trackbench.subjects.recording import chunks
+from trackbench.subjects.recording.data import KEYS
+from trackbench.subjects.recording.inspection import inspect
+from trackbench.subjects.recording.reader import read
+
+#: Parts of a tracker's metrics that are computed afresh.
+AFRESH = ("position_rmse", "velocity_rmse", "course_rmse", "rmse", "nees", "nis", "coverage")
+
+
+@pytest.fixture(scope="module")
+def save(run_tiny: Callable[..., Result], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Runs the tiny scenario and saves it with its recording."""
+
+    def call(*overrides: str) -> Path:
+        result = run_tiny(*overrides)
+        folder = tmp_path_factory.mktemp("saved") / "run"
+        result.save(folder, {"recording.rrd": lambda path: recording.write(result, path)})
+        return folder
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def folder(save: Callable[..., Path]) -> Path:
+    """A run whose second Monte-Carlo run is recorded."""
+    return save("recording.run=2", "score.settle_s=0.5")
+
+
+def plain(table: pa.Table, keys: tuple[str, ...]) -> list[tuple[Any, ...]]:
+    names = sorted(table.column_names)
+    rows = sorted((tuple(str(row[key]) for key in keys), row["time_s"], row) for row in table.to_pylist())
+    return [tuple(row[name] for name in names) for _, _, row in rows]
+
+
+def test_every_number_comes_back(folder: Path) -> None:
+    recorded, saved = read(folder / "recording.rrd"), Result.load(folder)
+    assert recorded.rerun == rr.__version__
+    assert recorded.result.json() == saved.json()
+    # No tracker here has several motion models.
+    left = {name: keys for name, keys in KEYS.items() if name in saved.tables}
+    assert set(KEYS) - set(left) == {"modes", "recorded_modes"}
+    for name, keys in left.items():
+        assert recorded.result.tables[name].num_rows > 0
+        assert plain(recorded.result.tables[name], keys) == plain(saved.tables[name], keys), name
+
+
+def test_the_scores_are_those_of_the_recorded_run(folder: Path) -> None:
+    found = inspect(folder / "recording.rrd")
+    runs = {row["tracker"]: row for row in Result.load(folder).tables.runs.to_pylist() if row["run"] == 2}
+    assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]
+    for tracker in found.scored:
+        row = runs[tracker.name]
+        assert tracker.position_rmse.value == pytest.approx(row["position_rmse_m"], rel=1e-12)
+        assert tracker.velocity_rmse.value == pytest.approx(row["velocity_rmse_mps"], rel=1e-12)
+        assert tracker.course_rmse.value == pytest.approx(row["course_rmse_deg"], rel=1e-12)
+        assert tracker.nees.mean == pytest.approx(row["nees_mean"], rel=1e-12)
+        assert tracker.health.diverged_runs == row["diverged"]
+    assert found.checked is not None
+    assert 0 <= found.checked.largest_relative_difference < 1e-12
+
+
+def test_of_a_single_run_they_are_those_of_the_result(save: Callable[..., Path]) -> None:
+    folder = save("monte_carlo.runs=1")
+    result = Result.load(folder)
+    for tracker in inspect(folder).scored:
+        stated = {path: value for path, value in result[tracker.name].metrics.items() if path.split(".")[0] in AFRESH}
+        assert tracker.metrics.keys() == stated.keys()
+        for path, metric in tracker.metrics.items():
+            for name, value in metric.model_dump().items():
+                expected = getattr(stated[path], name)
+                assert value == (
+                    pytest.approx(expected, rel=1e-12) if isinstance(value, float | tuple) else expected
+                ), path
+
+
+def test_a_changed_recording_has_other_scores_and_says_so(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    saved = Result.load(copy)
+    x = saved.tables["estimates"].column("px_m").to_numpy() + 1.0
+    estimates = saved.tables["estimates"].set_column(3, "px_m", pa.array(x, from_pandas=True))
+    changed = Result(saved.summary, Tables({**saved.tables, "estimates": estimates}))
+    recording.write(changed, copy / "recording.rrd")
+    checked = inspect(copy).checked
+    assert checked is not None
+    assert checked.largest_relative_difference > 0.01
+
+
+def test_the_scene_at_a_time_is_the_latest_of_everything(folder: Path) -> None:
+    scene = inspect(folder / "recording.rrd", at=1.07).at
+    assert scene is not None
+    assert scene.time_s == pytest.approx(1.0)
+    tables = Result.load(folder).tables
+    truth = {row["object"]: row for row in tables["truth"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9}
+    assert {vehicle.name: vehicle.px_m for vehicle in scene.vehicles} == {
+        name: row["px_m"] for name, row in truth.items() if row["alive"]
+    }
+    estimates = [row for row in tables["estimates"].to_pylist() if abs(row["time_s"] - 1.0) < 1e-9]
+    assert {(e.tracker, e.object, e.nees) for e in scene.estimates} == {
+        (row["tracker"], row["object"], row["nees"]) for row in estimates if row["px_m"] is not None
+    }
+    assert all(0.8 - 1e-9 <= measurement.time_s <= 1.0 + 1e-9 for measurement in scene.measurements)
+
+
+@pytest.mark.parametrize("time", [-0.1, 2.2])
+def test_a_time_that_is_not_there_is_an_error(folder: Path, time: float) -> None:
+    with pytest.raises(InputError, match="goes from 0 s to 2 s"):
+        inspect(folder, at=time)
+
+
+def test_the_worst_moments_are_peaks_of_errors_that_count(folder: Path) -> None:
+    recorded = recorded_run(read(folder).result)
+    for tracker in recorded.tracks:
+        moments = worst(recorded, [tracker], 3)
+        error = np.where(recorded.tracks[tracker].due, recorded.tracks[tracker].position_error, np.nan)
+        assert moments[0].position_error_m == np.nanmax(error)
+        assert all(moment.time_s >= 0.5 for moment in moments), "before that, nothing is scored"
+        sizes = [moment.position_error_m for moment in moments]
+        assert sizes == sorted(sizes, reverse=True)
+        for i, a in enumerate(moments):
+            assert all(b.object != a.object or abs(b.time_s - a.time_s) > 1.0 for b in moments[:i])
+
+
+@pytest.mark.parametrize("lost", [10, 30, 5000, 100_000])
+def test_a_recording_that_is_cut_off_is_one_message(folder: Path, tmp_path: Path, lost: int) -> None:
+    file = tmp_path / "cut.rrd"
+    file.write_bytes((folder / "recording.rrd").read_bytes()[:-lost])
+    with pytest.raises(InputError, match="cut off"):
+        read(file)
+
+
+def test_what_is_no_recording_is_one_message(tmp_path: Path) -> None:
+    for content in (b"", b"RRF", b"RRF2", b"PAR1 and more than that", b"\x89PNG"):
+        (tmp_path / "foreign.rrd").write_bytes(content)
+        with pytest.raises(InputError, match=r"foreign\.rrd: (not a Rerun recording|this recording is cut off)"):
+            read(tmp_path / "foreign.rrd")
+    with pytest.raises(InputError, match="no such recording"):
+        read(tmp_path / "none.rrd")
+    with pytest.raises(InputError, match=r"no result\.json"):
+        read(tmp_path)
+
+
+def test_a_damaged_recording_is_one_message(folder: Path, tmp_path: Path) -> None:
+    content = bytearray((folder / "recording.rrd").read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 4000] = bytes(4000)
+    (tmp_path / "damaged.rrd").write_bytes(content)
+    with pytest.raises(InputError, match=r"damaged|cut off"):
+        read(tmp_path / "damaged.rrd")
+
+
+def test_a_recording_of_another_program_is_one_message(tmp_path: Path) -> None:
+    other = rr.RecordingStream("other")
+    other.save(tmp_path / "other.rrd")
+    other.log("a", rr.Scalars(1.0))
+    other.disconnect()
+    with pytest.raises(InputError, match="holds no run of trackbench"):
+        read(tmp_path / "other.rrd")
+
+
+@pytest.mark.parametrize("head", [b"RRF2\x00\x16\x00\x00", b"RRF1\x00\x16\x00\x00", b"RRF0\x00\x09\x00\x00"])
+def test_a_recording_of_a_version_that_cannot_be_read_is_served_by_the_tables_beside_it(
+    folder: Path, tmp_path: Path, head: bytes
+) -> None:
+    content = head + (folder / "recording.rrd").read_bytes()[len(head) :]
+    (tmp_path / "alone.rrd").write_bytes(content)
+    with pytest.raises(InputError, match=r"of .*Rerun.* cannot read, and there is no result\.json"):
+        read(tmp_path / "alone.rrd")
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    (copy / "recording.rrd").write_bytes(content)
+    recorded = read(copy / "recording.rrd")
+    assert recorded.rerun is None
+    assert "cannot read" in (recorded.note or "")
+    assert inspect(copy).scored == inspect(folder).scored
+
+
+def test_a_folder_without_a_recording_is_read_from_its_tables(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    (copy / "recording.rrd").unlink()
+    found = inspect(copy, at=1.0, count=1)
+    assert found.contents.recorded.note == "there is no recording in this folder"
+    assert found.at == inspect(folder, at=1.0).at
+
+
+def test_what_is_found_is_also_json_without_a_value_that_is_no_number(folder: Path) -> None:
+    found = json.loads(to_json(inspect(folder, at=1.0, count=2).json()))
+    assert [tracker["name"] for tracker in found["trackers"]] == ["raw", "ekf"]
+    for tracker in found["trackers"]:
+        assert set(tracker) == {"name", "describe", "failed", "metrics", "health"}
+        assert set(tracker["metrics"]) <= set(AFRESH)
+        assert set(tracker["health"]) == {"diverged_runs"}
+    assert set(found["at"]) == {"time_s", "vehicles", "measurements", "estimates"}
+    assert {"px_m", "speed_mps", "course_rad"} <= set(found["at"]["vehicles"][0])
+    assert {"tracker", "object", "time_s", "position_error_m", "nees"} <= set(found["worst"]["ekf"][0])
+    assert set(found["checked"]) == {"file", "largest_relative_difference"}
+    assert not {"at", "worst"} & set(inspect(folder).json())
+
+
+def test_a_tracker_that_failed_has_a_cause_and_no_scores(run_tiny: Callable[..., Result], tmp_path: Path) -> None:
+    (tmp_path / "stepless.py").write_text("class Stepless:\n    batched = True\n", encoding="utf-8")
+    result = run_tiny("trackers.broken.use=stepless:Stepless", folder=tmp_path)
+    result.save(tmp_path / "run", {"recording.rrd": lambda path: recording.write(result, path)})
+    found = inspect(tmp_path / "run", count=1)
+    assert [tracker.name for tracker in found.scored] == ["raw", "ekf"]
+    assert set(found.worst or {}) == {"raw", "ekf"}
+    *_, broken = found.json()["trackers"]
+    assert set(broken) == {"name", "describe", "failed"}
+    assert "step" in broken["failed"]["cause"]
+
+
+def test_an_error_that_is_not_known_is_none(folder: Path) -> None:
+    recorded = recorded_run(read(folder).result)
+    recorded.tracks["ekf"].nees[:] = np.nan
+    assert {moment.nees for moment in worst(recorded, ["ekf"], 3)} == {None}
+
+
+def test_a_reader_that_dies_is_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Rerun's reader panics over some damaged files, and ends its process."""
+    dies = tmp_path / "dies.py"
+    dies.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr(chunks, "__file__", str(dies))
+    with pytest.raises(InputError, match="this recording is damaged: it cannot be read to its end"):
+        read(folder / "recording.rrd")
+
+
+def test_trackers_that_start_apart_are_scored_afresh_where_all_gave_an_estimate(tmp_path: Path) -> None:
+    keys = {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": "first_reading"}
+    late = {**keys, "initial": {"from": "first_reading", "skip": 2}}
+    changes = {"trackers": {"early": keys, "late": late}, "expect": [], "truth.duration_s": 3}
+    tb.run(tb.load("scripted/own_model", changes, runs=2)).save(tmp_path / "run")
+    found = inspect(tmp_path / "run")
+    assert found.checked is not None
+    assert found.checked.largest_relative_difference < 1e-9

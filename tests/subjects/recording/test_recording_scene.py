@@ -1,0 +1,94 @@
+"""What the scene of a recording shows, and where."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.compute as pc
+import pytest
+
+from trackbench.results import Result, Tables
+from trackbench.subjects import recording
+from trackbench.subjects.recording.shapes import ellipse
+
+
+def test_there_is_one_timeline_in_simulated_seconds(read: Any) -> None:
+    assert read.timelines == {"sim_time"}
+    assert set(read("/world/vehicles/v1", "Boxes2D:half_sizes")) == {round(0.05 * i, 9) for i in range(401)}
+
+
+def test_each_vehicle_is_an_oriented_box_at_every_step_of_its_life(read: Any, result: Result) -> None:
+    truth = result.tables.truth.to_pylist()
+    for name in ("ego", *result.summary.truth.objects):
+        rows = [row for row in truth if row["object"] == name]
+        boxes = read(f"/world/vehicles/{name}", "Boxes2D:half_sizes")
+        assert len(boxes) == 401
+        assert [len(boxes[round(row["time_s"], 9)]) for row in rows] == [int(row["alive"]) for row in rows]
+    row = next(row for row in truth if row["object"] == "v1" and round(row["time_s"], 9) == 8.0)
+    assert read("/world/vehicles/v1", "Boxes2D:half_sizes")[8.0] == [[2.5, 1.0]]
+    assert read("/world/vehicles/v1", "Transform3D:translation")[8.0][0] == pytest.approx([row["px_m"], row["py_m"], 0])
+    (quaternion,) = read("/world/vehicles/v1", "Transform3D:quaternion")[8.0]
+    assert 2 * np.arctan2(quaternion[2], quaternion[3]) == pytest.approx(row["heading_rad"], abs=1e-6)
+
+
+def test_a_view_follows_the_observer_and_is_not_mirrored(read: Any, result: Result) -> None:
+    truth = result.tables.truth.to_pylist()
+    v1 = next(row for row in truth if row["object"] == "v1" and round(row["time_s"], 9) == 8.0)
+    (origin,) = read("/world/frames/ego", "Transform3D:translation")[8.0]
+    (flat,) = read("/world/frames/ego", "Transform3D:mat3x3")[8.0]
+    to_view = np.linalg.inv(np.array(flat).reshape(3, 3, order="F"))
+    seen = to_view @ (np.array([v1["px_m"], v1["py_m"] + 1.0, 0.0]) - origin)
+    assert seen[0] > 0, "what is ahead of the observer is on the right"
+    assert seen[1] == pytest.approx(-(v1["py_m"] + 1.0 - 4.0), abs=1e-4), "y of a 2D view points down"
+
+
+def test_measurements_are_where_the_sensor_put_them_and_misses_are_not_drawn(read: Any, result: Result) -> None:
+    for sensor in result.summary.sensors:
+        rows = [row for row in result.tables.measurements.to_pylist() if row["sensor"] == sensor]
+        drawn = {t: points for t, points in read(f"/world/measurements/{sensor}", "Points2D:positions").items() if t}
+        assert sum(map(len, drawn.values())) == sum(row["valid"] for row in rows if row["time_s"])
+        at_8 = [[row["x_m"], row["y_m"]] for row in rows if row["valid"] and round(row["time_s"], 9) == 8.0]
+        np.testing.assert_allclose(sorted(drawn[8.0]), sorted(at_8), rtol=1e-6)
+
+
+def test_an_ellipse_encloses_95_percent() -> None:
+    covariance = np.array([[2.0, 0.9], [0.9, 1.0]])
+    (half,), (angle,) = ellipse(*(np.array([covariance[i]]) for i in ((0, 0), (0, 1), (1, 1))))
+    rng = np.random.default_rng(0)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    x, y = turn @ np.linalg.cholesky(covariance) @ rng.standard_normal((2, 200_000))
+    assert np.mean((x / half[0]) ** 2 + (y / half[1]) ** 2 < 1) == pytest.approx(0.95, abs=0.002)
+    assert np.corrcoef(x, y)[0, 1] == pytest.approx(0, abs=0.01)
+
+
+def test_a_known_covariance_is_drawn_with_its_axes_and_rotation(read: Any, result: Result) -> None:
+    row = next(
+        row
+        for row in result.tables.estimates.to_pylist()
+        if (row["tracker"], row["object"], round(row["time_s"], 9)) == ("ekf_cv", "v1", 8.0)
+    )
+    variances, axes = np.linalg.eigh([[row["p_00"], row["p_01"]], [row["p_01"], row["p_11"]]])
+    entity = "/world/estimates/ekf_cv/v1"
+    assert read(entity, "Points2D:positions")[8.0][0] == pytest.approx([row["px_m"], row["py_m"]])
+    (half,) = read(f"{entity}/covariance", "Ellipses2D:half_sizes")[8.0]
+    assert half == pytest.approx(2.4477 * np.sqrt(variances[::-1]), rel=1e-4)
+    (quaternion,) = read(f"{entity}/covariance", "Transform3D:quaternion")[8.0]
+    angle = 2 * np.arctan2(quaternion[2], quaternion[3])
+    assert abs(axes[:, 1] @ [np.cos(angle), np.sin(angle)]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_an_estimate_disappears_with_its_vehicle(read: Any) -> None:
+    for component, entity in (("Points2D:positions", ""), ("Ellipses2D:half_sizes", "/covariance")):
+        drawn = read(f"/world/estimates/ekf_cv/v5{entity}", component)
+        assert (len(drawn[11.95]), len(drawn[12.0])) == (1, 0)
+        assert max(t for t in drawn if t is not None) == 12.0
+
+
+def test_an_estimate_that_is_not_renewed_disappears(result: Result, tmp_path: Path, read_file: Any) -> None:
+    estimates = result.tables.estimates
+    stopped = estimates.filter(pc.less(estimates["time_s"], 3.01))
+    recording.write(Result(result.summary, Tables({**result.tables, "estimates": stopped})), tmp_path / "run.rrd")
+    drawn = read_file(tmp_path / "run.rrd")("/world/estimates/ekf_cv/v1", "Points2D:positions")
+    assert (len(drawn[3.0]), len(drawn[3.1])) == (1, 0), "held for a period of the slowest sensor, 0.1 s"

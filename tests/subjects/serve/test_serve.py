@@ -1,0 +1,306 @@
+"""The Udacity server as a process, with real clients."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.support.places import ROOT
+from tests.support.udacity import RECORDING, recorded_lines, synthetic_lines, telemetry, write_scenario
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+import trackbench as tb
+
+COMMAND = [sys.executable, "-c", "from trackbench.cli import main; main()", "serve", "udacity"]
+MANUAL = '42["manual",{}]'
+SECONDS = 30
+LINES = synthetic_lines()
+#: The course's limits of the RMSE of px, py, vx, vy.
+RUBRIC = {"ekf": [0.11, 0.11, 0.52, 0.52], "ukf": [0.09, 0.10, 0.40, 0.30]}
+
+
+class Server:
+    """A server process and the port at which it listens."""
+
+    def __init__(self, scenario: Path, tracker: str, log: Path, *options: str) -> None:
+        self._log = log
+        with log.open("w") as err:
+            command = [*COMMAND, "--port", "0", "--tracker", f"{scenario}#{tracker}", *options]
+            self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=err, text=True)
+        assert self.process.stdout is not None
+        assert select.select([self.process.stdout], [], [], SECONDS)[0], "the server does not start"
+        found = re.search(r" listens at ws://127\.0\.0\.1:(\d+);", self.process.stdout.readline())
+        assert found, log.read_text()
+        self.port = int(found[1])
+
+    @contextmanager
+    def client(self) -> Iterator[ClientConnection]:
+        # As the simulator does.
+        address = f"ws://127.0.0.1:{self.port}/socket.io/?EIO=4&transport=websocket"
+        with connect(address, compression=None, open_timeout=SECONDS, close_timeout=SECONDS) as client:
+            yield client
+
+    def end(self, number: signal.Signals = signal.SIGTERM) -> int:
+        self.process.send_signal(number)
+        return self.process.wait(SECONDS)
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+    def log(self) -> str:
+        return self._log.read_text()
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    return write_scenario(tmp_path_factory.mktemp("serve"))
+
+
+@pytest.fixture(scope="module")
+def server(scenario, tmp_path_factory):
+    """A server of each tracker, kept as long as the module runs."""
+    started: dict[str, Server] = {}
+    with ExitStack() as stack:
+
+        def get(tracker: str) -> Server:
+            if tracker not in started:
+                log = tmp_path_factory.mktemp("log") / f"{tracker}.log"
+                started[tracker] = stack.enter_context(Server(scenario, tracker, log))
+            return started[tracker]
+
+        yield get
+        for each in started.values():
+            assert each.end() == 0
+
+
+def ask(client: ClientConnection, frame: str | bytes) -> str:
+    client.send(frame)
+    answer = client.recv(timeout=SECONDS)
+    assert isinstance(answer, str)
+    return answer
+
+
+def replay(client: ClientConnection, lines: Sequence[str]) -> list[str]:
+    return [ask(client, telemetry(line)) for line in lines]
+
+
+def rmse_of(answer: str) -> list[float]:
+    marker = json.loads(answer.removeprefix("42"))[1]
+    return [marker[f"rmse_{name}"] for name in ("x", "y", "vx", "vy")]
+
+
+def rmse_of_a_run(folder: Path, name: str, lines: Sequence[str]) -> list[float]:
+    """What a run of the scenario finds on the same lines."""
+    file = write_scenario(folder)
+    (folder / "lines.txt").write_text("\n".join(lines))
+    tracker = tb.run(tb.load(file, trackers=[name]))[name]
+    return [tracker.metrics[f"rmse.{component}"].value for component in ("px", "py", "vx", "vy")]
+
+
+@pytest.mark.parametrize("name", RUBRIC)
+def test_a_replay_gives_the_rmse_of_a_run(name, server, tmp_path):
+    with server(name).client() as client:
+        answers = replay(client, LINES)
+    np.testing.assert_allclose(rmse_of(answers[-1]), rmse_of_a_run(tmp_path, name, LINES), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", RUBRIC)
+def test_the_recording_is_within_the_rubric(name, server, tmp_path):
+    lines = recorded_lines()
+    if lines is None:
+        pytest.skip(f"TRACKBENCH_DATA names no folder with {RECORDING}")
+    with server(name).client() as client:
+        answers = replay(client, lines)
+    rmse = rmse_of(answers[-1])
+    np.testing.assert_allclose(rmse, rmse_of_a_run(tmp_path, name, lines), rtol=0, atol=1e-9)
+    assert np.all(np.array(rmse) <= RUBRIC[name])
+
+
+def test_clients_do_not_mix(server):
+    other = synthetic_lines(count=60, seed=8)
+    with server("ekf").client() as one, server("ekf").client() as two:
+        alone = replay(one, LINES), replay(two, other)
+    with server("ekf").client() as one, server("ekf").client() as two:
+        together: tuple[list[str], list[str]] = [], []
+        for a, b in zip_longest(LINES, other):
+            together[0].extend(replay(one, [a]))
+            together[1].extend(replay(two, [b] if b is not None else []))
+    assert together == alone
+
+
+def test_a_reconnect_starts_afresh(server):
+    with server("ekf").client() as client:
+        first = replay(client, LINES)
+    with server("ekf").client() as client:
+        client.send(telemetry(LINES[0]))
+    with server("ekf").client() as client:
+        assert replay(client, LINES) == first
+
+
+def test_an_idle_simulator_is_kept_going(server):
+    with server("ekf").client() as client:
+        with pytest.raises(TimeoutError):
+            client.recv(timeout=0.1)
+        assert ask(client, "2") == "3"
+        client.send('0{"sid":"x"}')
+        client.send("40")
+        assert [ask(client, '42["telemetry",null]') for _ in range(3)] == [MANUAL] * 3
+        assert ask(client, telemetry(LINES[0])) != MANUAL
+
+
+GARBAGE = {
+    "binary": b"\x00\xff\x42",
+    "ten megabytes": "42" + "[" * 10_000_000,
+    "ten megabytes of bytes": b"4" * 10_000_000,
+    "bad JSON": '42["telemetry",{',
+    "a wrong letter": telemetry("X" + LINES[0][1:]),
+    "NaN": telemetry("L\tnan\tnan\t1477010443000000\t0\t0\t0\t0"),
+    "missing columns": telemetry("L\t1\t2"),
+    "empty": "",
+}
+
+
+@pytest.mark.parametrize("frame", GARBAGE.values(), ids=GARBAGE)
+def test_garbage_is_answered_and_the_session_goes_on(frame, server):
+    served = server("ekf")
+    with served.client() as client:
+        plain = replay(client, LINES)
+    with served.client() as client:
+        begun = replay(client, LINES[:5])
+        before = served.log().count("bad frame")
+        assert ask(client, frame) == MANUAL
+        assert begun + replay(client, LINES[5:]) == plain
+    assert served.log().count("bad frame") == before + 1
+
+
+@pytest.mark.parametrize(
+    ("load", "code"), [("x" * (17 * 2**20), 1009), (b"\xff\xfe", 1007)], ids=["too big", "not UTF-8"]
+)
+def test_what_is_no_message_ends_its_connection_alone(load, code, server):
+    with server("ekf").client() as client, server("ekf").client() as other:
+        try:
+            client.send(load, text=True)
+            with pytest.raises(ConnectionClosed) as closed:
+                client.recv(timeout=SECONDS)
+        except ConnectionClosed:
+            # The server may hang up while a message that is too big is still being sent.
+            assert code == 1009
+        else:
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == code
+        assert ask(other, telemetry(LINES[0])) != MANUAL
+
+
+def test_what_is_no_websocket_harms_nobody(server):
+    served = server("ekf")
+    with closing(http.client.HTTPConnection("127.0.0.1", served.port, timeout=SECONDS)) as browser:
+        browser.request("GET", "/")
+        assert browser.getresponse().status == 426
+    with socket.create_connection(("127.0.0.1", served.port), SECONDS) as raw:
+        raw.sendall(b"\x00\x01 garbage\r\n\r\n")
+        raw.recv(1000)
+    with served.client() as client:
+        assert ask(client, telemetry(LINES[0])) != MANUAL
+    assert "Traceback" not in served.log()
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [("raising", "ValueError: no third measurement, please"), ("vanishing", "the estimate is not finite")],
+)
+def test_a_tracker_that_fails_ends_its_session_alone(name, cause, server):
+    served = server(name)
+    with served.client() as other:
+        replay(other, LINES[:2])
+        with served.client() as client:
+            assert replay(client, LINES[:3])[2] == MANUAL
+            with pytest.raises(ConnectionClosed) as closed:
+                client.recv(timeout=SECONDS)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1011
+        assert closed.value.rcvd.reason.startswith(f"tracker {name} failed at measurement 3: {cause}")
+        assert served.log().count(closed.value.rcvd.reason) == 1
+        assert ask(other, '42["telemetry",{}]') == MANUAL
+    with served.client() as client:
+        assert replay(client, LINES[:2]) != [MANUAL, MANUAL]
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 0), (signal.SIGINT, 130)])
+def test_a_signal_ends_it_with_a_goodbye(number, status, scenario, tmp_path):
+    with Server(scenario, "ekf", tmp_path / "log") as served:
+        with served.client() as client, socket.create_connection(("127.0.0.1", served.port)):
+            replay(client, LINES[:10])
+            served.process.send_signal(number)
+            with pytest.raises(ConnectionClosed) as closed:
+                client.recv(timeout=SECONDS)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 1001
+            # Although a connection that never said a word is still open.
+            assert served.process.wait(SECONDS) == status
+        assert "Traceback" not in served.log()
+        with pytest.raises(OSError, match="refused"):
+            socket.create_connection(("127.0.0.1", served.port), SECONDS)
+
+
+def test_the_page_shows_what_happens(tmp_path):
+    page = (ROOT / "docs/projects/udacity-simulator.md").read_text()
+    scenario, tracker = re.search(r"\$ trackbench serve udacity --port 4567 --tracker (\S+)#(\S+)\n", page).groups()
+    lines = recorded_lines() or LINES
+    file = tmp_path / "lines.txt"
+    file.write_text("\n".join(lines))
+    with Server(ROOT / scenario, tracker, tmp_path / "log") as served:
+        example = [sys.executable, ROOT / "docs/examples/replay_udacity.py", file, str(served.port)]
+        done = subprocess.run(example, capture_output=True, text=True, timeout=SECONDS, check=True)
+        assert served.end() == 0
+    logged = re.search(r"client 1: (\d+) measurements, .*RMSE ([\d.]+) .*", served.log())
+    assert logged
+    assert int(logged[1]) == len(lines)
+    assert rmse_of(done.stdout)[0] == pytest.approx(float(logged[2]), abs=1e-4)
+    if lines is not LINES:
+        assert logged[0] in page
+
+
+@pytest.fixture
+def fails(cli):
+    """Serves what cannot be served, and returns what is said of it."""
+
+    def call(*options: str) -> str:
+        done = cli("serve", "udacity", *options)
+        assert (done.status, done.out) == (2, "")
+        return done.err
+
+    return call
+
+
+def test_a_port_in_use(server, scenario, fails):
+    port = str(server("ekf").port)
+    message = fails("--port", port, "--tracker", f"{scenario}#ekf")
+    assert message == f"--port: port {port} of 127.0.0.1 is in use; name another one, or 0 for any that is free\n"
+
+
+def test_what_cannot_be_served_is_said_in_one_line(scenario, fails):
+    assert fails("--tracker", f"{scenario}#eff").endswith("no tracker 'eff' in this scenario; did you mean 'ekf'?\n")
+    assert fails("--tracker", str(scenario)) == f"--tracker: write SCENARIO#NAME, not '{scenario}'\n"
+    assert f"there is no such file; did you mean '{scenario.parent}/cyclist.yaml'?" in fails(
+        "--tracker", f"{scenario.parent}/cyclis.yaml#ekf"
+    )
+    assert "--host" in fails("--tracker", f"{scenario}#ekf", "--host", "203.0.113.1")
+    assert "--host: is empty" in fails("--tracker", f"{scenario}#ekf", "--host", "")

@@ -1,0 +1,253 @@
+"""What a client of the Udacity server is answered, without a network."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import sys
+
+import numpy as np
+import pytest
+from tests.support.places import ROOT
+from tests.support.udacity import synthetic_lines, telemetry, write_scenario
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import load_scenario
+from trackbench.subjects.serve.client import Client
+from trackbench.subjects.serve.protocol import (
+    LONGEST,
+    MANUAL,
+    Control,
+    Marker,
+    NoData,
+    Ping,
+    Telemetry,
+    estimate_marker,
+    parse,
+)
+from trackbench.subjects.serve.session import TrackerFailed, served
+
+LINE = "L\t3.122427e-01\t5.803398e-01\t1477010443000000\t6e-01\t6e-01\t5.199937e+00\t0"
+LINES = synthetic_lines()
+
+
+@pytest.fixture
+def scenario(tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "serve_faults", raising=False)
+    return load_scenario(write_scenario(tmp_path))
+
+
+@pytest.fixture
+def client(scenario):
+    return lambda name: Client(served(scenario, name), "client 1")
+
+
+def fields(answer: str) -> dict[str, float]:
+    assert answer.startswith('42["estimate_marker",{')
+    return json.loads(answer[2:])[1]
+
+
+def test_the_frame_that_the_simulator_sends():
+    # The simulator writes a tab as the two characters that are its escape in JSON.
+    frame = '42["telemetry",{"sensor_measurement":"' + LINE.replace("\t", "\\t") + '"}]'
+    said = parse(frame)
+    assert isinstance(said, Telemetry)
+    assert said.measurement.kind == "lidar"
+    assert said.measurement.measurement == (0.3122427, 0.5803398)
+    assert said.measurement.stamp == 1477010443000000
+    assert said.measurement.truth == (0.6, 0.6, 5.199937, 0.0)
+
+
+@pytest.mark.parametrize("event", ['["telemetry",null]', '["telemetry",{}]', '["telemetry"]', '["telemetry", null, 1]'])
+def test_an_event_without_data(event):
+    assert parse("42" + event) == NoData()
+
+
+@pytest.mark.parametrize("frame", ['0{"sid":"x"}', "1", "3", "3probe", "5", "6", "40", "40/track", "41", "430[]"])
+def test_what_belongs_to_the_transport_needs_no_answer(frame, client):
+    assert parse(frame) == Control()
+    assert client("ekf").answer(frame) is None
+
+
+@pytest.mark.parametrize(("frame", "answer"), [("2", "3"), ("2probe", "3probe")])
+def test_pings_are_answered(frame, answer, client):
+    assert parse(frame) == Ping(answer)
+    assert client("ekf").answer(frame) == answer
+
+
+BAD = {
+    "binary": (b"\x00\xff", "binary"),
+    "a binary event": (telemetry(LINE).encode(), "binary"),
+    "too long": (telemetry(LINE + " " * LONGEST), "characters"),
+    "empty": ("", "no event"),
+    "words": ("hello", "no event"),
+    "a ping with a load": ("2" * 50, "no event"),
+    "no JSON": ("42", "not JSON"),
+    "half": (telemetry(LINE)[:-5], "not JSON"),
+    "deep": ("42" + "[" * 60000, "nested"),
+    "long number": ("42[" + "9" * 5000 + "]", "not JSON"),
+    "an object": ('42{"telemetry":1}', "array"),
+    "no name": ("42[]", "array"),
+    "another event": ('42["steer",{"angle":1}]', "'steer' is not known"),
+    "another key": ('42["telemetry",{"lidar":"L"}]', "sensor_measurement"),
+    "a list of data": ('42["telemetry",[1]]', "sensor_measurement"),
+    "a number as line": ('42["telemetry",{"sensor_measurement":1}]', "sensor_measurement"),
+    "an empty line": (telemetry(""), "begins with L"),
+    "an unknown letter": (telemetry("X" + LINE[1:]), "begins with L"),
+    "NaN": (telemetry(LINE.replace("3.122427e-01", "nan")), "px is not a finite number"),
+    "infinity": (telemetry(LINE.replace("6e-01", "1e999")), "true px is not a finite number"),
+    "a missing column": (telemetry("\t".join(LINE.split("\t")[:-1])), r"ends before vy \(column 8\)"),
+    "no truth": (telemetry("\t".join(LINE.split("\t")[:4])), "ends before the truth"),
+    "too many columns": (telemetry(LINE + "\t1\t2\t3"), "11 columns"),
+    "a time stamp with decimals": (telemetry(LINE.replace("1477010443000000", "0.05")), "whole number"),
+    "a time stamp beyond any": (telemetry(LINE.replace("1477010443000000", "9" * 400)), "whole number"),
+}
+
+
+@pytest.mark.parametrize(("frame", "message"), BAD.values(), ids=BAD)
+def test_a_bad_frame_is_answered_and_logged_in_one_line(frame, message, client, caplog):
+    with pytest.raises(InputError, match=message):
+        parse(frame)
+    asked = client("ekf")
+    with caplog.at_level(logging.INFO):
+        assert asked.answer(frame) == MANUAL
+    (record,) = caplog.records
+    assert record.levelno == logging.WARNING
+    assert "\n" not in record.getMessage()
+    assert len(record.getMessage()) < 300
+    assert asked.answer(telemetry(LINE)) != MANUAL
+
+
+def test_the_frame_that_the_simulator_reads():
+    assert estimate_marker(Marker(0.5, 1, 0.25, 2e-5, 3, 4)) == (
+        '42["estimate_marker",{"estimate_x":0.5,"estimate_y":1,"rmse_x":0.25,"rmse_y":2e-05,"rmse_vx":3,"rmse_vy":4}]'
+    )
+
+
+@pytest.mark.parametrize("name", ["ekf", "ukf"])
+def test_the_running_rmse_is_that_of_the_marks_so_far(name, client):
+    asked = client(name)
+    squares = []
+    for line in LINES:
+        answer = asked.answer(telemetry(line))
+        if answer == MANUAL:
+            assert not squares
+            continue
+        marker, truth = fields(answer), parse(telemetry(line)).measurement.truth
+        squares.append([(marker["estimate_x"] - truth[0]) ** 2, (marker["estimate_y"] - truth[1]) ** 2])
+        rmse = [marker["rmse_x"], marker["rmse_y"]]
+        np.testing.assert_allclose(rmse, np.sqrt(np.mean(squares, axis=0)), rtol=1e-12)
+    # Where a track starts from two measurements, the first of them has no estimate.
+    assert len(squares) == len(LINES) - (name == "ukf")
+
+
+def test_time_going_backwards_starts_afresh(client, caplog):
+    asked = client("ekf")
+    first = [asked.answer(telemetry(line)) for line in LINES]
+    with caplog.at_level(logging.INFO):
+        assert [asked.answer(telemetry(line)) for line in LINES] == first
+    assert [record.getMessage().partition(": ")[2] for record in caplog.records][
+        1
+    ] == "time goes backwards: starts afresh"
+
+
+def test_a_line_that_is_sent_twice_counts_once(client):
+    once, twice = client("ekf"), client("ekf")
+    for line in LINES:
+        answer = once.answer(telemetry(line))
+        assert [twice.answer(telemetry(line)), twice.answer(telemetry(line))] == [answer, answer]
+
+
+def test_what_the_tracker_does_not_read_only_tells_the_time(client):
+    lidar, whole = client("ekf_lidar"), client("ekf")
+    moved = [line if line[0] == "L" else "R\t99\t" + line.split("\t", 2)[2] for line in LINES]
+    answers = [lidar.answer(telemetry(line)) for line in LINES]
+    assert [lidar.answer(telemetry(line)) for line in moved] == answers
+    assert len(set(answers)) == len(LINES)
+    assert answers[-1] != [whole.answer(telemetry(line)) for line in LINES][-1]
+
+
+def test_a_sensor_that_the_scenario_lacks_is_passed_over(tmp_path):
+    file = write_scenario(tmp_path)
+    text = [line for line in file.read_text().splitlines() if not line.startswith("  radar:")]
+    file.write_text("\n".join(text))
+    asked = Client(served(load_scenario(file), "ekf"), "client 1")
+    answers = [asked.answer(telemetry(line)) for line in LINES]
+    assert [answer == MANUAL for answer in answers] == [line[0] == "R" for line in LINES]
+
+
+def test_a_dropout_of_the_scenario_holds(tmp_path):
+    file = write_scenario(tmp_path)
+    text = file.read_text().replace("{type: radar,", "{type: radar, dropouts: [{from_s: 0, to_s: 100}],")
+    file.write_text(text)
+    # A sensor that is silent still tells the time.
+    told = load_scenario(file, ["trackers.ekf_lidar.advance_at=all_scans"])
+    asked, lidar = (Client(served(told, name), "client 1") for name in ("ekf", "ekf_lidar"))
+    assert [asked.answer(telemetry(line)) for line in LINES] == [lidar.answer(telemetry(line)) for line in LINES]
+
+
+def test_the_scenario_states_the_noise(scenario):
+    sensors = served(scenario, "ekf").sensors
+    np.testing.assert_allclose(np.diag(sensors["lidar"].noise_covariance), [0.15**2] * 2)
+    np.testing.assert_allclose(
+        np.diag(sensors["radar"].noise_covariance), [0.3**2, math.radians(1.718873) ** 2, 0.3**2]
+    )
+    with pytest.raises(ValueError, match="read-only"):
+        sensors["radar"].noise_covariance[0, 0] = 1
+
+
+def test_an_azimuth_beyond_a_half_turn_is_the_same_direction(client):
+    """The recording reaches 3.19 rad."""
+    column = next(line for line in LINES if line[0] == "R").split("\t")
+    column[2] = repr(float(column[2]) + 2 * math.pi)
+    turned = [LINES[0], "\t".join(column), *LINES[2:]]
+    plain, other = client("ekf"), client("ekf")
+    a = [fields(plain.answer(telemetry(line))) for line in LINES]
+    b = [fields(other.answer(telemetry(line))) for line in turned]
+    np.testing.assert_allclose([list(x.values()) for x in a], [list(x.values()) for x in b], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [("raising", "ValueError: no third measurement, please"), ("vanishing", "the estimate is not finite")],
+)
+def test_a_tracker_that_fails_ends_its_session(name, cause, client):
+    asked = client(name)
+    assert [asked.answer(telemetry(line)) == MANUAL for line in LINES[:2]] == [False, False]
+    with pytest.raises(TrackerFailed, match=f"^at measurement 3: {cause}($| )"):
+        asked.answer(telemetry(LINES[2]))
+
+
+def test_an_absurd_time_ends_the_session_and_not_more(client):
+    asked = client("ukf")
+    for line in LINES:
+        asked.answer(telemetry(line))
+    late = LINES[0].split("\t")
+    late[3] = "9" * 16
+    for stamp in ("9" * 16, "1" + "0" * 15):
+        late[3] = stamp
+        try:
+            answer = asked.answer(telemetry("\t".join(late)))
+        except TrackerFailed:
+            continue
+        assert answer == MANUAL or all(math.isfinite(value) for value in fields(answer).values())
+
+
+def test_an_unknown_tracker_is_told_the_nearest(scenario):
+    with pytest.raises(InputError, match=r"no tracker 'ekff' in this scenario; did you mean 'ekf'\?"):
+        served(scenario, "ekff")
+
+
+def test_a_tracker_that_starts_from_the_truth_cannot_be_served(scenario):
+    with pytest.raises(InputError, match=r"cyclist\.yaml:\d+: trackers\.cheat: starts from the truth"):
+        served(scenario, "cheat")
+
+
+def test_two_lidars_are_one_too_many():
+    loaded = load_scenario(
+        ROOT / "scenarios/scripted/figure_eight.yaml",
+        ["sensors.roof={type: lidar, rate_hz: 10, position_sigma_m: 1}"],
+    )
+    with pytest.raises(InputError, match=r"sensors\.roof: a second lidar beside lidar"):
+        served(loaded, "ekf")

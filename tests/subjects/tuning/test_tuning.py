@@ -1,0 +1,347 @@
+"""Tuning: what trials are scored by, what is searched, and what is written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.support.udacity import data_folder
+
+import trackbench as tb
+from trackbench.api.listener import Listener
+from trackbench.api.scenario import load
+from trackbench.base.errors import InputError
+from trackbench.base.execution import InProcess
+from trackbench.base.types import Estimate, Scan
+from trackbench.filters import InteractingMultipleModel
+from trackbench.scenario import Scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.tuning import conditions, objectives
+from trackbench.subjects.tuning.api import TunePlan, tune_trackers
+from trackbench.subjects.tuning.evaluation import Bench, Evaluator
+from trackbench.subjects.tuning.objectives import OBJECTIVES, source_of
+from trackbench.subjects.tuning.parameters import Parameter, Values
+from trackbench.subjects.tuning.ranges import parse_range, start_values, usual_ranges
+from trackbench.subjects.tuning.search import search, usual_trials
+from trackbench.subjects.tuning.study import Study
+from trackbench.subjects.tuning.trials import TuningTrial
+from trackbench.trackers.builtin import ekf
+from trackbench.trackers.innovations import log_likelihood
+
+TEXT = """# Two cars.
+name: two_cars
+truth:
+  source: scripted
+  duration_s: 4
+  rate_hz: 20
+  objects:
+    a: {start: {x: 60, y: 0, vx_mps: 8, vy_mps: 1}, pieces: [{turn_rate_degps: 10}]}
+    b: {start: {x: -20, y: 60, vx_mps: 12}}
+sensors:
+  lidar: {type: lidar, rate_hz: 10, position_sigma_m: 0.15, detection_probability: 0.8}
+  radar:
+    {type: radar, rate_hz: 10, phase_s: 0.05, range_sigma_m: 0.3, azimuth_sigma_deg: 0.5, range_rate_sigma_mps: 0.3}
+trackers:
+  # The plain one.
+  ekf: &ekf {filter: ekf, motion: cv, acceleration_sigma_mps2: 3}   # as in the paper
+  lidar_only: {<<: *ekf, sensors: [lidar]}
+  many:
+    <<: *ekf
+    sweep: {acceleration_sigma_mps2: [1, 2]}
+  ukf:
+    filter: ukf
+    motion: ctrv
+    acceleration_sigma_mps2: 1
+    yaw_acceleration_sigma_radps2: 0.3
+  raw: {use: raw}
+monte_carlo: {runs: 3, seed: 4}
+expect:
+  - {tracker: ekf, metric: position_rmse, below: 0.4}
+"""
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    return load(TEXT)
+
+
+def evaluator(scenario: Scenario, tracker: str) -> Evaluator:
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], InProcess())
+
+
+@pytest.mark.parametrize("tracker", ["ekf", "ukf", "lidar_only"])
+def test_a_trial_is_scored_as_a_run_is(scenario: Scenario, tracker: str) -> None:
+    result = tb.run(load(TEXT, trackers=[tracker]))
+    (outcome,) = evaluator(scenario, tracker)([{}])[0]
+    assert outcome.sums is not None
+    for name in ("position_rmse", "velocity_rmse", "nees"):
+        assert outcome.sums.value(name) == pytest.approx(getattr(result[tracker], name).value, rel=1e-12)
+    assert outcome.sums.values["log_likelihood"][1].sum() > 0
+
+
+@pytest.mark.parametrize("tracker", ["ekf", "ukf", "lidar_only"])
+def test_the_nees_under_a_condition_is_that_of_a_run(scenario: Scenario, tracker: str) -> None:
+    stated = tb.run(load(TEXT, trackers=[tracker]))[tracker].breakdown
+    expected = {name: found.nees.value for name, found in {**stated.manoeuvre, **stated.range, **stated.age}.items()}
+    expected |= {"position alone": stated.all.nees_position.value, "velocity alone": stated.all.nees_velocity.value}
+    (outcome,) = evaluator(scenario, tracker)([{}])[0]
+    found = dict(conditions.off(outcome.sums, outcome.sums))
+    assert {"turning", "straight", "first second", "50 to 100 m"} < set(found)
+    for name, off in found.items():
+        dof = 2 if "alone" in name else 4
+        assert dof * np.exp(off) == pytest.approx(expected[name], rel=1e-12), name
+        # What its interval is of.
+        source = source_of(f"under 0 {name}", OBJECTIVES["consistent_rmse"], 1)
+        assert (source.scenarios, source.logarithm) == ([0], True)
+        assert outcome.sums.value(source.measure) == pytest.approx(expected[name], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("nees", "off"), [(4.0, 0.0), (5.3, 0.0), (8.0, np.log(2) - conditions.HIGH), (2.0, np.log(2) + conditions.LOW)]
+)
+def test_a_condition_is_off_beyond_what_a_verdict_tolerates(nees: float, off: float) -> None:
+    assert conditions.excess(np.log(nees / 4.0)) == pytest.approx(off, abs=1e-12)
+
+
+def test_consistent_rmse_weighs_what_is_furthest_off_in_each_scenario() -> None:
+    first = {"nees 0": 0.0, "under 0 turning": conditions.HIGH + 0.3, "under 0 straight": conditions.LOW - 0.1}
+    second = {"nees 1": -objectives.SLACK - 0.1, "under 1 turning": conditions.HIGH}
+    (loss,) = OBJECTIVES["consistent_rmse"].losses({"error": 0.05, **first, **second})
+    assert loss == pytest.approx(0.05 + objectives.PRICE * (0.3 + 0.1) / 2, abs=1e-12)
+
+
+def test_the_likelihood_is_that_of_the_innovations() -> None:
+    y, s = np.array([[0.3], [-0.2]]), np.array([[[0.5], [0.1]], [[0.1], [0.4]]])
+    said = log_likelihood(Estimate(np.zeros((4, 1)), np.zeros((4, 4, 1)), innovation=y, innovation_covariance=s))
+    inside = y[:, 0] @ np.linalg.inv(s[..., 0]) @ y[:, 0] + np.log(np.linalg.det(2 * np.pi * s[..., 0]))
+    assert said == pytest.approx(-0.5 * inside, rel=1e-12)
+
+
+def test_the_density_of_a_measurement_under_an_imm_has_the_integral_one() -> None:
+    models = [{"model": "cv", "acceleration_sigma_mps2": sigma} for sigma in (0.5, 20.0)]
+    tracker = ekf(motion={"imm": models, "stay_s": [1.0, 1.0]}, initial="two_readings")
+    assert isinstance(tracker.filter, InteractingMultipleModel)
+    step = 0.25
+    axis = np.arange(-12.0, 12.0, step)
+    grid = np.stack(np.meshgrid(axis, axis)).reshape(2, -1)
+
+    def scan(time: float, measurement: Any) -> Scan:
+        pose, still = np.zeros(3), np.zeros(2)
+        valid = np.ones(grid.shape[1], dtype=bool)
+        return Scan(time, "lidar", "lidar", measurement, valid, np.diag([0.09, 0.09]), pose, still, time)
+
+    state = None
+    for time in (0.0, 1.0):
+        state, _ = tracker.step(state, scan(time, np.zeros_like(grid)))
+    _, estimate = tracker.step(state, scan(1.5, grid))
+    density = log_likelihood(estimate)
+    assert density is not None
+    assert np.exp(density).sum() * step**2 == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_trial_with_fewer_estimates_than_the_start_does_not_count(scenario: Scenario) -> None:
+    evaluate = evaluator(scenario, "ekf")
+    (start,), (late,) = evaluate([{}, {"initial.skip": 5}])
+    assert start.sums is not None
+    assert late.sums is not None
+    assert "estimates" in str(late.sums.lacking(start.sums))
+    assert start.sums.lacking(start.sums) is None
+
+
+def test_values_that_do_not_go_together_fail_alone(scenario: Scenario) -> None:
+    good, bad = evaluator(scenario, "ekf")([{"initial.skip": 0}, {"initial.skip": -1}])
+    assert good[0].sums is not None
+    assert bad[0].sums is None
+
+
+@pytest.mark.parametrize(
+    ("text", "scale"),
+    [
+        ("acceleration_sigma_mps2=0.1:30", "log"),
+        ("initial.skip=0:3", "integer"),
+        ("measurement_noise.radar.range_sigma_m=0.1:1", "log"),
+        ("advance_at=own_scans,all_scans", "choice"),
+    ],
+)
+def test_a_range_is_on_the_scale_of_its_option(scenario: Scenario, text: str, scale: str) -> None:
+    assert parse_range(text, scenario, "ekf").scale == scale
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("acceleration_sigma_mps2", "write KEY=LOW:HIGH"),
+        ("acceleration_sigma_mps2=30:0.1", "acceleration_sigma_mps2=0.1:30"),
+        ("acceleration_sigma_mps2=1:1", "the same"),
+        ("acceleration_sigma_mps2=-1:2", "above 0"),
+        ("acceleration_sigma_mps2=a:2", "no number"),
+        ("acceleration_sigma=1:2", "acceleration_sigma_mps2"),
+        ("jerk_sigma_mps3=1:2", "motion cv does not use this"),
+        ("yaw_acceleration_sigma_radps2=1:2", "motion cv does not use this"),
+        ("measurement_noise.rader.range_sigma_m=1:2", "radar"),
+        ("advance_at=own_scans,al_scans", "all_scans"),
+        ("initial.skip=0:5000", "1000"),
+    ],
+)
+def test_a_range_that_cannot_be_says_what_could(scenario: Scenario, text: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        parse_range(text, scenario, "ekf")
+    assert message in error.value.message
+    assert error.value.key == f"--range {text}"
+
+
+def test_the_usual_ranges_are_of_the_process_noise(scenario: Scenario) -> None:
+    found = usual_ranges(scenario, "ukf")
+    assert [item.key for item in found] == ["acceleration_sigma_mps2", "yaw_acceleration_sigma_radps2"]
+    assert start_values(scenario, "ukf", found) == {"acceleration_sigma_mps2": 1, "yaw_acceleration_sigma_radps2": 0.3}
+    models = "[{model: cv, acceleration_sigma_mps2: 1}, {model: ca, jerk_sigma_mps3: 5}]"
+    imm = load(TEXT, [f"trackers.imm={{filter: ekf, motion: {{imm: {models}, stay_s: [5, 2]}}}}"])
+    found = usual_ranges(imm, "imm")
+    noises = {"motion.imm.0.acceleration_sigma_mps2": 1, "motion.imm.1.jerk_sigma_mps3": 5}
+    assert start_values(imm, "imm", found) == {**noises, "motion.stay_s.0": 5, "motion.stay_s.1": 2}
+    with pytest.raises(InputError, match="--range"):
+        usual_ranges(scenario, "raw")
+
+
+@pytest.mark.parametrize(
+    ("text", "edges"),
+    [
+        ("initial.skip=0:3", (None, 3)),
+        ("initial.skip=1:1000", (1, None)),
+        ("kappa=0:3", (0, 3)),
+        ("alpha=0.5:1", (0.5, None)),
+        ("beta=0:2", (None, 2)),
+        ("acceleration_sigma_mps2=0.1:30", (0.1, 30)),
+    ],
+)
+def test_a_range_that_ends_where_the_option_does_cannot_be_wider(
+    scenario: Scenario, text: str, edges: tuple[float | None, ...]
+) -> None:
+    parameter = parse_range(text, scenario, "ukf")
+    assert (parameter.edge(parameter.low), parameter.edge(parameter.high)) == edges
+
+
+def test_the_start_has_the_value_of_an_option_of_another_name(scenario: Scenario) -> None:
+    parameter = parse_range("initial.from=batch,two_readings", scenario, "ukf")
+    assert start_values(scenario, "ukf", [parameter]) == {"initial.from": "batch"}
+
+
+@pytest.mark.parametrize("scale", ["log", "linear", "odds"])
+def test_a_share_of_a_range_and_its_value(scale: Any) -> None:
+    parameter = Parameter("key", scale, 0.2, 0.8)
+    for share in (0.0, 0.3, 1.0):
+        assert parameter.to_unit(parameter.from_unit(share)) == pytest.approx(share, abs=1e-3)
+    assert parameter.edge(0.2) == 0.2
+    assert parameter.edge(0.5) is None
+    assert parameter.edge(0.8) == 0.8
+
+
+PARAMETERS = (Parameter("a", "log", 0.01, 10.0), Parameter("b", "log", 0.01, 10.0))
+
+
+def made(points: Sequence[Values]) -> list[TuningTrial]:
+    found = []
+    for point in points:
+        x, y = np.log(point["a"] / 0.3), np.log(point["b"] / 2.0)
+        loss = float(x**2 + 3 * y**2 + x * y + 0.1 * x**3)
+        found.append(TuningTrial(dict(point), {"loss": loss}, (loss,)))
+    return found
+
+
+def searched(storage: Path | None, stop: int | None = None, trials: int = 56) -> Study:
+    """A search, interrupted before it makes a batch beyond so many trials."""
+    study = Study("tracker", storage, PARAMETERS, ["loss"], {"objective": "test", "start": {}})
+
+    def make(points: Sequence[Values]) -> list[TuningTrial]:
+        if stop is not None and len(study.trials) >= stop:
+            raise KeyboardInterrupt
+        return made(points)
+
+    def loss(parts: Any) -> tuple[float, ...]:
+        return (parts["loss"],)
+
+    search(PARAMETERS, study, {"a": 1.0, "b": 1.0}, make, loss, trials, seed=3)
+    return study
+
+
+def test_the_search_finds_a_smooth_optimum() -> None:
+    assert usual_trials(PARAMETERS, front=False) == 56
+    study = searched(None)
+    assert study.trials[0].values == {"a": 1.0, "b": 1.0}
+    best = min(study.trials, key=lambda trial: trial.loss)
+    assert best.values["a"] == pytest.approx(0.3, rel=0.02)
+    assert best.values["b"] == pytest.approx(2.0, rel=0.02)
+
+
+def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> None:
+    whole = searched(None, trials=32)
+    with pytest.raises(KeyboardInterrupt):
+        searched(tmp_path / "study.db", stop=20, trials=32)
+    kept = Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], {"objective": "test", "start": {}})
+    assert 20 <= len(kept.trials) < 32
+    # A batch of which only a part was written.
+    kept.add(whole.trials[len(kept.trials)])
+    assert [trial.values for trial in searched(tmp_path / "study.db", trials=32).trials] == [
+        one.values for one in whole.trials
+    ]
+
+
+def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
+    kept: dict[str, Any] = {"objective": "a", "ranges": {"a": [1, 3]}, "start": {}}
+    Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], kept)
+    with pytest.raises(InputError, match=r"another search: objective was a and is b; ranges\.a\.0 was 1 and is 2"):
+        Study(
+            "tracker",
+            tmp_path / "study.db",
+            PARAMETERS,
+            ["loss"],
+            {**kept, "objective": "b", "ranges": {"a": [2, 3]}},
+        )
+    (tmp_path / "notes.db").write_text("shopping")
+    with pytest.raises(InputError, match="no study"):
+        Study("tracker", tmp_path / "notes.db", PARAMETERS, ["loss"], {})
+
+
+def test_the_published_tuning_of_a_recorded_cyclist_is_beaten(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    if not (data_folder() / "udacity").is_dir():
+        pytest.skip("no recording: set TRACKBENCH_DATA to the folder that holds udacity")
+    monkeypatch.setenv("TRACKBENCH_DATA", str(data_folder()))
+    scenario = load("recorded/udacity_ukf_tuning")
+    table = [name for name in scenario.config.trackers if name.startswith("tuned_")]
+    assert len(table) == 8
+    plan = TunePlan(OBJECTIVES["position_rmse"])
+    (found,) = tune_trackers([scenario], ["ukf"], plan, InProcess(), Listener())
+    rows = [evaluator(scenario, name)([{}])[0][0].sums for name in table]
+    best = min(sums.value("position_rmse") for sums in rows if sums is not None)
+    assert found.best.measures["position_rmse"] < best
+    assert found.apart == ("",)
+
+
+def test_a_program_tunes_as_the_command_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("two_cars.yaml").write_text(TEXT, encoding="utf-8")
+    told: list[float] = []
+    tuned = tb.tune(
+        "two_cars.yaml",
+        ["ekf"],
+        ranges={"acceleration_sigma_mps2": (0.5, 10.0)},
+        trials=4,
+        progress=lambda done, every: told.append(done / every),
+    )
+    arguments = ("--trackers", "ekf", "--range", "acceleration_sigma_mps2=0.5:10", "--trials", "4", "--json")
+    said = json.loads(cli("tune", "two_cars.yaml", *arguments).out)
+    assert tuned.json()["trackers"] == said["trackers"]
+    value = tuned.values["ekf"]["acceleration_sigma_mps2"]
+    assert tuned["ekf"].best.values == {"acceleration_sigma_mps2": value}
+    assert told[-1] == 1.0
+    assert "tuned.yaml" in " ".join(tuned.save("out/tuned.yaml"))
+    motion = load(Path("out/tuned.yaml")).config.trackers["ekf"].motion
+    assert motion.acceleration_sigma_mps2 == pytest.approx(value)
+    assert f"{value:.4g}" in str(tuned)
+    assert "<iframe" in tuned._repr_html_()
+    with pytest.raises(InputError, match="ekf"):
+        tb.tune("two_cars.yaml", ["efk"])

@@ -1,0 +1,135 @@
+"""Trials are compared on the same estimates and innovations: those that the start gives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trackbench.api.scenario import load
+from trackbench.base.execution import InProcess
+from trackbench.runner.work import BlockRuns, work_of
+from trackbench.scenario import Scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.tuning import evaluation
+from trackbench.subjects.tuning.evaluation import Bench, Evaluator
+from trackbench.subjects.tuning.given import Given, PackedGiven
+from trackbench.subjects.tuning.held_out import compare_held_out
+from trackbench.subjects.tuning.labelled import score_labelled, score_start
+from trackbench.subjects.tuning.measures import Sums
+from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.parameters import Parameter
+from trackbench.subjects.tuning.trials import trial_of
+
+CV: dict[str, Any] = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2}
+SCENARIO = {
+    "name": "covered",
+    "truth": {
+        "source": "scripted",
+        "duration_s": 3,
+        "rate_hz": 10,
+        "objects": {
+            "a": {"start": {"x": 60, "y": 0, "vx_mps": 8, "vy_mps": 1}},
+            "b": {"start": {"x": -20, "y": 60, "vx_mps": 12}},
+        },
+    },
+    "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15, "detection_probability": 0.8}},
+    "trackers": {
+        "early": {**CV, "initial": {"from": "batch"}},
+        "late": {**CV, "initial": {"from": "batch", "skip": 5}},
+    },
+    "monte_carlo": {"runs": 4, "seed": 4},
+}
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return load(SCENARIO)
+
+
+def evaluator(scenario: Scenario, tracker: str) -> Evaluator:
+    return Evaluator([Bench(scenario, truths_of(scenario))], tracker, [], InProcess())
+
+
+def sums_of(evaluate: Evaluator, point: dict[str, Any]) -> Sums:
+    (outcome,) = evaluate([point])[0]
+    assert outcome.sums is not None, outcome.failed
+    return outcome.sums
+
+
+def test_what_a_trial_gives_beyond_the_start_does_not_count(scenario: Scenario) -> None:
+    early, late = evaluator(scenario, "early"), evaluator(scenario, "late")
+    start, trial, all_of_it = (sums_of(*of) for of in ((late, {}), (late, {"initial.skip": 0}), (early, {})))
+    for name in ("log_likelihood", "position_rmse", "nees"):
+        np.testing.assert_array_equal(trial.values[name][1], start.values[name][1])
+        assert (trial.values[name][1] < all_of_it.values[name][1]).all()
+        assert (trial.values[name][0] != all_of_it.values[name][0]).all()
+    found = trial_of(OBJECTIVES["likelihood"], {"initial.skip": 0}, late([{"initial.skip": 0}])[0], [start])
+    assert found.parts["likelihood"] == pytest.approx(-trial.value("log_likelihood"), rel=1e-12)
+
+
+def test_a_trial_that_lacks_an_innovation_of_the_start_is_refused(scenario: Scenario) -> None:
+    evaluate = evaluator(scenario, "early")
+    start, trial = evaluate.start[0].sums, sums_of(evaluate, {"initial.skip": 5})
+    assert start is not None
+    counts = [sums.values["log_likelihood"][1].sum() for sums in (trial, start)]
+    assert trial.lacking(start, ["log_likelihood"]) == (
+        f"it gives {counts[0]:.0f} of the {counts[1]:.0f} innovations that the start gives"
+    )
+    held_out = compare_held_out(evaluate, {"initial.skip": 5})
+    assert held_out.comparisons == ()
+    assert {one.measure for one in held_out.not_compared} == {
+        "position_rmse",
+        "velocity_rmse",
+        "nees",
+        "log_likelihood",
+    }
+    assert not compare_held_out(evaluate, {"acceleration_sigma_mps2": 3.0}).not_compared
+
+
+def test_the_sums_over_some_and_over_the_others_are_those_over_all(scenario: Scenario) -> None:
+    work, entry = work_of(scenario, truths_of(scenario)), scenario.config.trackers["early"]
+    piece = BlockRuns(0, range(4))
+    whole, given, _ = score_start(work, piece, entry)
+    random = np.random.default_rng(1)
+    some = Given(*(random.random(mask.shape) < 0.5 for mask in given))
+    others = Given(*(~mask & all_of_it for mask, all_of_it in zip(some, given, strict=True)))
+    halves = [score_labelled(work, piece, entry, 1, counted)[0] for counted in (some, others)]
+    for name in whole.values:
+        total = halves[0].values[name] + halves[1].values[name]
+        assert (halves[0].values[name][1] < whole.values[name][1]).any() or not whole.values[name][1].any(), name
+        np.testing.assert_allclose(total, whole.values[name], rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def test_the_pieces_of_a_trial_do_not_change_it(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+    points = [{"acceleration_sigma_mps2": sigma} for sigma in (1.0, 3.0)]
+
+    def tried() -> list[Sums | None]:
+        several = Evaluator(
+            [Bench(scenario, truths_of(scenario))],
+            "late",
+            [Parameter("acceleration_sigma_mps2", "log", 0.1, 10.0)],
+            InProcess(),
+        )
+        return [outcomes[0].sums for outcomes in (*several(points), several.start)]
+
+    whole = tried()
+    # The start goes in two pieces, and a batch of both trials in four.
+    monkeypatch.setattr(evaluation, "LARGEST_BATCH", 4)
+    for one, other in zip(tried(), whole, strict=True):
+        assert one is not None
+        assert other is not None
+        for name, values in one.values.items():
+            np.testing.assert_allclose(values, other.values[name], rtol=1e-12, err_msg=name)
+
+
+def test_masks_are_packed_and_unpacked() -> None:
+    random = np.random.default_rng(0)
+    coverage = Given(random.random((13, 2, 5)) < 0.5, random.random((21, 2, 5)) < 0.5)
+    parts = [Given(*(mask[..., runs] for mask in coverage)) for runs in (slice(0, 2), slice(2, 5))]
+    joined = PackedGiven.joined([PackedGiven.of(part) for part in parts])
+    for found, expected in zip(joined.unpacked(), coverage, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    for found, expected in zip(joined.of_runs(range(1, 4)).unpacked(), coverage, strict=True):
+        np.testing.assert_array_equal(found, expected[..., 1:4])

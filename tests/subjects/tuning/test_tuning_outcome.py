@@ -1,0 +1,143 @@
+"""What a tuning amounts to, in words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from matplotlib.figure import Figure as Canvas
+
+import trackbench as tb
+from trackbench.api.scenario import load
+from trackbench.subjects.tuning.held_out import LackingMeasure
+from trackbench.subjects.tuning.objectives import OBJECTIVES
+from trackbench.subjects.tuning.outcome import headline, remarks
+from trackbench.subjects.tuning.parameters import Parameter
+from trackbench.subjects.tuning.report import tables
+from trackbench.subjects.tuning.report.figures import _scale
+from trackbench.subjects.tuning.split import SAME_MOTION
+from trackbench.subjects.tuning.tune import Tuning
+
+SCENARIO = {
+    "name": "turn",
+    "truth": {
+        "source": "scripted",
+        "duration_s": 3,
+        "rate_hz": 10,
+        "objects": {"car": {"start": {"x": 60, "y": 0, "vx_mps": 8}, "pieces": [{"turn_rate_degps": 10}]}},
+    },
+    "sensors": {"lidar": {"type": "lidar", "rate_hz": 10, "position_sigma_m": 0.15}},
+    "trackers": {"kf": {"filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 3}},
+    "monte_carlo": {"runs": 3, "seed": 4},
+}
+
+
+@pytest.fixture(scope="module")
+def tuning() -> Tuning:
+    return tb.tune(load(SCENARIO), ["kf"], ranges={"acceleration_sigma_mps2": (0.5, 10.0)}, trials=3)["kf"]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "change", "text"),
+    [
+        ("better", 0.1, "better than the start on other noise of the same motion"),
+        ("undecided", 0.1, "the gain may be noise: no difference from the start is shown on other noise"),
+        ("undecided", -0.1, "no difference from the start is shown on other noise"),
+        ("undecided", 0.0, "no difference from the start is shown on other noise"),
+        ("worse", -0.1, "worse than the start on other noise of the same motion"),
+    ],
+)
+def test_a_headline_says_what_is_shown_and_on_what(tuning: Tuning, verdict: str, change: float, text: str) -> None:
+    likelihood = tuning.held_out.of("log_likelihood")[0]
+    one = replace(likelihood, verdict=verdict, difference=likelihood.difference._replace(value=change))
+    found = replace(tuning, start={}, held_out=replace(tuning.held_out, comparisons=(one,)))
+    assert headline(found)[0].split(": ", 1)[1].startswith(text)
+    # Of random motion another one was tried.
+    assert "same motion" not in headline(replace(found, apart=("other noise and other random motion",)))[0]
+
+
+def test_a_smaller_error_is_the_gain_that_may_be_noise(tuning: Tuning) -> None:
+    error = tuning.held_out.of("position_rmse")[0]
+    for change, gain in ((-0.1, True), (0.1, False)):
+        one = replace(error, verdict="undecided", difference=error.difference._replace(value=change))
+        held_out = replace(tuning.held_out, comparisons=(one,))
+        found = replace(tuning, start={}, objective=OBJECTIVES["position_rmse"], held_out=held_out)
+        assert ("may be noise" in headline(found)[0]) is gain
+
+
+def test_of_several_scenarios_those_of_the_same_motion_are_named(tuning: Tuning) -> None:
+    one = replace(tuning.held_out.of("log_likelihood")[0], verdict="better")
+    lacking = LackingMeasure("c", "log_likelihood", "it gives 1 of the 2 innovations that the start gives")
+    held_out = replace(tuning.held_out, comparisons=(one, one), not_compared=(lacking,))
+    apart = (SAME_MOTION, "other scenes and other noise", SAME_MOTION)
+    found = replace(tuning, start={}, held_out=held_out, scenarios=("a", "b", "c"), apart=apart)
+    text, tone = headline(found)
+    assert text.endswith("of 3 scenarios better in 2, not compared in 1; in a and c on other noise of the same motion")
+    assert tone == "warn"
+    said = list(remarks(found))
+    assert f"c: not compared by log-likelihood of a measurement: with the tuned values {lacking.why}" in said
+    none = replace(found, held_out=replace(held_out, comparisons=()))
+    assert headline(none) == (f"not compared with the start: with the tuned values {lacking.why}", "bad")
+
+
+@pytest.mark.parametrize(("train_change", "fits"), [(-0.1, True), (0.1, False)])
+def test_values_fit_what_they_were_tuned_on_only_where_they_are_better_there(
+    tuning: Tuning, train_change: float, fits: bool
+) -> None:
+    error = tuning.held_out.of("position_rmse")[0]
+    held_out = replace(tuning.held_out, comparisons=(replace(error, verdict="worse"),))
+    best = replace(
+        tuning.best, parts={"error": 0.0, "nees 0": 0.0}, measures={"position_rmse": 0.5 * (1.0 + train_change)}
+    )
+    found = replace(tuning, start={}, objective=OBJECTIVES["consistent_rmse"], held_out=held_out, best=best,
+                    start_measures={"position_rmse": 0.5})  # fmt: skip
+    text = headline(found)[0]
+    assert ("the values fit what they were tuned on" in text) is fits
+    assert text.endswith("as on what they were tuned on, the price of consistency") is not fits
+
+
+def test_consistency_is_told_of_what_was_tuned_on_and_of_what_was_held_out(tuning: Tuning) -> None:
+    parts = {"error": 0.0, "nees 0": 0.0, "under 0 turning": math.log(2.0), "under 0 position alone": math.log(1.8)}
+    good = replace(tuning.best, parts={"error": 1.0, "nees 0": 0.0})
+    for trials, more in (((), "; no values that were tried are consistent"), ((good,), "")):
+        best = replace(tuning.best, parts=parts)
+        said = list(remarks(replace(tuning, best=best, trials=(best, *trials))))
+        assert f"turn, tuned on: mean NEES 8.00 turning, where 4 is right{more}" in said
+        assert [one for one in said if one.startswith("turn, held out: mean NEES")]
+    nees = {**parts, "nees 0": -1.0}
+    (first, *_) = [one for one in remarks(replace(tuning, best=replace(tuning.best, parts=nees))) if "tuned on" in one]
+    assert first.startswith("turn, tuned on: mean NEES 1.47, where 4 is right")
+
+
+def test_both_values_of_a_headline_have_the_same_decimals(tuning: Tuning) -> None:
+    one = tuning.held_out.of("log_likelihood")[0]
+    one = replace(one, start=one.start._replace(value=2.0), tuned=one.tuned._replace(value=2.0292))
+    found = replace(tuning, start={}, held_out=replace(tuning.held_out, comparisons=(one,)))
+    assert headline(found)[0].startswith("log-likelihood of a measurement 2.029, start 2.000: ")
+
+
+def test_the_table_of_trials_has_the_tuned_values_that_the_last_step_found(tuning: Tuning) -> None:
+    best = replace(tuning.best, values={"acceleration_sigma_mps2": 4.321}, parts={"likelihood": -1e9})
+    table = tables.trials(replace(tuning, best=best))
+    assert (table.rows[0][0].text, table.rows[0][0].strong) == ("4.321", True)
+    assert len(table.rows) == len(tuning.trials) + 1
+    assert "come from the last step" in table.caption
+    table = tables.trials(replace(tuning, best=tuning.trials[0]))
+    assert len(table.rows) == len(tuning.trials)
+    assert "last step" not in table.caption
+
+
+def test_an_axis_of_probabilities_has_few_plain_numbers() -> None:
+    canvas = Canvas()
+    axes = canvas.subplots()
+    _scale(axes, Parameter("associate.gate", "odds", 0.9, 0.99999), "x")
+    for ends, numbers in (
+        ((0.89, 0.99995), ["0.9", "0.99", "0.999", "0.9999"]),
+        ((0.3, 0.97), ["0.5", "0.8", "0.9", "0.95"]),
+        ((0.9, 0.99999999), ["0.9", "0.999", "0.99999", "0.9999999"]),
+    ):
+        axes.set_xlim(*ends)
+        shown = axes.xaxis.get_major_formatter().format_ticks(list(axes.xaxis.get_majorticklocs()))
+        assert shown == numbers
+        assert not len(axes.xaxis.get_minorticklocs())

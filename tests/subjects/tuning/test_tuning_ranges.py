@@ -1,0 +1,130 @@
+"""Ranges of options: what is said where a tracker cannot be tuned so, and where the search begins."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.subjects.tuning.test_tuning import TEXT
+from tests.subjects.tuning.test_tuning_cli import SCENARIO
+
+import trackbench as tb
+from trackbench.api.scenario import load
+from trackbench.base.errors import InputError
+from trackbench.scenario import Scenario
+from trackbench.subjects.tuning.defaults import stated_default
+from trackbench.subjects.tuning.ranges import has_option, parse_range, require_tunable, start_values, why_no_start
+
+Cli = Callable[..., Any]
+IMM = "{filter: ekf, motion: {imm: [{model: cv, acceleration_sigma_mps2: 1}, {model: ca, jerk_sigma_mps3: 5}], "
+MORE = f"""trackers:
+  imm: {IMM}stay_s: [5, 2]}}}}
+  own: {{use: 'own:Own', options: {{alpha: 2}}}}
+"""
+OWN = """class Own:
+    def __init__(self, alpha, beta=0.25, *, gamma=-1, delta=len("ab")):
+        pass
+
+
+def made(beta=3) -> Own:
+    return Own(beta)
+"""
+
+
+@pytest.fixture
+def scenario() -> Scenario:
+    return load(TEXT.replace("trackers:\n", MORE))
+
+
+@pytest.mark.parametrize(
+    ("tracker", "text", "start"),
+    [
+        ("ekf", "acceleration_sigma_mps2=2,3,5", 3),
+        ("imm", "motion.stay_s=[5,2],[1,1]", [5, 2]),
+        ("ekf", "acceleration_sigma_mps2=2:5", 3.0),
+    ],
+)
+def test_the_start_is_of_the_type_of_the_values_tried(
+    scenario: Scenario, tracker: str, text: str, start: float | list[int]
+) -> None:
+    parameter = parse_range(text, scenario, tracker)
+    found = start_values(scenario, tracker, [parameter])
+    assert json.dumps(found) == json.dumps({parameter.key: start})
+
+
+def test_a_choice_that_the_scenario_has_as_a_whole_number_is_tuned(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text(SCENARIO, encoding="utf-8")
+    done = cli("tune", "own.yaml", "--trackers", "ekf", "--range", "acceleration_sigma_mps2=2,3,5", "--trials", "2",
+               "--train-runs", "2", "--test-runs", "2", "--json")  # fmt: skip
+    (tracker,) = json.loads(done.out)["trackers"]
+    assert tracker["start"] == tracker["trials"][0]["values"] == {"acceleration_sigma_mps2": 2}
+
+
+@pytest.mark.parametrize(
+    ("tracker", "text", "message"),
+    [
+        ("ekf", "associate.gate=0.9:0.99", "ekf does not associate"),
+        ("imm", "acceleration_sigma_mps2=1:2", "write motion.imm.0.acceleration_sigma_mps2"),
+        ("imm", "stay_s=1:2", "write motion.stay_s.0 or motion.stay_s.1"),
+        ("ekf", "acceleration_sigma_mps2=-5:30", "-5 is not possible: it must be above 0"),
+        ("ekf", "acceleration_sigma_mps2=:30", "an end is missing"),
+    ],
+)
+def test_a_range_says_where_the_option_stands(scenario: Scenario, tracker: str, text: str, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        parse_range(text, scenario, tracker)
+    assert message in error.value.message
+    assert "write 5" not in error.value.message
+
+
+def test_a_sweep_and_a_tracker_without_options_cannot_be_tuned(scenario: Scenario) -> None:
+    with pytest.raises(InputError, match="is a sweep; name one of its points: many_1, many_2"):
+        require_tunable(scenario, "many")
+    with pytest.raises(InputError, match="raw has no options: there is nothing to tune"):
+        require_tunable(scenario, "raw")
+    require_tunable(scenario, "many_1")
+
+
+def test_an_option_is_there_whether_or_not_a_value_suits_it(scenario: Scenario) -> None:
+    for text in ("acceleration_sigma_mps2=-1:3", "initial.skip=-1:5000", "measurement_noise.radar.range_sigma_m=0:1"):
+        assert has_option(scenario, "ekf", text)
+    for text in ("iterations=1:3", "jerk_sigma_mps3=1:2", "measurement_noise.rader.range_sigma_m=1:2"):
+        assert not has_option(scenario, "ekf", text)
+
+
+def test_the_default_of_an_argument_is_read_from_its_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    found = [stated_default("own:Own", option, tmp_path) for option in ("alpha", "beta", "gamma", "delta")]
+    assert found == [None, 0.25, -1, None]
+    assert stated_default("own:made", "beta", tmp_path) == 3
+    assert stated_default("other:made", "beta", tmp_path) is None
+    monkeypatch.chdir(tmp_path)
+    scenario = load(TEXT.replace("trackers:\n", MORE))
+    ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=1:3", "options.beta=0.1:1")]
+    assert start_values(scenario, "own", ranges) == {"options.alpha": 2.0, "options.beta": 0.25}
+    ranges = [parse_range(text, scenario, "own") for text in ("options.alpha=3:4", "options.delta=0.1:1")]
+    assert list(why_no_start(scenario, "own", ranges)) == [
+        "options.alpha is 2 in the scenario, which is not in its range, so the search did not begin with the start.",
+        "options.delta is not stated in the scenario, so the search did not begin with the start.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        *(({"trials": trials}, "trials: give a whole number, at least 2") for trials in (0, 1, -5, 2.5, "3", True)),
+        ({"train_runs": 0}, "train_runs: give a whole number, at least 1"),
+        ({"seed": -1}, "seed: give a whole number, at least 0"),
+        ({"ranges": {"acceleration_sigma_mps2": 5}}, "acceleration_sigma_mps2: give"),
+        ({"ranges": {"acceleration_sigma_mps2": "15"}}, "acceleration_sigma_mps2: give"),
+        ({"ranges": {"acceleration_sigma_mps2": (1, 2, 3)}}, "acceleration_sigma_mps2: give"),
+        ({"ranges": [5]}, "ranges: give"),
+        ({"ranges": 5}, "ranges: give"),
+    ],
+)
+def test_a_program_is_told_what_is_wrong(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(tb.InputError, match=message):
+        tb.tune(TEXT, ["ekf"], **given)

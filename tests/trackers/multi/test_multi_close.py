@@ -1,0 +1,96 @@
+"""Detections side by side, and the pairs of tracks and detections that are close, one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackbench.base.types import Array, Scan
+from trackbench.trackers.multi import close
+from trackbench.trackers.multi.close import close_pairs
+from trackbench.trackers.multi.detections import RunDetections, side_by_side
+
+
+def scan_of(random: np.random.Generator, runs: int, most: int, decimals: int | None = None) -> Scan:
+    """Of up to ``most`` detections a run; rounded, so that some are alike."""
+    counts = random.integers(0, most + 1, runs)
+    counts[random.integers(runs)] = most
+    valid = np.arange(most)[:, None] < counts
+    values = random.uniform(-50.0, 50.0, (2, most, runs))
+    values = np.where(valid, values if decimals is None else values.round(decimals), np.nan)
+    return Scan(0.0, "a", "lidar", values, valid, np.eye(2), np.zeros(3), np.zeros(2), 0.0)
+
+
+@pytest.mark.parametrize("decimals", [None, -1])
+@pytest.mark.parametrize("runs", [1, 7])
+def test_detections_stand_by_run_and_value(runs: int, decimals: int | None) -> None:
+    scan = scan_of(np.random.default_rng(runs), runs, 12, decimals)
+    found = side_by_side(scan, as_listed=False)
+    at = 0
+    for run in range(runs):
+        count = int(scan.valid[:, run].sum())
+        own = slice(at, at + count)
+        assert found.first[run] == at
+        assert np.all(found.run[own] == run)
+        expected = sorted(map(tuple, scan.measurement[:, :count, run].T))
+        assert [tuple(each) for each in found.scan.measurement[:, own].T] == expected
+        np.testing.assert_array_equal(scan.measurement[:, found.column[own], run], found.scan.measurement[:, own])
+        at += count
+    assert at == found.first[-1] == len(found.run) == found.scan.measurement.shape[1]
+    assert found.scan.valid.all()
+
+
+def test_detections_stand_as_listed_where_that_is_asked() -> None:
+    scan = scan_of(np.random.default_rng(5), 6, 9)
+    found = side_by_side(scan, as_listed=True)
+    expected = [scan.measurement[:, column, run] for run in range(6) for column in np.flatnonzero(scan.valid[:, run])]
+    np.testing.assert_array_equal(found.scan.measurement.T, expected)
+
+
+def test_a_scan_may_have_no_detections() -> None:
+    empty = scan_of(np.random.default_rng(0), 3, 0)
+    found = side_by_side(empty, as_listed=False)
+    assert found.scan.measurement.shape == (2, 0)
+    assert found.first.tolist() == [0, 0, 0, 0]
+
+
+def one_by_one(mean: Array, reach: Array, run: Array, value: Array, detections: RunDetections) -> list[tuple[int, int]]:
+    return [
+        (track, detection)
+        for track in range(len(mean))
+        for detection in range(len(value))
+        if run[track] == detections.run[detection] and abs(value[detection] - mean[track]) <= reach[track]
+    ]
+
+
+@pytest.mark.parametrize("many", [0, 10**9])
+@pytest.mark.parametrize("seed", range(6))
+def test_close_pairs_are_those_of_each_pair(seed: int, many: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(close, "MANY", many)
+    random = np.random.default_rng(seed)
+    runs = int(random.integers(1, 6))
+    detections = side_by_side(scan_of(random, runs, 20, decimals=1), as_listed=bool(seed % 2))
+    value = detections.scan.measurement[0]
+    run = np.sort(random.integers(0, runs, 40))
+    # Reaches that end at a detection, that hold all of them, and such as a track that is lost has.
+    mean = random.uniform(-60.0, 60.0, 40).round(1)
+    reach = random.choice([0.0, 0.1, 2.0, 30.0, 1e9, np.inf], 40)
+    mean[::9], reach[::13] = np.nan, np.nan
+    track, detection = close_pairs(mean, reach, run, value, detections, angular=False)
+    assert list(zip(track, detection, strict=True)) == one_by_one(mean, reach, run, value, detections)
+
+
+def test_cells_serve_detections_in_order_alone() -> None:
+    random = np.random.default_rng(1)
+    scan = scan_of(random, 4, 15)
+    mean, reach, run = random.uniform(-50, 50, 30), np.full(30, 3.0), np.sort(random.integers(0, 4, 30))
+    ordered, as_listed = (side_by_side(scan, listed) for listed in (False, True))
+    assert close._by_cells(mean, reach, run, ordered.scan.measurement[0], ordered) is not None
+    assert close._by_cells(mean, reach, run, as_listed.scan.measurement[0], as_listed) is None
+
+
+def test_angles_are_close_across_the_turn() -> None:
+    detections = side_by_side(scan_of(np.random.default_rng(0), 1, 2), as_listed=True)
+    value, mean = np.array([3.1, -3.1]), np.array([3.13, -3.0])
+    track, detection = close_pairs(mean, np.array([0.15, 0.15]), np.zeros(2, int), value, detections, angular=True)
+    assert list(zip(track, detection, strict=True)) == [(0, 0), (0, 1), (1, 1)]

@@ -1,0 +1,237 @@
+"""When tracks of several objects are confirmed and deleted, against what probability says."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import comb
+
+import numpy as np
+import pytest
+from tests.support.traffic_scans import NOISE, PADDING, RANGE, one_scan, traffic, vehicles
+
+from trackbench.base.distributions import chi_square_quantile
+from trackbench.base.types import FieldOfView, Scan, scan_of_run
+from trackbench.trackers.config import FilterConfig
+from trackbench.trackers.multi import MultiObjectTracker, build_multi
+
+VELOCITY_SIGMA = 5.0
+
+
+def tracker(method: str = "gnn", **associate: object) -> MultiObjectTracker:
+    keys = {
+        "filter": "kf", "motion": "cv", "acceleration_sigma_mps2": 1.0,
+        "initial": {"from": "first_reading", "velocity_sigma_mps": VELOCITY_SIGMA},
+        "associate": {"method": method, **associate},
+    }  # fmt: skip
+    return build_multi(FilterConfig.model_validate(keys))
+
+
+def lidar(time: float, detections: np.ndarray, valid: np.ndarray, probability: float) -> Scan:
+    return Scan(
+        time, "lidar", "lidar", np.where(valid, detections, np.nan), valid, np.diag(NOISE["lidar"]), np.zeros(3),
+        np.zeros(2), time, probability, 1e-6, FieldOfView(np.pi, RANGE),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("probability", [0.5, 0.7, 0.9])
+@pytest.mark.parametrize("rule", [(2, 3), (3, 5), (4, 6)])
+def test_the_probability_of_confirmation_is_the_bernoulli_sum(probability: float, rule: tuple[int, int]) -> None:
+    needed, scans = rule
+    random = np.random.default_rng(4)
+    runs = 20_000
+    of, state = tracker(confirm=list(rule)), None
+    for k in range(scans):
+        # The detection that starts the track is certain.
+        seen = (random.random((1, runs)) < probability) | (k == 0)
+        place = np.array([[[30.0]], [[10.0]]]) + 0.15 * random.normal(size=(2, 1, runs))
+        state, tracks = of.step(state, lidar(0.1 * k, place, seen, probability))
+    share = np.mean((tracks.ids >= 0).any(axis=0))
+    left = scans - 1
+    expected = sum(
+        comb(left, hits) * probability**hits * (1 - probability) ** (left - hits)
+        for hits in range(needed - 1, left + 1)
+    )
+    assert abs(share - expected) < 4 * np.sqrt(expected * (1 - expected) / runs)
+
+
+def expected_confirmation(rule: tuple[int, int], probability: float, density: float, gate: float, dt: float) -> float:
+    """Of a track that a false alarm started: the sum over the sequences of hits and misses that confirm it.
+
+    A scan is a hit if there is a false alarm where an object is likelier than none: within the gate, and within the
+    distance at which the likelihood ratio of the detection and a miss is one.
+    """
+    needed, scans = rule
+    noise = np.diag(NOISE["lidar"])
+    f, h = np.eye(4) + dt * np.eye(4, k=2), np.eye(2, 4)
+    g = np.array([[dt**2 / 2, 0], [0, dt**2 / 2], [dt, 0], [0, dt]])
+    total = 0.0
+    for hits in product((True, False), repeat=scans - 1):
+        p, chance, found, missed = np.diag([*NOISE["lidar"], VELOCITY_SIGMA**2, VELOCITY_SIGMA**2]), 1.0, 1, 0
+        for number, hit in enumerate(hits):
+            p = f @ p @ f.T + g @ g.T
+            s = h @ p @ h.T + noise
+            root = np.sqrt(np.linalg.det(s))
+            likely = 2 * np.log(probability / (density * 2 * np.pi * root * (1 - probability * gate)))
+            radius = min(float(chi_square_quantile(gate, 2)), likely)
+            one = 1 - np.exp(-density * np.pi * radius * root)
+            chance *= one if hit else 1 - one
+            if hit:
+                gain = p @ h.T @ np.linalg.inv(s)
+                p = p - gain @ s @ gain.T
+            found, missed = found + hit, missed + (not hit)
+            if found == needed:
+                # What comes later no longer matters: count this beginning once.
+                total += chance if not any(hits[number + 1 :]) else 0.0
+                break
+            if missed > scans - needed:
+                break
+    return total
+
+
+@pytest.mark.parametrize("rule", [(2, 2), (2, 3)])
+def test_the_rate_of_false_tracks_in_an_empty_scene(rule: tuple[int, int]) -> None:
+    random = np.random.default_rng(6)
+    clutter, runs, steps, probability, dt = 20.0, 100, 150, 0.9, 0.1
+    of, state = tracker(confirm=list(rule), delete_after_s=0.15), None
+    alarms = begun = 0
+    for k in range(steps):
+        scan, origins = one_scan(random, "lidar", k * dt, np.zeros((4, 0)), runs, probability, clutter)
+        state, _ = of.step(state, scan)
+        # Of the tracks that begin last it is not settled whether they are confirmed.
+        if k <= steps - rule[1]:
+            alarms += np.count_nonzero(origins != PADDING)
+            begun += np.count_nonzero(state.table.evidence[1] == 1)
+    assert state is not None
+    # All false alarms but those few that a track takes start one.
+    assert 0.95 * alarms < begun < alarms
+    density = clutter / (np.pi * RANGE**2)
+    expected = begun * expected_confirmation(rule, probability, density, 0.9999, dt)
+    assert expected > 300
+    assert abs(state.next_id.sum() - expected) < 4 * np.sqrt(expected)
+
+
+def test_a_track_ends_after_so_many_misses_or_so_long() -> None:
+    seen = traffic(vehicles(3, spacing=40.0), 20, detection=1.0, clutter=0.0, sensors=("lidar",))
+    last = scan_of_run(seen.scans[-1], 0)
+    for rule, left in (({"delete_misses": 4}, 3), ({"delete_after_s": 0.32}, 6)):
+        of, state = tracker(**rule), None
+        for scan in seen.scans:
+            state, tracks = of.step(state, scan_of_run(scan, 0))
+        assert len(tracks.ids) == 3
+        counts = []
+        for k in range(1, 10):
+            empty = last._replace(
+                time=last.time + 0.05 * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool)
+            )
+            state, tracks = of.step(state, empty)
+            counts.append(len(tracks.ids))
+        assert counts == [3] * left + [0] * (9 - left)
+
+
+def test_a_track_outside_the_field_of_view_is_not_missed() -> None:
+    seen = traffic(vehicles(3, spacing=40.0), 20, detection=1.0, clutter=0.0, sensors=("lidar",))
+    of, state = tracker(delete_misses=4), None
+    for scan in seen.scans:
+        state, _ = of.step(state, scan_of_run(scan, 0))
+    last = scan_of_run(seen.scans[-1], 0)
+    for k in range(1, 10):
+        narrow = last._replace(
+            time=last.time + 0.05 * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool),
+            field_of_view=FieldOfView(np.pi / 4, RANGE),
+        )  # fmt: skip
+        state, tracks = of.step(state, narrow)
+    # Ahead of the sensor, where it should have been seen, there was one.
+    assert len(tracks.ids) == 2
+
+
+def test_the_score_confirms_and_deletes() -> None:
+    seen = traffic(vehicles(1), 12, detection=1.0, clutter=2.0, sensors=("lidar",), seed=2)
+    of, state = tracker(confirm="score", confirm_score=12.0, score_drop=8.0), None
+    confirmed, scores = [], []
+    for scan in seen.scans:
+        stated = scan._replace(detection_probability=0.9)
+        state, tracks = of.step(state, scan_of_run(stated, 0))
+        confirmed.append(len(tracks.ids) > 0)
+        near = np.hypot(*(state.table.belief.mean[:2] - seen.truth[0][:2, :1])) < 3
+        scores.append(state.table.evidence[0, near].max())
+    assert confirmed == [score >= 12.0 for score in scores]
+    assert 1 <= confirmed.index(True) <= 3
+    largest = scores[-1]
+    last = scan_of_run(seen.scans[-1], 0)
+    counts = []
+    for k in range(1, 7):
+        empty = last._replace(
+            time=last.time + 0.05 * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool),
+            detection_probability=0.9,
+        )  # fmt: skip
+        state, tracks = of.step(state, empty)
+        counts.append(len(tracks.ids))
+    # Each miss takes ln 10.
+    assert largest > 12.0
+    assert counts == [1, 1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize("method", ["jipda", "pmb"])
+def test_existence_rises_with_detections_and_falls_with_misses(method: str) -> None:
+    seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
+    of, state = tracker(method, visible_s=None), None
+    for scan in seen.scans:
+        state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=0.9), 0))
+    assert tracks.existence is not None
+    assert tracks.existence.max() > 0.999
+    r = tracks.existence[0]
+    last = scan_of_run(seen.scans[-1], 0)
+    empty = last._replace(
+        time=last.time + 0.05, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool), detection_probability=0.9
+    )
+    _, tracks = of.step(state, empty)
+    assert tracks.existence is not None
+    ahead = r * np.exp(-0.05 / 60)
+    missed = ahead * (1 - 0.9 * 0.9999)
+    np.testing.assert_allclose(tracks.existence[0], missed / (1 - ahead + missed), rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["jipda", "pmb"])
+def test_a_hidden_object_may_exist(method: str) -> None:
+    """Existence and visibility follow the three states of a Markov chain: visible, hidden, gone."""
+    seen = traffic(vehicles(1), 10, detection=1.0, clutter=5.0, sensors=("lidar",), seed=3)
+    dt, detection, gate, lifetime, visible_s, hidden_s = 0.05, 0.9, 0.9999, 60.0, 5.0, 2.0
+    of, state = tracker(method, visible_s=visible_s, hidden_s=hidden_s, lifetime_s=lifetime), None
+    for scan in seen.scans:
+        state, tracks = of.step(state, scan_of_run(scan._replace(detection_probability=detection), 0))
+    real = int(np.argmax(state.table.evidence[0]))
+    exists, visible = state.table.evidence[:, real]
+    chances = np.array([exists * visible, exists * (1 - visible), 1 - exists])
+    rates = np.array([[-1 / visible_s, 1 / hidden_s], [1 / visible_s, -1 / hidden_s]])
+    values, vectors = np.linalg.eig(rates)
+    move = (vectors * np.exp(values * dt)) @ np.linalg.inv(vectors)
+    last = scan_of_run(seen.scans[-1], 0)
+    for k in range(1, 9):
+        empty = last._replace(
+            time=last.time + dt * k, measurement=np.zeros((2, 0)), valid=np.zeros(0, dtype=bool),
+            detection_probability=detection,
+        )  # fmt: skip
+        state, tracks = of.step(state, empty)
+        there = np.exp(-dt / lifetime) * move @ chances[:2]
+        chances = np.array([there[0] * (1 - detection * gate), there[1], 1 - there.sum()])
+        chances /= chances.sum()
+        assert tracks.existence is not None
+        np.testing.assert_allclose(tracks.existence[0], chances[:2].sum(), rtol=1e-9)
+    # Eight misses of a visible object would leave 1e-5 or so.
+    assert 0.5 < tracks.existence[0] < 0.99
+
+
+def test_what_the_tracker_takes_in_place_of_what_the_sensor_states() -> None:
+    seen = traffic(vehicles(4, spacing=10.0), 20, detection=0.8, clutter=10.0, sensors=("lidar",))
+    misstated = [s._replace(detection_probability=0.99, clutter_density=1e-9) for s in seen.scans]
+    density = seen.scans[0].clutter_density
+    of, plain = tracker("pmb", detection_probability={"lidar": 0.8}, clutter_density={"lidar": density}), tracker("pmb")
+    a = b = c = None
+    differs = False
+    for right, wrong in zip(seen.scans, misstated, strict=True):
+        a, told = plain.step(a, scan_of_run(right, 0))
+        b, overridden = of.step(b, scan_of_run(wrong, 0))
+        c, misled = plain.step(c, scan_of_run(wrong, 0))
+        np.testing.assert_array_equal(told.mean, overridden.mean)
+        differs |= told.mean.shape != misled.mean.shape or not np.array_equal(told.mean, misled.mean)
+    assert differs

@@ -1,0 +1,163 @@
+"""A tracker with several motion models, as a scenario has it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from tests.filters.test_filters_properties import TRUTH_START, measurements, through
+from tests.support.places import ROOT
+from tests.support.scenes import NOISE, member, tracker
+
+from trackbench.base.errors import TrackbenchError
+from trackbench.models.motion import Kinematics
+from trackbench.results import Result
+from trackbench.runner.describe import describe
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.trackers.config import FilterConfig
+
+CV, CTRV = {"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}
+CA = {"model": "ca", **NOISE["ca"]}
+FILTERS = ["ekf", "iekf", "ukf", "ckf"]
+STARTS = ["first_reading", "two_readings", "truth"]
+
+
+def primed(made, size):
+    motion = Kinematics(*(np.linspace(a, a + 1, size) for a in (30.0, 10.0, 12.0, 3.0, 0.5, 0.2)))
+    times, normal = np.array([0.0, 0.2, 0.5, np.inf])[:size], np.random.default_rng(0).normal(size=(6, size))
+    whole = made.with_prior(times, motion, normal)
+    return whole, [
+        made.with_prior(times[i], Kinematics(*(value[i] for value in motion)), normal[:, i]) for i in range(size)
+    ]
+
+
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("filter", FILTERS)
+def test_a_batch_is_the_loop_over_its_members(filter, start):
+    size = 4
+    motion = {"imm": [CV, CTRV], "stay_s": [3, 2]}
+    made = tracker(filter=filter, motion=motion, initial=TRUTH_START if start == "truth" else start)
+    whole, alone = primed(made, size) if start == "truth" else (made, [made] * size)
+    seen = list(measurements(size, 14, seed=3))
+    estimates = through(whole, seen)
+    assert not np.isnan(estimates[-1].mean[:, :3]).any()
+    for i in range(size):
+        for a, b in zip(estimates, through(alone[i], [member(one, i) for one in seen]), strict=True):
+            for name in ("mean", "covariance", "mode_probabilities"):
+                part = getattr(a, name)[..., i]
+                np.testing.assert_allclose(part, getattr(b, name), rtol=1e-8, atol=1e-9, err_msg=name)
+            started = ~np.isnan(b.mean[0])
+            assert np.isnan(b.mode_probabilities).all() == (not started)
+            if started:
+                assert b.mode_probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+                assert np.linalg.eigvalsh(b.covariance)[0] > 0.0
+
+
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("filter", FILTERS)
+@pytest.mark.parametrize("motion", [CV, CA, CTRV], ids=["cv", "ca", "ctrv"])
+def test_two_equal_models_are_one(motion, filter, start):
+    initial = TRUTH_START if start == "truth" else start
+    one = tracker(filter=filter, motion=motion, initial=initial)
+    two = tracker(filter=filter, motion={"imm": [motion, motion], "stay_s": [3, 2]}, initial=initial)
+    if start == "truth":
+        one, two = primed(one, 3)[0], primed(two, 3)[0]
+    seen = list(measurements(3, 14, seed=4))
+    for a, b in zip(through(two, seen), through(one, seen), strict=True):
+        for name in ("mean", "covariance", "innovation", "innovation_covariance"):
+            found, expected = getattr(a, name), getattr(b, name)
+            assert (found is None) == (expected is None)
+            if found is not None:
+                there = ~np.isnan(expected)
+                scale = np.abs(expected[there]).max(initial=1.0)
+                np.testing.assert_allclose(found[there], expected[there], rtol=1e-11, atol=1e-12 * scale, err_msg=name)
+
+
+#: The example of the page on filters.
+SCENARIO = re.search(r"```yaml\n(name:.*?)```", (ROOT / "docs/filters.md").read_text(), re.S)[1]
+
+
+def loaded(tmp_path: Path, change=lambda tracker: None):
+    raw = yaml.safe_load(SCENARIO)
+    change(raw["trackers"]["imm"])
+    path = tmp_path / "scenario.yaml"
+    path.write_text(yaml.safe_dump(raw, sort_keys=False))
+    return load_scenario(path)
+
+
+def test_a_scenario_runs_it_and_it_is_better_than_either_model(tmp_path):
+    scenario = loaded(tmp_path)
+    result: Result = run(scenario, truths_of(scenario))
+    error = {one.name: one.metrics["position_rmse"].value for one in result.summary.trackers}
+    assert error["imm"] < 0.95 * min(error["straight"], error["turning"]), error
+
+
+def test_it_is_described_in_words(tmp_path):
+    assert describe(loaded(tmp_path).config.trackers["imm"], ()).startswith(
+        "ekf, imm of cv, acceleration sigma 0.3 m/s^2 for 5 s and ctrv, acceleration sigma 0.3 m/s^2"
+    )
+
+
+def test_its_first_probabilities_are_stated_or_those_that_the_chain_comes_to():
+    keys = {"filter": "ekf", "motion": {"imm": [CV, CTRV], "stay_s": [6, 2]}}
+    assert tracker(**keys).filter.initial_probabilities == (0.75, 0.25)
+    keys["motion"]["initial_probabilities"] = [0.4, 0.6]
+    assert tracker(**keys).filter.initial_probabilities == pytest.approx((0.4, 0.6))
+
+
+@pytest.mark.parametrize(
+    ("change", "at", "message"),
+    [
+        ({"imm": [CV], "stay_s": [1]}, "motion.imm", "at least 2 entries are needed, not 1"),
+        (
+            {"imm": [CV, {"model": "ca", "acceleration_sigma_mps2": 0.3}], "stay_s": [1, 2]},
+            "motion.imm.1.acceleration_sigma_mps2",
+            "model ca does not use this; it uses jerk_sigma_mps3",
+        ),
+        (
+            {"model": "ca", "acceleration_sigma_mps2": 0.3},
+            "motion.acceleration_sigma_mps2",
+            "model ca does not use this; it uses jerk_sigma_mps3",
+        ),
+        ({"imm": [CV, {**CTRV, "model": "ctrw"}], "stay_s": [1, 2]}, "motion.imm.1.model", "did you mean 'ctrv'?"),
+        ({"imm": [CV, "cv"], "stay_s": [1, 2]}, "motion.imm.1.acceleration_sigma_mps2", "missing"),
+        ({"imm": [CV, CTRV], "stay_s": [1, 2, 3]}, "motion.stay_s", "one number for each of the 2 models is needed"),
+        ({"imm": [CV, CTRV]}, "motion.stay_s", "missing; for each model the mean time"),
+        ({"imm": [CV, CTRV], "stay": [1, 2]}, "motion.stay", "unknown key; use stay_s"),
+        ({"imm": [CV, CTRV], "stay_s": [1, -2]}, "motion.stay_s.1", "must be"),
+        (
+            {"imm": [CV, CTRV], "stay_s": [1, 2], "initial_probabilities": [0.5, 0.6]},
+            "motion.initial_probabilities",
+            "the sum must be 1, not 1.1",
+        ),
+    ],
+)
+def test_mistakes_are_told_at_their_place(tmp_path, change, at, message):
+    with pytest.raises(TrackbenchError) as raised:
+        loaded(tmp_path, lambda one: one.update(motion=change))
+    assert f"trackers.imm.{at}: " in str(raised.value)
+    assert message in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "at", "message"),
+    [
+        ({"filter": "kf"}, "motion", "kf needs a linear motion model"),
+        ({"process_noise_diag": [1.0] * 4}, "process_noise_diag", "not used with imm"),
+        ({"initial": {"covariance_diag": [1.0] * 4}}, "covariance_diag", "motion ctrv needs 5 variances"),
+    ],
+)
+def test_what_does_not_go_with_several_models_is_refused(tmp_path, keys, at, message):
+    with pytest.raises(TrackbenchError) as raised:
+        loaded(tmp_path, lambda one: one.update(keys))
+    assert f"{at}: {message}" in str(raised.value)
+
+
+def test_a_key_of_the_first_state_needs_one_model_that_has_it():
+    keys = {"filter": "ekf", "motion": {"imm": [CV, CTRV], "stay_s": [1, 2]}}
+    assert FilterConfig.model_validate({**keys, "initial": {"yaw_rate_sigma_radps": 0.5}})
+    with pytest.raises(ValueError, match="motion cv and ctrv has no such component"):
+        FilterConfig.model_validate({**keys, "initial": {"acceleration_sigma_mps2": 0.5}})

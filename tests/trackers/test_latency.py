@@ -1,0 +1,217 @@
+"""Latency: in which order trackers get scans, and when they are asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.conftest import Outcome, Run
+from tests.support.scenes import scan
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.base.types import Scan
+from trackbench.document import Table
+from trackbench.driving.steppers import masked
+from trackbench.report.run import tables
+from trackbench.results import Result
+from trackbench.runner.delivery import deliveries
+from trackbench.runner.describe import describe
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truths_of
+from trackbench.sensing.detections import HiddenMeasurements, sense_hidden
+from trackbench.sensing.scans import Measurements, arrivals, ideal_sensors, sense
+from trackbench.trackers.config import FilterConfig
+
+#: Fails where scans do not come as they arrive. It stays where it is.
+STRICT = """
+import numpy as np
+
+
+class Strict:
+    batched = True
+
+    def step(self, state, scan):
+        arrived, late, asked = state or (0.0, 0, 0)
+        assert scan.arrival_time >= arrived
+        assert not (scan.asked and scan.valid.any())
+        late, asked = late + (scan.arrival_time > scan.time), asked + scan.asked
+        # The lidar's first two scans are at 0 and 0.2 s, and 0.15 s late.
+        assert scan.time < 1.7 or (late >= 8 and asked == 0)
+        mean = np.zeros((4, *scan.valid.shape))
+        return (scan.arrival_time, late, asked), (mean, np.zeros((4, *mean.shape)) + np.eye(4)[..., None])
+"""
+
+
+def seen(sensor: str, time: float, latency: float = 0.0) -> Scan:
+    return scan("lidar", time, np.zeros((2, 1)))._replace(sensor=sensor, arrival_time=time + latency)
+
+
+def given(scans: list[Scan], *unread: str) -> list[list[tuple[str, float, bool]]]:
+    found = deliveries(scans, lambda sensor: sensor not in unread, masked)
+    return [[(one.scan.sensor, one.scan.time, one.scan.asked) for one in group] for group in found]
+
+
+def test_without_latency_each_scan_is_given_at_its_instant() -> None:
+    scans = [seen("a", 0), seen("b", 0), seen("a", 0.1), seen("b", 0.2)]
+    assert given(scans) == [[("a", 0, False), ("b", 0, False)], [("a", 0.1, False)], [("b", 0.2, False)]]
+    groups = list(deliveries(scans, lambda sensor: sensor == "a", masked))
+    assert [one.scan.valid.any() for group in groups for one in group] == [True, False, True, False]
+
+
+def test_scans_are_given_as_they_arrive_and_estimates_are_asked_for() -> None:
+    scans = [seen("late", 0, 0.15), seen("prompt", 0), seen("late", 0.1, 0.15), seen("late", 0.2, 0.05)]
+    scans += [seen("prompt", 0.3)]
+    assert given(scans) == [
+        [("prompt", 0, False)],
+        [("late", 0.1, True)],
+        [("late", 0, False), ("late", 0.2, True)],
+        # What was taken later arrives first, if its latency is so much shorter.
+        [("late", 0.1, False), ("late", 0.2, False), ("prompt", 0.3, False)],
+    ]
+    # Of a sensor that is not read a tracker hears nothing but that it is asked.
+    assert given(scans, "late") == [
+        [("prompt", 0, False)],
+        [("late", 0.1, True)],
+        [("late", 0.2, True)],
+        [("prompt", 0.3, False)],
+    ]
+    asked = list(deliveries(scans, lambda _: True, masked))[1][0].scan
+    assert (asked.time, asked.arrival_time, asked.valid.any(), np.isnan(asked.measurement).all()) == (0.1, 0.1, 0, 1)
+
+
+def test_a_tracker_of_ones_own_gets_scans_as_they_arrive(
+    run_tiny: Run, tmp_path: Path, write_module: Callable[[Path, str], str]
+) -> None:
+    use = f"trackers.mine={{use: '{write_module(tmp_path, STRICT)}:Strict'}}"
+    result = run_tiny(use, "sensors.lidar.latency_s=0.15", "monte_carlo.runs=1", folder=tmp_path)
+    assert result["mine"].failed is None
+    # It does find out where it is asked, which it is not while the radar is prompt.
+    result = run_tiny(use, "sensors.lidar.latency_s=0.15", "sensors.radar.latency_s=0.05", folder=tmp_path)
+    assert "AssertionError" in str(result["mine"].failed)
+
+
+def test_a_drawn_latency_is_the_same_in_every_run_and_between_its_ends(tiny: Path) -> None:
+    loaded = load_scenario(tiny, ["sensors.radar.latency_s=[0.05, 0.2]"])
+    (truth,) = truths_of(loaded)
+    radar, lidar = ideal_sensors(truth.truth, loaded.config.sensors)
+    late = arrivals(radar, 7, "tiny") - radar.time
+    assert 0.05 <= late.min() < 0.08 < 0.17 < late.max() <= 0.2
+    np.testing.assert_array_equal(arrivals(lidar, 7, "tiny"), lidar.time)
+    assert not np.array_equal(arrivals(radar, 8, "tiny") - radar.time, late)
+    few, many = (tb.run(tb.load(tiny, {"sensors.radar.latency_s": [0.05, 0.2]}, runs=runs)) for runs in (2, 5))
+    assert few.summary.fingerprints == many.summary.fingerprints[:2]
+    one, other = (result.to_pandas("runs").query("tracker == 'ekf' and run < 2") for result in (few, many))
+    np.testing.assert_allclose(one["position_rmse_m"], other["position_rmse_m"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("sensed", [sense, sense_hidden])
+def test_scans_say_their_place_among_those_of_one_time(
+    sensed: Callable[..., Measurements | HiddenMeasurements], tiny: Path
+) -> None:
+    loaded = load_scenario(tiny)
+    (truth,) = truths_of(loaded)
+    scans = sensed(ideal_sensors(truth.truth, loaded.config.sensors), 7, "tiny", range(2)).scans
+    assert [(one.time, one.place) for one in scans] == sorted((one.time, one.place) for one in scans)
+    names = list(loaded.config.sensors)
+    assert all(one.sensor == names[one.place] for one in scans)
+    assert len({one.time for one in scans}) < len(scans)
+
+
+def test_a_lag_that_does_not_reach_late_scans_is_said(tiny: Path) -> None:
+    late = ["sensors.lidar.latency_s=[0.3, 1.5]", "sensors.radar.latency_s=0.25"]
+    message = "trackers.ekf.lag_s: replay goes back 1 s, but scans of lidar may be 1.25 s older than the state"
+    with pytest.raises(InputError, match=message):
+        load_scenario(tiny, late)
+    for fits in ("lag_s=1.25", "late=drop", "sensors=[radar]"):
+        load_scenario(tiny, [*late, f"trackers.ekf.{fits}"])
+
+
+def test_latency_costs(run_tiny: Run) -> None:
+    prompt, late = (run_tiny(f"sensors.radar.latency_s={seconds}")["ekf"] for seconds in (0, 0.5))
+    assert late.metrics["position_rmse"].value > prompt.metrics["position_rmse"].value
+
+
+def test_the_report_says_how_late_a_sensor_is_and_what_was_dropped(run_tiny: Run) -> None:
+    def told(*overrides: str) -> tuple[Result, dict[str, list[str]], dict[str, list[str]]]:
+        result = run_tiny(*overrides)
+        (radar, *_) = tables.innovations(result)
+        return result, columns(tables.sensors(result)), columns(radar)
+
+    result, sensors, radar = told()
+    assert "latency, s" not in sensors
+    assert "taken in, %" not in radar
+    assert "late" not in result["ekf"].describe
+    result, sensors, radar = told(
+        "sensors.radar.latency_s=[0.1, 0.15]", "trackers.ekf.late=drop", "score.min_coverage=0"
+    )
+    assert sensors["latency, s"] == ["0.1 to 0.15", "0"]
+    assert ", late: drop," in result["ekf"].describe
+    coverage = result["ekf"].metrics["nis.radar"].coverage
+    assert coverage is not None
+    # Each second instant has a lidar scan, before which the radar's of the instant before arrives.
+    assert 0.2 < coverage < 0.8
+    assert radar["taken in, %"] == [f"{100 * coverage:.0f}"]
+
+
+def columns(table: Table) -> dict[str, list[str]]:
+    return {column.heading: [row[i].text for row in table.rows] for i, column in enumerate(table.columns)}
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({}, "late: replay, all sensors"),
+        ({"late": "retrodiction"}, "late: retrodiction, all sensors"),
+        ({"late": "as_new", "sensors": ["radar"]}, "late: as_new, radar"),
+        ({"lag_s": 0.5}, "late: replay within 0.5 s, all sensors"),
+        ({"sensors": ["lidar"]}, "lidar"),
+        (
+            {"sensors": ["lidar"], "initial": {"sensors": ["radar"]}},
+            "initial: batch with sensors radar, late: replay, lidar",
+        ),
+        ({"smoother": "rts"}, "all sensors"),
+        ({"initial": {"from": "batch"}, "late": "drop"}, "late: drop, all sensors"),
+        ({"initial": "truth", "late": "drop"}, "initial: truth, late: drop, all sensors"),
+        (
+            {"initial": {"from": "two_readings", "skip": 3, "covariance_diag": [1, 1, 4, 4]}, "sensors": ["lidar"]},
+            "initial: two_readings with skip 3 and covariance diag(1, 1, 4, 4), lidar",
+        ),
+        ({"associate": {"method": "gnn"}}, "late: replay, all sensors"),
+        (
+            {"associate": {"method": "gnn"}, "initial": {"velocity": "zero"}},
+            "initial: first_reading with velocity zero, late: replay, all sensors",
+        ),
+        (
+            {"measurement_noise": {"radar": {"range_sigma_m": 0.5, "azimuth_sigma_deg": 1.0}}},
+            "radar with range sigma 0.5 m, radar with azimuth sigma 1 deg, late: replay, all sensors",
+        ),
+    ],
+)
+def test_a_tracker_is_described_with_its_start_and_what_it_does_with_late_scans(
+    keys: dict[str, Any], words: str
+) -> None:
+    tracker = FilterConfig.model_validate({"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 3, **keys})
+    smoother = "rts smoother, " if "smoother" in keys else ""
+    assert describe(tracker, ["radar"]) == f"ekf, {smoother}cv, acceleration sigma 3 m/s^2, {words}"
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("[0.2, 0.1]", "the least comes first: [0.1, 0.2]"),
+        ("soon", "a number in seconds is needed"),
+        ("{}", "write a time, such as 0.1, or the least and the most, such as [0.05, 0.2]"),
+        ("-1", "at least 0"),
+        ("[0.1]", "2"),
+    ],
+)
+def test_a_wrong_latency_is_said(value: str, message: str, tiny: Path, cli: Callable[..., Outcome]) -> None:
+    tiny.write_text(tiny.read_text().replace("azimuth_sigma_deg: 0.5", f"azimuth_sigma_deg: 0.5, latency_s: {value}"))
+    found = cli("check", tiny.name)
+    assert found.status == 2
+    assert "tiny.yaml:12: sensors.radar.latency_s" in found.err
+    assert message in found.err

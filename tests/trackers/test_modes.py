@@ -1,0 +1,143 @@
+"""The mode probabilities of trackers with several motion models, from the estimate to the pages."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.trackers.test_imm_tracker import CV, SCENARIO
+
+import trackbench as tb
+from trackbench.report.run.document import run_document
+from trackbench.results.columns import split
+from trackbench.subjects.recording.inspection import inspect
+from trackbench.subjects.recording.reader import read
+from trackbench.subjects.recording.writer import write
+from trackbench.trackers.imm import ImmConfig
+
+MINE = '''
+import numpy as np
+import trackbench as tb
+
+class Mine:
+    """The first measurement for ever."""
+
+    batched = {batched}
+
+    def step(self, state, scan):
+        position = scan.measurement if state is None else np.where(np.isnan(state), scan.measurement, state)
+        batch = position.shape[1:]
+        covariance = np.zeros((4, 4, *batch)) + np.eye(4).reshape(4, 4, *(1 for _ in batch))
+        mean = np.concatenate([position, np.zeros_like(position)])
+        return position, tb.Estimate(mean, covariance, mode_probabilities=np.stack({probabilities}))
+'''
+HALVES = "[np.full(batch, 0.25), np.full(batch, 0.75)]"
+
+
+def of(tmp_path: Path, code: str | None = None, runs: int = 3) -> tb.Result:
+    path = tmp_path / "bend.yaml"
+    path.write_text(SCENARIO)
+    changes = {"truth.objects.car.pieces": [{"for_s": 2}], "truth.duration_s": 2}
+    if code is None:
+        # A state with a yaw starts late.
+        changes["score.settle_s"] = 0.5
+    else:
+        (tmp_path / "mine.py").write_text(code)
+        changes["trackers"] = {"mine": {"use": "mine:Mine"}}
+    return tb.run(tb.load(path, changes, runs=runs))
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> tb.Result:
+    return of(tmp_path_factory.mktemp("modes"))
+
+
+def test_the_tables_hold_probabilities_of_each_mode(result):
+    single = split(result.tables.recorded_modes, "tracker", "mode", "object")
+    assert list(single) == [("imm", "cv", "car"), ("imm", "ctrv", "car")]
+    cv, ctrv = (rows["probability"] for rows in single.values())
+    known = np.isfinite(cv)
+    start = np.argmax(known)
+    assert 0 < start < len(known) / 2
+    assert known[start:].all()
+    np.testing.assert_allclose((cv + ctrv)[known], 1.0, rtol=1e-12)
+    mean = {mode: rows for (_, mode), rows in split(result.tables.modes, "tracker", "mode").items()}
+    np.testing.assert_allclose((mean["cv"]["probability"] + mean["ctrv"]["probability"])[known], 1.0, rtol=1e-12)
+    assert np.nanmean(mean["cv"]["probability"]) > 0.5
+
+
+def test_the_mean_is_that_of_single_runs(tmp_path, result):
+    singles = []
+    for run in range(3):
+        path = tmp_path / "bend.yaml"
+        path.write_text(SCENARIO)
+        changes = {
+            "truth.objects.car.pieces": [{"for_s": 2}],
+            "truth.duration_s": 2,
+            "score.settle_s": 0.5,
+            "recording.run": run,
+        }
+        one = tb.run(tb.load(path, changes, runs=3))
+        singles.append(one.tables.recorded_modes.to_pandas()["probability"])
+    mean = result.tables.modes.to_pandas()["probability"]
+    np.testing.assert_allclose(np.mean(singles, axis=0), mean, rtol=1e-12)
+
+
+def test_the_report_shows_them(result):
+    figures = {figure.name: figure for figure in run_document(result).figures}
+    assert re.search(r"imm, 3 runs: cv 0\.\d+, ctrv .* imm, run 0: cv", figures["modes"].alternative)
+    assert [entry.label for entry in figures["modes"].legend] == ["cv", "ctrv"]
+
+
+def test_a_recording_keeps_and_tells_them(tmp_path, result):
+    write(result, tmp_path / "run.rrd")
+    kept = read(tmp_path / "run.rrd").result.tables.recorded_modes.to_pandas()
+    expected = result.tables.recorded_modes.to_pandas()
+    np.testing.assert_array_equal(kept["probability"], expected["probability"])
+    found = inspect(tmp_path / "run.rrd").modes["imm"]["car"]
+    assert found["cv"] == pytest.approx(np.nanmean(expected["probability"][expected["mode"] == "cv"]))
+    at = inspect(tmp_path / "run.rrd", at=1.05).modes["imm"]["car"]
+    row = expected[(expected["time_s"] == 1.0) & (expected["mode"] == "ctrv")]
+    assert at["ctrv"] == row["probability"].item()
+
+
+@pytest.mark.parametrize("batched", [True, False])
+def test_those_of_ones_own_tracker_are_numbered(tmp_path, batched):
+    found = of(tmp_path, MINE.format(batched=batched, probabilities=HALVES))
+    modes = split(found.tables.modes, "tracker", "mode")
+    assert list(modes) == [("mine", "mode 1"), ("mine", "mode 2")]
+    assert set(modes["mine", "mode 2"]["probability"]) == {0.75}
+
+
+def test_a_run_without_modes_has_no_such_tables(tmp_path):
+    code = MINE.format(batched=True, probabilities=HALVES).replace("mode_probabilities=", "state=")
+    found = of(tmp_path, code)
+    assert "modes" not in found.tables
+    assert "modes" not in {figure.name for figure in run_document(found).figures}
+
+
+@pytest.mark.parametrize("probabilities", ["[np.full(batch, 0.5), np.full(batch, 0.6)]", "[np.ones(7)]"])
+@pytest.mark.parametrize("batched", [True, False])
+def test_what_is_no_probability_is_refused(tmp_path, batched, probabilities):
+    failed = of(tmp_path, MINE.format(batched=batched, probabilities=probabilities))["mine"].failed
+    assert failed is not None
+    assert "mode probabilities" in failed.cause
+
+
+def test_a_model_that_comes_twice_is_numbered():
+    models = {"imm": [CV, CV, {"model": "ca", "jerk_sigma_mps3": 1}], "stay_s": [1, 1, 1]}
+    assert ImmConfig.model_validate(models).names == ["cv 1", "cv 2", "ca"]
+
+
+@pytest.mark.slow
+def test_in_the_shipped_scenario_the_modes_are_what_the_car_does():
+    result = tb.run(tb.load("scripted/manoeuvres", runs=20))
+    assert result.summary.passed
+    table = result.tables.modes.to_pandas()
+    driving = {"cv": (3, 6.5), "ca": (8, 9.5), "ctrv": (11, 12)}
+    for tracker, least in (("imm", 0.6), ("imm_offline", 0.85)):
+        for mode, (begin, end) in driving.items():
+            rows = table[(table["tracker"] == tracker) & (table["mode"] == mode) & table["time_s"].between(begin, end)]
+            assert rows["probability"].mean() > least, (tracker, mode)
+    imm, offline = result["imm"], result["imm_offline"]
+    assert offline.position_rmse.value < 0.6 * imm.position_rmse.value

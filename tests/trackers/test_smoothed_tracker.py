@@ -1,0 +1,128 @@
+"""A smoother in the bench: a reference that knows all measurements of the run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.filters.test_filters_properties import TRUTH_START, measurements, through
+from tests.support.scenes import NOISE, member, tracker
+from tests.trackers.test_imm_tracker import primed
+
+import trackbench as tb
+from trackbench.base.errors import InputError
+from trackbench.filters import smoothed
+from trackbench.report.run.tables import ranking
+from trackbench.runner.work import LARGEST_SMOOTHED, work_of
+from trackbench.scenario.truth import truths_of
+from trackbench.subjects.doctor.subject import subject
+from trackbench.subjects.serve.session import served
+from trackbench.trackers.smoothed import SmoothedTracker
+
+IMM = {"imm": [{"model": "cv", **NOISE["cv"]}, {"model": "ctrv", **NOISE["ctrv"]}], "stay_s": [3, 2]}
+KEYS = {
+    "kf": {"filter": "kf", "motion": "cv", **NOISE["cv"]},
+    "ekf": {"filter": "ekf", "motion": "ctrv", **NOISE["ctrv"]},
+    "ukf": {"filter": "ukf", "motion": "ctrv", **NOISE["ctrv"]},
+    "imm": {"filter": "ekf", "motion": IMM},
+}
+every_kind = pytest.mark.parametrize("keys", KEYS.values(), ids=KEYS)
+OWN_MODEL = "scripted/own_model"
+
+
+def distinct(size=4, steps=24, seed=3):
+    """Scans at instants of their own, each object detected now and then."""
+    seen = measurements(size, steps, seed)
+    return [one._replace(time=0.1 * k, arrival_time=0.1 * k) for k, one in enumerate(seen)]
+
+
+@every_kind
+def test_it_is_the_smoother_of_the_filters_beliefs_from_where_each_track_starts(keys):
+    made, scans = replace(tracker(**keys), without_course=False), distinct()
+    found = SmoothedTracker(made).estimates(scans)
+    for i in range(4):
+        state, beliefs, first = None, [], None
+        for k, one in enumerate(scans):
+            state, _ = made.step(state, member(one, i))
+            if state.started:
+                first = k if first is None else first
+                beliefs.append(state.belief)
+        assert first is not None
+        assert first > 0
+        for k, belief in enumerate(smoothed(made.filter, beliefs, [0.1] * (len(beliefs) - 1)), start=first):
+            mean, covariance = made.filter.cartesian(belief)
+            np.testing.assert_allclose(found[k].mean[:, i], mean, rtol=1e-7, atol=1e-7)
+            np.testing.assert_allclose(found[k].covariance[..., i], covariance, rtol=1e-7, atol=1e-7)
+        assert np.isnan(found[first - 1].mean[:, i]).all()
+
+
+@every_kind
+@pytest.mark.parametrize("start", ["first_reading", TRUTH_START], ids=["first reading", "truth"])
+def test_the_last_estimate_is_the_filters_and_the_others_are_more_certain(keys, start):
+    made, scans = tracker(**keys, initial=start), list(measurements(3, 20, seed=8, detection=1.0))
+    if start == TRUTH_START:
+        made, _ = primed(made, 3)
+    filtered, found = through(made, scans), SmoothedTracker(made).estimates(scans)
+    started = ~np.isnan(filtered[-1].mean[0])
+    np.testing.assert_array_equal(found[-1].mean[:, started], filtered[-1].mean[:, started])
+    spread = [
+        np.trace(np.mean([one.covariance[..., started] for one in each[5:-5]], axis=0)) for each in (filtered, found)
+    ]
+    assert np.all(spread[1] < 0.9 * spread[0])
+    assert all(one.innovation is None for one in found)
+    if keys is KEYS["imm"]:
+        assert found[7].mode_probabilities[:, started].sum(axis=0) == pytest.approx(1.0)
+
+
+@every_kind
+def test_between_the_scans_that_it_reads_the_prediction_is_smoothed_and_changes_nothing_else(keys):
+    scans = distinct(steps=30)
+    scans = [one if k % 3 == 0 else one._replace(sensor="other") for k, one in enumerate(scans)]
+    made = tracker(**keys, sensors=["radar", "lidar"])
+    found = SmoothedTracker(made).estimates(scans)
+    alone = SmoothedTracker(made).estimates(scans[::3])
+    for a, b in zip(found[::3], alone, strict=True):
+        np.testing.assert_array_equal(a.mean, b.mean)
+    filtered = through(made, scans)
+    known = ~np.isnan(filtered[-8].mean[0])
+    assert known.any()
+    for k in (-8, -7):
+        assert np.all(np.trace(found[k].covariance)[known] < np.trace(filtered[k].covariance)[known])
+
+
+def test_on_truth_of_its_own_model_it_is_consistent_and_no_competitor():
+    start = {"from": "truth", "position_sigma_m": 1, "velocity_sigma_mps": 5}
+    keys = {"filter": "ekf", "motion": "cv", "acceleration_sigma_mps2": 2, "initial": start}
+    changes = {"trackers": {"online": keys, "offline": {**keys, "smoother": "rts"}}, "expect": []}
+    result = tb.run(tb.load(OWN_MODEL, changes, runs=60))
+    online, offline = result["online"], result["offline"]
+    assert offline.position_rmse.value < 0.8 * online.position_rmse.value
+    assert offline.nees.verdict == "consistent"
+    assert result.summary.ranking == ["offline", "online"]
+    assert [one.name for one in result.contenders] == ["online"]
+    rows = [tuple(cell.text for cell in row[:3]) for row in ranking(result).rows]
+    assert rows == [("", "offline", ""), ("1", "online", "a")]
+    assert offline.step_time.value is None
+    assert "nis.lidar" not in offline.metrics or offline.metrics["nis.lidar"].value is None
+
+
+def test_a_block_with_a_smoother_is_small_enough_to_be_kept():
+    scenario = tb.load(OWN_MODEL, {"trackers.ekf.smoother": "rts"}, runs=3000)
+    work = work_of(scenario, truths_of(tb.load(OWN_MODEL, runs=1)))
+    instants = len(work.scenes[0].instants())
+    sizes = [2 * len(piece.runs) for piece in work.pieces()]
+    assert sum(sizes) == 6000
+    assert LARGEST_SMOOTHED / 2 < max(sizes) * instants <= LARGEST_SMOOTHED
+
+
+def test_what_needs_a_tracker_that_works_step_by_step_says_so(tmp_path):
+    sensors = {"lidar": {"type": "lidar", "rate_hz": 20, "position_sigma_m": 0.15}}
+    scenario = tb.load(OWN_MODEL, {"trackers.ekf.smoother": "rts", "sensors": sensors, "expect": []}, trackers=["ekf"])
+    with pytest.raises(InputError, match="needs all measurements of a run"):
+        served(scenario, "ekf")
+    path = tmp_path / "scenario.yaml"
+    path.write_text(scenario.text.replace("ekf: {", "ekf: {smoother: rts, "))
+    with pytest.raises(InputError, match="needs all measurements of a run"):
+        subject(f"{path}#ekf", {})
+    one = {"associate": {"method": "gnn"}, "filter": "kf", "motion": "cv", **NOISE["cv"], "smoother": "rts"}
+    with pytest.raises(InputError, match="a smoother follows one object"):
+        tb.load("traffic/truck_hides_car", {"trackers": {"one": one}})

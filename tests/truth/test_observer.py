@@ -1,0 +1,112 @@
+"""A run can be watched while it is made, and its result is the same as without."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trackbench.base.execution import executor
+from trackbench.base.types import Estimate
+from trackbench.metrics.scorer import Scorer
+from trackbench.results import Result
+from trackbench.runner.recorded import RecordedInstant
+from trackbench.runner.run import run
+from trackbench.scenario import load_scenario
+from trackbench.scenario.truth import truth_of, truths_of
+
+#: Its tracker goes on for five instants.
+BRIEF = """
+import numpy as np
+
+class Brief:
+    batched = True
+
+    def step(self, state, scan):
+        times = (state or set()) | {scan.time}
+        if len(times) > 5:
+            raise RuntimeError("tired")
+        shape = scan.valid.shape
+        eye = np.eye(4).reshape(4, 4, *(1 for _ in shape))
+        return times, (np.zeros((4, *shape)), np.broadcast_to(eye, (4, 4, *shape)))
+"""
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_the_recorded_run_is_seen_whole_whichever_process_makes_it(tiny: Path, workers: int) -> None:
+    # Two blocks, the recorded run in the second one.
+    loaded = load_scenario(tiny, ["monte_carlo.runs=1500", "recording.run=1400"])
+    truth = truth_of(loaded)
+    seen: list[Any] = []
+    with executor(workers) as chosen:
+        result = run(loaded, [truth], executor=chosen, on_recorded_run=seen.append)
+    scans, *instants = seen
+    assert {scan.sensor for scan in scans} == {"radar", "lidar"}
+    assert all(isinstance(item, RecordedInstant) for item in instants)
+    assert [item.number for item in instants] == list(range(21))
+    assert all(list(item.estimates) == ["raw", "ekf"] for item in instants), "all trackers, instant by instant"
+    for tracker in ("raw", "ekf"):
+        rows = [row for row in result.tables.estimates.to_pylist() if row["tracker"] == tracker]
+        for i, name in enumerate(truth.truth.ids):
+            table = [row["px_m"] for row in rows if row["object"] == name]
+            seen_x = [item.estimates[tracker].mean[0, i] for item in instants]
+            np.testing.assert_array_equal(np.array(table, dtype=float), seen_x)
+
+
+def test_all_trackers_take_an_instant_before_it_is_seen_and_before_any_takes_the_next(
+    tiny: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = load_scenario(tiny, ["monte_carlo.runs=2"])
+    order: list[Any] = []
+    estimate = Scorer.estimate
+
+    def noted(scorer: Scorer, given: Estimate) -> None:
+        order.append(id(scorer))
+        estimate(scorer, given)
+
+    monkeypatch.setattr(Scorer, "estimate", noted)
+    truth = truth_of(loaded)
+    run(loaded, [truth], on_recorded_run=order.append)
+    scans, *rest = order
+    assert isinstance(scans, list)
+    rounds = [rest[i : i + 3] for i in range(0, len(rest), 3)]
+    assert [seen.number for *_, seen in rounds] == list(range(21))
+    assert len({(raw, ekf) for raw, ekf, _ in rounds}) == 1
+    order.clear()
+    run(loaded, [truth])
+    assert order == [order[0]] * 21 + [order[-1]] * 21, "without anyone who looks, one tracker after the other"
+
+
+def test_a_tracker_that_fails_is_seen_up_to_then_and_the_others_to_the_end(tiny: Path) -> None:
+    (tiny.parent / "brief.py").write_text(BRIEF, encoding="utf-8")
+    loaded = load_scenario(tiny, ["trackers.brief.use=brief:Brief"])
+    seen: list[Any] = []
+    result = run(loaded, truths_of(loaded), on_recorded_run=seen.append)
+    instants = seen[1:]
+    assert result["brief"].failed is not None
+    assert result["brief"].failed.step == 5
+    assert [item.number for item in instants if "brief" in item.estimates] == list(range(5))
+    assert [item.number for item in instants if {"raw", "ekf"} <= set(item.estimates)] == list(range(21))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_looking_changes_nothing(tiny: Path, workers: int) -> None:
+    loaded = load_scenario(tiny, ["monte_carlo.runs=1500"])
+    truth = truth_of(loaded)
+    with executor() as here:
+        alone = run(loaded, [truth], executor=here)
+    with executor(workers) as chosen:
+        seen = run(loaded, [truth], executor=chosen, on_recorded_run=lambda _: None)
+    assert alone.summary.fingerprint == seen.summary.fingerprint
+    assert without_times(alone) == without_times(seen)
+    assert all(alone.tables[name].equals(seen.tables[name]) for name in alone.tables)
+
+
+def without_times(result: Result) -> dict[str, Any]:
+    """The metrics of each tracker but for the time of a step."""
+    return {
+        tracker.name: {path: metric for path, metric in tracker.metrics.items() if path != "step_time"}
+        for tracker in result.summary.trackers
+    }

@@ -1,0 +1,118 @@
+"""What is said of scripts that cannot be meant."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from trackbench.base.errors import InputError
+from trackbench.scenario import load_scenario
+from trackbench.scenario.examples import OTHER_EXAMPLES
+
+TEXT = """\
+name: example
+truth:
+  source: scripted
+  duration_s: 20
+  rate_hz: 20
+  objects:
+    a:
+      start: {speed_mps: 5}
+      pieces:
+        - {for_s: 5}
+        - {for_s: 5, white: {motion: cv, acceleration_sigma_mps2: 3}}
+        - {turn_rate_degps: 20}
+sensors:
+  roof: {type: lidar, rate_hz: 10, position_sigma_m: 0.15}
+trackers:
+  mine: {use: raw}
+"""
+
+
+START, PIECES = "truth.objects.a.start", "truth.objects.a.pieces"
+LAST = "{turn_rate_degps: 20}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("scripted", "script", 3, "truth.source: 'script' is not known; did you mean 'scripted'?"),
+        ("  source: scripted\n", "", 2, "truth.source: missing; choose from: highway-env, recording, scripted"),
+        (
+            "rate_hz: 20\n",
+            "rate_hz: 20\n  env: a\n",
+            6,
+            "truth.env: unknown key here; it belongs to truth with source: ",
+        ),
+        ("rate_hz: 10", "rate_hz: 30", 14, "sensors.roof.rate_hz: 30 Hz does not divide truth.rate_hz"),
+        ("    a:\n", "    a b:\n", 7, "truth.objects.a b: a name starts with a letter"),
+        ("{speed_mps: 5}", "{speed_mps: 5, vx_mps: 1}", 8, f"{START}.vx_mps: the velocity is given twice"),
+        ("{speed_mps: 5}", "{speed_mps: -5}", 8, f"{START}.speed_mps: -5 is not possible: it must be at least 0"),
+        ("for_s: 5}", "for: 5}", 10, f"{PIECES}.0.for: unknown key; use for_s (seconds)"),
+        ("- {for_s: 5}", "- {}", 10, f"{PIECES}.0.for_s: missing; only the last piece may leave it out"),
+        (
+            "for_s: 5}",
+            "for_s: 5.02}",
+            10,
+            f"{PIECES}.0.for_s: must be a multiple of the truth step, which is 0.05 s; use 5",
+        ),
+        ("for_s: 5}", "for_s: 15}", 12, f"{PIECES}.2: nothing is left for it: the pieces before it last 20 s"),
+        (
+            LAST,
+            "{for_s: 8}",
+            12,
+            f"{PIECES}.2.for_s: the pieces last 18 s, but truth.duration_s is 20; leave for_s out here",
+        ),
+        (LAST, "{for_s: 12}", 12, f"{PIECES}.2.for_s: the pieces last 22 s, but truth.duration_s is 20; shorten"),
+        (
+            LAST,
+            "{turn_rate_radps: 1}",
+            12,
+            f"{PIECES}.2.turn_rate_radps: unknown key; use turn_rate_degps (degrees per ",
+        ),
+        (LAST, "{speed_mps: 2}", 12, f"{PIECES}.2.speed_mps: only used with waypoints"),
+        (LAST, "{waypoints: [[0, 1]], turn_rate_degps: 2}", 12, f"{PIECES}.2.turn_rate_degps: not used with waypoints"),
+        (LAST, "{waypoints: [[0]]}", 12, f"{PIECES}.2.waypoints.0: 2 entries are needed, not 1"),
+        (LAST, "{waypoints: [[0, 1, 2]]}", 12, f"{PIECES}.2.waypoints.0: 2 entries are needed, not 3"),
+        (LAST, "{waypoints: [0, 1]}", 12, f"{PIECES}.2.waypoints.0: a list is needed, not 0"),
+        (LAST, "{waypoints: []}", 12, f"{PIECES}.2.waypoints: must not be empty"),
+        (
+            "acceleration_sigma_mps2",
+            "jerk_sigma_mps3",
+            11,
+            f"{PIECES}.1.white.acceleration_sigma_mps2: missing: motion cv needs acceleration_sigma_mps2",
+        ),
+        (
+            "{for_s: 5, white",
+            "{for_s: 5, white_acceleration: {x_sigma_mps2: 1}, white",
+            11,
+            f"{PIECES}.1.white_acceleration: a piece has one kind of motion",
+        ),
+    ],
+)
+def test_mistakes(tmp_path: Path, old: str, new: str, line: int, message: str) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(TEXT)
+    load_scenario(path)
+    assert old in TEXT
+    path.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_scenario(path)
+    assert f"{path}:{line}: {message}" in str(caught.value)
+
+
+def test_objects_may_share_pieces_by_anchors(tmp_path: Path) -> None:
+    scenario = yaml.safe_load(TEXT)
+    scenario["truth"]["objects"]["b"] = scenario["truth"]["objects"]["a"]
+    path = tmp_path / "scenario.yaml"
+    path.write_text(yaml.safe_dump(scenario))
+    assert "&id001" in path.read_text()
+    objects = load_scenario(path).config.truth.objects
+    assert objects["a"] == objects["b"]
+
+
+def test_the_example_of_the_page_is_valid(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    rest = TEXT[TEXT.index("sensors:") :]
+    path.write_text(f"name: page\n{OTHER_EXAMPLES['ScriptedTruth']}{rest}")
+    assert list(load_scenario(path).config.truth.objects) == ["cyclist", "bollard"]
