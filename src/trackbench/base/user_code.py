@@ -32,7 +32,7 @@ def place_of(error: BaseException, *, installed: bool = True) -> str | None:
 def last_of_user(frames: Sequence[Frame], installed: bool = True) -> str | None:
     """File, line and function of the last of some frames that is the user's code; None where none is."""
     paths = sysconfig.get_paths()
-    standard: list[str | Path] = [paths["stdlib"], paths["platstdlib"], Path(__file__).resolve().parent]
+    standard: list[str | Path] = [paths["stdlib"], paths["platstdlib"], Path(__file__).resolve().parents[1]]
     packages: list[str | Path] = [paths["purelib"], paths["platlib"]]
     # A tracker may itself be an installed package.
     arrays: list[str | Path] = [Path(place, name) for place in packages for name in ("numpy", "scipy")]
