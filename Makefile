@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 GENERATED := docs/scenario-file.md docs/sensor-presets.md docs/command-line.md
 
-.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark tuned reference recorded clean $(GENERATED)
+.PHONY: help demo test test-all test-long fuzz doctor-rates calibration lint types contracts docs install benchmark same-numbers tuned reference recorded clean $(GENERATED)
 
 help:
 	@echo "make demo      install into .venv and run a motorway scene: result, report and recording in results/highway"
@@ -83,6 +83,12 @@ docs/command-line.md: $(VENV)/.installed
 
 benchmark: $(VENV)/.installed-dev
 	$(BIN)/python -m benchmarks.speed
+
+# That this source gives the same numbers as a commit, or as the folder of another checkout, to the last bit: about ten
+# minutes for each of the two.
+OLD ?= HEAD
+same-numbers: $(VENV)/.installed-dev
+	$(BIN)/python -m benchmarks.same_numbers $(OLD)
 
 # What the statistics claim, measured by simulation: a table in results/; fails where a claim does not hold.
 calibration: $(VENV)/.installed-dev

@@ -1,0 +1,124 @@
+"""What the comparison of two commits' numbers takes for the same."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+from benchmarks import same_numbers
+from benchmarks.same_numbers import compared
+from benchmarks.same_numbers_values import read
+
+RESULT = {
+    "trackers": [
+        {"name": "ekf", "describe": "ekf, sigma 3", "metrics": {"rmse": {"value": 0.1}, "step_time": {"value": 8.0}}},
+        {"name": "ukf", "describe": "ukf, sigma 2", "metrics": {"rmse": {"value": 0.2}, "step_time": {"value": 9.0}}},
+    ],
+    "versions": {"numpy": "2"},
+    "seed": 7,
+}
+TABLE = {"tracker": ["ekf", "ekf", "ukf"], "nees": [4.0, float("nan"), None], "run": [0, 1, 0]}
+
+
+@pytest.fixture
+def of(tmp_path):
+    """The values of a saved result."""
+
+    def saved(result=RESULT, table=TABLE, name="runs.parquet"):
+        folder = tmp_path / str(len(list(tmp_path.iterdir()))) / "highway"
+        folder.mkdir(parents=True)
+        Path(folder, "result.json").write_text(json.dumps(result), encoding="utf-8")
+        pyarrow.parquet.write_table(pa.table(table), folder / name)
+        return read(folder.parent, "highway")
+
+    return saved
+
+
+def changed(path, value, of=RESULT):
+    """A result with another value at a path."""
+    copy = json.loads(json.dumps(of))
+    place = copy
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return copy
+
+
+def test_equal(of):
+    outcome = compared(of(), of())
+    assert outcome.differences == outcome.notes == []
+    assert outcome.values == 7 + 9 + 1
+
+
+def test_last_bit(of):
+    path = ("trackers", 1, "metrics", "rmse", "value")
+    outcome = compared(of(), of(changed(path, float(np.nextafter(0.2, 1)))))
+    assert outcome.differences == ["result.json:trackers[ukf].metrics.rmse.value: 0.2 -> 0.20000000000000004"]
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "difference"),
+    [
+        ("nees", [4.0, np.nextafter(0, 1), None], "[1]: np.float64(nan) -> np.float64(5e-324) (1 of 3 rows)"),
+        ("nees", [4.0, None, None], "[1]: np.float64(nan) -> null (1 of 3 rows)"),
+        ("run", [0, 0, 1], "[1]: np.int64(1) -> np.int64(0) (2 of 3 rows)"),
+        ("run", [-0.0, 1.0, 0.0], ": int64 -> float64"),
+        ("tracker", ["ekf", "ukf", "ukf"], "[1]: 'ekf' -> 'ukf' (1 of 3 rows)"),
+    ],
+)
+def test_column(of, column, values, difference):
+    outcome = compared(of(), of(table={**TABLE, column: values}))
+    assert outcome.differences == [f"runs.parquet:{column}{difference}"]
+
+
+def test_sign_of_zero(of):
+    assert compared(of(table={"x": [0.0]}), of(table={"x": [-0.0]})).differences
+
+
+def test_rows(of):
+    outcome = compared(of(), of(table={name: values[:2] for name, values in TABLE.items()}))
+    assert "runs.parquet:nees: 3 -> 2 rows" in outcome.differences
+
+
+def test_clocks_and_versions_are_left_out(of):
+    other = changed(("versions", "numpy"), "3", changed(("trackers", 0, "metrics", "step_time", "value"), 1.0))
+    assert compared(of(), of(other)).differences == []
+
+
+def test_words_of_a_sentence(of):
+    path = ("trackers", 0, "describe")
+    assert len(compared(of(), of(changed(path, "EKF of sigma 3"))).notes) == 1
+    assert compared(of(), of(changed(path, "ekf, sigma 4"))).differences
+
+
+def test_one_side_alone_is_a_difference_unless_told(of, monkeypatch):
+    more = of({**RESULT, "shape": 1}, {**TABLE, "nis": [1.0, 2.0, 3.0]})
+    told = ["result.json:shape", "runs.parquet:nis"]
+    assert compared(of(), more).differences == [f"only in the new: {path}" for path in told]
+    assert compared(more, of()).differences == [f"only in the old: {path}" for path in told]
+    monkeypatch.setattr(same_numbers, "ADDED", {"*.json:shape": "a new key", "*runs.parquet:nis": "a new column"})
+    assert compared(of(), more).differences == []
+
+
+def test_renamed(of, monkeypatch):
+    table = {"tracker": ["EKF", "EKF", "ukf"], "nees_mean": TABLE["nees"], "run": TABLE["run"]}
+    new = of({**changed(("trackers",), RESULT["trackers"][::-1]), "seed": 7}, table, "scores.parquet")
+    hint = "only in the old: runs.parquet:nees; the same values are in the new scores.parquet:nees_mean"
+    assert hint in compared(of(), new).differences
+    names = {"*runs.parquet": "*scores.parquet", "*scores.parquet:nees": "*scores.parquet:nees_mean"}
+    monkeypatch.setattr(same_numbers, "RENAMED", names)
+    monkeypatch.setattr(same_numbers, "RENAMED_VALUES", {"scores.parquet:tracker": {"ekf": "EKF"}})
+    assert compared(of(), new).differences == ["result.json:trackers<order>: ekf ukf -> ukf ekf"]
+
+
+def test_renamed_hides_no_difference(of, monkeypatch):
+    monkeypatch.setattr(same_numbers, "RENAMED", {"*.parquet:*s": "*.parquet:*s_mean"})
+    table = {"tracker": TABLE["tracker"], "nees_mean": [5.0, float("nan"), None], "run": TABLE["run"]}
+    assert len(compared(of(), of(table=table)).differences) == 1
+
+
+def test_renamed_alike(of, monkeypatch):
+    monkeypatch.setattr(same_numbers, "RENAMED", {"*.parquet:run": "*.parquet:nees"})
+    assert "several of the old are renamed: runs.parquet:nees" in compared(of(), of()).differences
