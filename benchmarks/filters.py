@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks import engines
 from benchmarks.eigen.programs import SOURCES, Missing, Program, program
 from benchmarks.goal import at_least, at_most
 
+from benchmarks import engines
 from trackbench.base.types import Array
 from trackbench.engine.choice import Engine
 

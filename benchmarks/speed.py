@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import filters, isolation, stages, table, traffic_scores, traffic_trackers
-
 from trackbench.engine.machine import unavailable
 
 RESULTS = Path(__file__).parent.parent / "results"

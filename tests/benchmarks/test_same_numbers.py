@@ -7,9 +7,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
-from benchmarks import same_numbers
 from benchmarks.same_numbers import compared
 from benchmarks.same_numbers_values import read
+
+from benchmarks import same_numbers
 
 RESULT = {
     "trackers": [
