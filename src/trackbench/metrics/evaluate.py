@@ -131,8 +131,12 @@ class Guarded:
         return _guarded(self._close, sums)
 
     def _close(self, sums: Any) -> Any:
+        closed = self._accumulator.close(sums)
         # As they come from another process, so that the number of processes changes nothing.
-        return pickle.loads(pickle.dumps(self._accumulator.close(sums)))
+        try:
+            return pickle.loads(pickle.dumps(closed))
+        except Exception as error:
+            raise TypeError(f"the sums cannot be pickled: {error}") from None
 
     def merge(self, blocks: Sequence[Any]) -> Any:
         broken = next((block for block in blocks if isinstance(block, Broken)), None)

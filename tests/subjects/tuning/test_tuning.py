@@ -290,6 +290,17 @@ def test_an_interrupted_search_goes_on_with_the_same_trials(tmp_path: Path) -> N
     ]
 
 
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the open files of a process are listed by Linux alone")
+def test_no_file_of_a_study_stays_open(tmp_path: Path) -> None:
+    study = searched(tmp_path / "study.db", trials=8)
+    (tmp_path / "notes.db").write_text("shopping")
+    with pytest.raises(InputError, match="no study"):
+        Study("tracker", tmp_path / "notes.db", PARAMETERS, ["loss"], {})
+    left = [link.readlink() for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    assert len(study.trials) == 8
+    assert not [file for file in left if file.is_relative_to(tmp_path)]
+
+
 def test_a_storage_of_something_else_is_refused(tmp_path: Path) -> None:
     kept: dict[str, Any] = {"objective": "a", "ranges": {"a": [1, 3]}, "start": {}}
     Study("tracker", tmp_path / "study.db", PARAMETERS, ["loss"], kept)

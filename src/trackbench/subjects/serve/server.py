@@ -145,6 +145,7 @@ def _refused(error: OSError, host: str, port: int) -> InputError:
         return InputError(f"there is no host {host!r}", key="--host")
     if error.errno == errno.EADDRINUSE:
         return InputError(f"port {port} of {host} is in use; name another one, or 0 for any that is free", key="--port")
-    if error.errno == errno.EADDRNOTAVAIL:
+    # From Python 3.13 on asyncio sums up that no address of the host was available without giving a number.
+    if error.errno in (errno.EADDRNOTAVAIL, None):
         return InputError(f"{host} is not an address of this machine", key="--host")
     return InputError(f"cannot listen at port {port} of {host}: {error.strerror}", key="--port")

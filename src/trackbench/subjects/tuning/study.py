@@ -150,6 +150,7 @@ def _from_optuna(item: Parameter, value: Any) -> Any:
 
 def _open(name: str, storage: Path | None, directions: list[Direction]) -> optuna.Study:
     import optuna
+    from sqlalchemy import NullPool
 
     if storage is None:
         return optuna.create_study(directions=directions, study_name=name)
@@ -158,7 +159,8 @@ def _open(name: str, storage: Path | None, directions: list[Direction]) -> optun
             return optuna.create_study(
                 directions=directions,
                 study_name=name,
-                storage=optuna.storages.RDBStorage(f"sqlite:///{storage}"),
+                # Without a pool a connection is closed after each use: a study has no end at which to close it.
+                storage=optuna.storages.RDBStorage(f"sqlite:///{storage}", engine_kwargs={"poolclass": NullPool}),
                 load_if_exists=True,
             )
     except Exception as error:
