@@ -51,7 +51,7 @@ def compared(pair: tuple[FilterTracker, ...], scans: list[Scan], limit: float) -
         np.testing.assert_array_equal(other.started, state.started)
         assert agreement.apart(other.belief, state.belief, angular) < limit
         assert agreement.of_estimates(by_kernels, said) < limit
-        assert (other.lost is None) == (state.lost is None)
+        assert (other.fallback is None) == (state.fallback is None)
         found.append((state, said))
     assert fused.engine_used.engine != "numpy"
     assert fused.engine_used.why_numpy == ""
@@ -114,7 +114,7 @@ def test_tracks_that_lose_their_course() -> None:
     ]
     scans = [scan._replace(valid=np.isfinite(scan.measurement[0])) for scan in scans]
     found = compared(both("ekf-ctrv", moving, BATCH), scans, 1e-9)
-    lost = [0 if state.lost is None else int(state.lost.where.sum()) for state, _ in found]
+    lost = [0 if state.fallback is None else int(state.fallback.where.sum()) for state, _ in found]
     assert max(lost) > 3
 
 

@@ -13,7 +13,7 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Scan
 from trackbench.testing import TrackerCheckError, check_tracker
 from trackbench.testing.tracker import RULES
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
 
 EXAMPLES = DOCS / "examples"

@@ -37,7 +37,7 @@ def distinct(size=4, steps=24, seed=3):
 
 @every_kind
 def test_it_is_the_smoother_of_the_filters_beliefs_from_where_each_track_starts(keys):
-    made, scans = replace(tracker(**keys), without_course=False), distinct()
+    made, scans = replace(tracker(**keys), cartesian_fallback=False), distinct()
     found = SmoothedTracker(made).estimates(scans)
     for i in range(4):
         state, beliefs, first = None, [], None

@@ -11,8 +11,7 @@ import numpy as np
 from trackbench.base.errors import TrackbenchError
 from trackbench.base.types import Estimate, Scan
 from trackbench.driving.faults import TrackFault, fault_of
-from trackbench.trackers.answers import shaped, unpack
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker, shaped, unpack
 
 #: How the message of `CannotCopy` begins.
 NOT_COPIED = "it cannot be copied"

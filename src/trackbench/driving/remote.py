@@ -17,8 +17,7 @@ from trackbench.driving.steppers import Stepper, local
 from trackbench.driving.tracks import TracksStepper, checked_tracks, local_tracks
 from trackbench.engine.choice import Engine
 from trackbench.engine.used import EngineUsed
-from trackbench.trackers.answers import TrackerFault, shaped
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker, TrackerFault, shaped
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker
 from trackbench.trackers.published import check_options, create
@@ -68,7 +67,7 @@ def start(
     config: FilterConfig | PluginConfig,
     folder: Path | None,
     batch: int,
-    primed: Callable[[FilterTracker], FilterTracker],
+    with_initial_states: Callable[[FilterTracker], FilterTracker],
     isolation: Isolation,
 ) -> Stepper:
     """A fresh tracker for a batch, its answers checked.
@@ -77,7 +76,7 @@ def start(
         config: the scenario's entry.
         folder: where a tracker's module is looked for first.
         batch: how many tracks it follows at once.
-        primed: gives a built-in filter its first states, where it starts from the truth.
+        with_initial_states: gives a built-in filter its first states, where it starts from the truth.
         isolation: whether it gets a process of its own.
 
     Raises:
@@ -85,7 +84,7 @@ def start(
         TrackFault: its process ended.
     """
     if not isolation.of(config):
-        return local(config, folder, batch, primed)
+        return local(config, folder, batch, with_initial_states)
     return RemoteStepper(config, folder, batch, isolation.timeout)
 
 

@@ -12,11 +12,11 @@ from trackbench.base.errors import InputError
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.driving.faults import fault_of
 from trackbench.engine.used import EngineUsed
-from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, TrackerFault, checked, unpack
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import GIVEN_UP, NOT_FINITE, Tracker, TrackerFault, checked, unpack
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
-from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.in_order import TrackState
 from trackbench.trackers.published import create
 from trackbench.trackers.smoothed import SmoothedTracker
 
@@ -39,7 +39,7 @@ def local(
     config: FilterConfig | PluginConfig,
     folder: Path | None,
     batch: int,
-    primed: Callable[[FilterTracker], FilterTracker],
+    with_initial_states: Callable[[FilterTracker], FilterTracker],
 ) -> Stepper:
     """A fresh tracker in this process, as a scenario names it.
 
@@ -47,7 +47,7 @@ def local(
         config: the scenario's entry.
         folder: where a tracker's module is looked for first.
         batch: how many tracks it follows at once.
-        primed: gives a built-in tracker its first states, where it starts from the truth.
+        with_initial_states: gives a built-in tracker its first states, where it starts from the truth.
 
     Raises:
         InputError: a plug-in cannot be found or does not take its options, or it is a smoother.
@@ -55,11 +55,11 @@ def local(
     if isinstance(config, FilterConfig):
         if config.smoother is not None:
             raise InputError("a smoother needs all measurements of a run; remove it", key="smoother")
-        return Direct(primed(build(config)))
+        return Direct(with_initial_states(build(config)))
     make = create(config.use, config.options, folder)
     tracker = make()
     if isinstance(tracker, FilterTracker):
-        return Direct(primed(tracker.reading_only(config.sensors)))
+        return Direct(with_initial_states(tracker.reading_only(config.sensors)))
     if getattr(tracker, "batched", False):
         return Batched(tracker)
     return Looped(make, batch)

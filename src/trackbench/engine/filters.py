@@ -30,12 +30,12 @@ from trackbench.engine.used import EngineUsed
 from trackbench.filters import (
     AnyBelief,
     Belief,
-    Doubt,
     Filter,
     InteractingMultipleModel,
     Measured,
     PredictedMeasurement,
     Step,
+    StepGuard,
     Update,
 )
 from trackbench.models.motion import MotionModel
@@ -107,13 +107,13 @@ class FusedFilter:
         values = taken_apart(belief) | of_scan(scan) | ({} if predicted is None else of_prediction(predicted))
         return self._update_of(self.computed("update", _updated, values, scan))
 
-    def step(self, belief: AnyBelief, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[Any]:
+    def step(self, belief: AnyBelief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Any]:
         """The belief after a scan that was taken ``dt`` seconds later; see :class:`trackbench.filters.Step`."""
         values = taken_apart(belief, without=REUSED) | self.time(dt) | of_scan(scan)
-        found = self.computed("step", partial(_step, doubt=doubt), values, scan, doubt)
+        found = self.computed("step", partial(_step, guard=guard), values, scan, guard)
         cartesian = Gaussian(found["cartesian"], found["cartesian covariance"])
-        doubtful: Any = found.get("doubtful")
-        return Step(self._update_of(found), cartesian, doubtful)
+        refused: Any = found.get("refused")
+        return Step(self._update_of(found), cartesian, refused)
 
     def smooth(self, belief: AnyBelief, later: AnyBelief, dt: float) -> AnyBelief:
         """The belief once it is known what is believed ``dt`` seconds later; with several motion models, by NumPy."""
@@ -262,13 +262,13 @@ def _updated(asked: Asked, values: Values) -> Values:
     return _said(asked.filter.update(belief, scan_of(values, asked.scan), expected))
 
 
-def _step(asked: Asked, values: Values, doubt: Doubt | None) -> Values:
+def _step(asked: Asked, values: Values, guard: StepGuard | None) -> Values:
     predicted = prediction(asked, values)
     said = asked.filter.update(predicted, scan_of(values, asked.scan))
     found = {**_said(said), **_seen(asked.filter.cartesian(said.belief))}
     # The next step makes what can be reused again, which is quicker than to write and read it.
     found = {name: value for name, value in found.items() if not name.startswith(("factor", "points"))}
-    return found if doubt is None else {**found, "doubtful": doubt(predicted)}
+    return found if guard is None else {**found, "refused": guard(predicted)}
 
 
 def _smoothed(asked: Asked, values: Values) -> Values:

@@ -3,13 +3,13 @@
 from trackbench.filters.base import (
     AnyBelief,
     Belief,
-    Doubt,
     Filter,
     Measured,
     MultiModelBelief,
     PredictedMeasurement,
     SingleModelFilter,
     Step,
+    StepGuard,
     Update,
 )
 from trackbench.filters.batches import bare, choose, concatenated, placed, select, selected_prediction
@@ -22,7 +22,6 @@ __all__ = [
     "CUBATURE",
     "AnyBelief",
     "Belief",
-    "Doubt",
     "ExtendedKalmanFilter",
     "Filter",
     "InteractingMultipleModel",
@@ -34,6 +33,7 @@ __all__ = [
     "SigmaPointFilter",
     "SingleModelFilter",
     "Step",
+    "StepGuard",
     "SymmetricSet",
     "Update",
     "bare",

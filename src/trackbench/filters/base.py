@@ -76,12 +76,12 @@ class Step(NamedTuple, Generic[B]):
     update: Update[B]
     cartesian: Gaussian
     """px, py, vx, vy after it."""
-    doubtful: Mask | None = None
-    """``(...)`` where the prediction was found doubtful, so that the step should not have been made."""
+    refused: Mask | None = None
+    """``(...)`` where the prediction was refused by the guard, so that the step should not have been made."""
 
 
-#: Says of a predicted belief where it is doubtful.
-Doubt = Callable[[Any], Mask]
+#: Tells of a predicted belief where the step is refused.
+StepGuard = Callable[[Any], Mask]
 
 
 class Measured(NamedTuple):
@@ -139,8 +139,8 @@ class Filter(Protocol[B]):
         """
         ...
 
-    def step(self, belief: B, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[B]:
-        """The belief after a scan that was taken ``dt`` seconds later; ``doubt`` is asked of the prediction."""
+    def step(self, belief: B, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[B]:
+        """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
         ...
 
     def smooth(self, belief: B, later: B, dt: float) -> B:
@@ -167,9 +167,9 @@ class SingleModelFilter(ABC):
         """The belief of a track that starts where ``state_of`` says."""
         return Belief(*state_of(self.motion))
 
-    def step(self, belief: Belief, dt: float, scan: Scan, doubt: Doubt | None = None) -> Step[Belief]:
-        """The belief after a scan that was taken ``dt`` seconds later; ``doubt`` is asked of the prediction."""
-        return stepped(self, belief, dt, scan, doubt)
+    def step(self, belief: Belief, dt: float, scan: Scan, guard: StepGuard | None = None) -> Step[Belief]:
+        """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
+        return stepped(self, belief, dt, scan, guard)
 
     def smooth(self, belief: Belief, later: Belief, dt: float) -> Belief:
         """The belief once it is known what is believed ``dt`` seconds later, by Rauch, Tung and Striebel.
@@ -219,11 +219,11 @@ class SingleModelFilter(ABC):
         """
 
 
-def stepped(filter: Filter[B], belief: B, dt: float, scan: Scan, doubt: Doubt | None) -> Step[B]:
+def stepped(filter: Filter[B], belief: B, dt: float, scan: Scan, guard: StepGuard | None) -> Step[B]:
     """A prediction and an update."""
     predicted = filter.predict(belief, dt)
     update = filter.update(predicted, scan)
-    return Step(update, filter.cartesian(update.belief), None if doubt is None else doubt(predicted))
+    return Step(update, filter.cartesian(update.belief), None if guard is None else guard(predicted))
 
 
 def correct(
@@ -260,7 +260,7 @@ def correct(
     return Update(corrected, innovation, s.covariance, whitened, s.factor)
 
 
-def take_in(
+def linear_update(
     belief: Belief, predicted: PredictedMeasurement, measured: Measured, valid: Mask, angular: tuple[int, ...]
 ) -> Update[Belief]:
     """The linear update with a measurement and its prediction; ``valid`` and ``angular`` as ``correct`` has them."""

@@ -12,12 +12,12 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Indices, Mask, Scan
 from trackbench.filters.base import (
     Belief,
-    Doubt,
     Measured,
     MultiModelBelief,
     PredictedMeasurement,
     SingleModelFilter,
     Step,
+    StepGuard,
     Update,
     either,
     stepped,
@@ -85,10 +85,10 @@ class InteractingMultipleModel:
         return joined(belief.probability, modes, belief.repaired)
 
     def step(
-        self, belief: MultiModelBelief, dt: float, scan: Scan, doubt: Doubt | None = None
+        self, belief: MultiModelBelief, dt: float, scan: Scan, guard: StepGuard | None = None
     ) -> Step[MultiModelBelief]:
-        """The belief after a scan that was taken ``dt`` seconds later; ``doubt`` is asked of the prediction."""
-        return stepped(self, belief, dt, scan, doubt)
+        """The belief after a scan that was taken ``dt`` seconds later; ``guard`` is asked of the prediction."""
+        return stepped(self, belief, dt, scan, guard)
 
     def measured(self, scan: Scan) -> Measured:
         """The measurements of a scan in the space in which the filters compare them with their predictions."""

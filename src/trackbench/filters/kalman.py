@@ -18,7 +18,7 @@ from trackbench.filters.base import (
     Update,
     correct,
     guarded,
-    take_in,
+    linear_update,
     wrap_components,
 )
 from trackbench.models.motion import MotionModel, process_noise
@@ -74,7 +74,7 @@ class KalmanFilter(SingleModelFilter):
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         predicted = predicted or self.predict_measurement(belief, scan)
-        update = take_in(belief, predicted, self.measured(scan), scan.valid, ())
+        update = linear_update(belief, predicted, self.measured(scan), scan.valid, ())
         return update._replace(belief=kept_definite(update.belief))
 
 
@@ -99,7 +99,7 @@ class ExtendedKalmanFilter(SingleModelFilter):
 
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         predicted = predicted or self.predict_measurement(belief, scan)
-        update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
+        update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
         return update._replace(belief=kept_definite(update.belief))
 
 

@@ -16,7 +16,7 @@ from trackbench.filters.base import (
     SingleModelFilter,
     Update,
     guarded,
-    take_in,
+    linear_update,
     wrap_components,
 )
 from trackbench.filters.kalman import as_measured
@@ -117,7 +117,7 @@ class SigmaPointFilter(SingleModelFilter):
     def update(self, belief: Belief, scan: Scan, predicted: PredictedMeasurement | None = None) -> Update[Belief]:
         belief = belief if belief.points is not None else guarded(belief)
         predicted = predicted or self.predict_measurement(belief, scan)
-        update = take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
+        update = linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
         return update._replace(belief=guarded(update.belief))
 
     @property

@@ -32,14 +32,14 @@ def stepper_of(
         scans: what it will be given, which a smoother looks at before.
         copies: how often the block is in the batch.
     """
-    prepare = partial(primed, work, piece, copies=copies)
+    prepare = partial(with_initial_states, work, piece, copies=copies)
     if isinstance(entry, FilterConfig) and entry.smoother is not None:
         return Offline(SmoothedTracker(prepare(build(entry))), list(scans))
     batch = copies * len(work.scenes[piece.scene].truth.ids) * len(piece.runs)
     return start(entry, work.folder, batch, prepare, work.isolation)
 
 
-def primed(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
+def with_initial_states(work: Work, piece: BlockRuns, tracker: FilterTracker, copies: int = 1) -> FilterTracker:
     """The tracker with the engine of the work, given its first states drawn from the truth if that is how it starts.
 
     Args:

@@ -15,8 +15,7 @@ from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.testing import tracks
 from trackbench.testing.kinds import OF_OTHER_KIND, Identities, answers, require_known
 from trackbench.testing.rules import LOST, NOISE, TrackerCheckError
-from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, TrackerFault, checked, unpack
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import GIVEN_UP, NOT_DEFINITE, NOT_FINITE, Tracker, TrackerFault, checked, unpack
 from trackbench.trackers.published import create
 
 

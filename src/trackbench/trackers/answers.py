@@ -1,8 +1,8 @@
-"""What a tracker may answer, and what is wrong with any other answer."""
+"""What a tracker is, what its ``step`` may return, and what is wrong with anything else."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,6 +17,21 @@ GIVEN_UP = "it gave None after an estimate: where a measurement is missed, the e
 ASYMMETRY = 1e-6
 #: How far the sum of mode probabilities may be from one.
 PROBABILITY_ROUNDING = 1e-6
+
+
+class Tracker(Protocol):
+    """Estimates one object (or, with a class attribute ``batched = True``, a batch of them) from its measurements.
+
+    One that draws random numbers, such as a particle filter, says so by a class attribute ``stochastic = True``.
+    """
+
+    def step(self, state: Any, scan: Scan) -> tuple[Any, Estimate | tuple[Array, Array] | None]:
+        """The state and the estimate after a scan.
+
+        ``state`` is None at the first measurement and is never changed in place. The estimate is None while there is
+        none; a batched tracker gives NaN where an object has none yet.
+        """
+        ...
 
 
 class TrackerFault(Exception):

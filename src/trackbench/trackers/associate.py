@@ -59,7 +59,9 @@ def _below_one(value: Any) -> bool:
 
 
 def _m_of_n(value: Any) -> bool:
-    return value == "score" or (isinstance(value, list) and len(value) == 2 and {type(one) for one in value} == {int})
+    return value == "score" or (
+        isinstance(value, list) and len(value) == 2 and {type(number) for number in value} == {int}
+    )
 
 
 class AssociateConfig(Config):
@@ -145,8 +147,7 @@ class AssociateConfig(Config):
     )
 
     def problems(self) -> Iterator[Problem]:
-        given = [name for name in type(self).model_fields if name in self.model_fields_set]
-        for key in given:
+        for key in (name for name in type(self).model_fields if name in self.model_fields_set):
             methods = METHODS.get(key, (self.method,))
             if self.method not in methods:
                 yield Problem((key,), f"not used with method: {self.method}; remove it, or use {' or '.join(methods)}")

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from trackbench.base.config import PROBLEM, Config, NonNegative, OptionsBeside, PluginName, Positive, Problem
 from trackbench.base.config.key_units import in_words
+from trackbench.base.types import Scan
 from trackbench.models.motion import MOTION_MODELS, ConstantProcessNoise, MotionModel, with_component
 from trackbench.models.motion.base import ACCELERATION, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.associate import AssociateConfig
-from trackbench.trackers.assumed import AssumedSensors
 from trackbench.trackers.imm import ImmConfig, OneOrSeveralMotions
 from trackbench.trackers.initial_config import InitialConfig
 from trackbench.trackers.late import LateMethod
@@ -37,7 +38,7 @@ FILTER_KEYS: dict[str, tuple[str, ...]] = {
 }
 
 #: The components of the state that a key of the initial state is about, where not every state has them.
-ABOUT: dict[str, tuple[str, ...]] = {
+STATE_COMPONENTS: dict[str, tuple[str, ...]] = {
     "acceleration_sigma_mps2": ACCELERATION,
     "yaw_sigma_rad": YAW,
     "yaw_rate_sigma_radps": YAW_RATE,
@@ -45,6 +46,24 @@ ABOUT: dict[str, tuple[str, ...]] = {
 
 #: How tracks of several objects start unless it is stated.
 ONE_DETECTION = {"from": "first_reading", "velocity": "range_rate"}
+
+
+@dataclass(frozen=True)
+class AssumedSensors:
+    """The equations and the noise that a tracker takes in place of a sensor's own, by the sensor's name."""
+
+    models: Mapping[str, str] = field(default_factory=dict)
+    """The kind of sensor that it is taken for."""
+    noise: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Standard deviations by the option that states them."""
+
+    def read(self, scan: Scan) -> Scan:
+        """The scan as the tracker takes it."""
+        kind = self.models.get(scan.sensor, scan.kind)
+        sigmas = self.noise.get(scan.sensor)
+        if sigmas is None:
+            return scan if kind == scan.kind else scan._replace(kind=kind)
+        return scan._replace(kind=kind, noise_covariance=SENSOR_MODELS[kind].other_noise(scan.noise_covariance, sigmas))
 
 
 class FilterConfig(OptionsBeside):
@@ -129,11 +148,11 @@ class FilterConfig(OptionsBeside):
     def _one_detection(cls, data: Any) -> Any:
         if not isinstance(data, dict) or data.get("associate") is None:
             return data
-        given = data.get("initial", {})
-        given = {"from": given} if isinstance(given, str) else given
-        if not isinstance(given, dict) or given.get("from", "first_reading") != "first_reading":
+        initial = data.get("initial", {})
+        initial = {"from": initial} if isinstance(initial, str) else initial
+        if not isinstance(initial, dict) or initial.get("from", "first_reading") != "first_reading":
             return data
-        return {**data, "initial": {**ONE_DETECTION, **given}}
+        return {**data, "initial": {**ONE_DETECTION, **initial}}
 
     @property
     def sensors_used(self) -> list[str] | None:
@@ -163,28 +182,30 @@ class FilterConfig(OptionsBeside):
         return _words(self.motion, () if self.process_noise_diag is None else self.motion.driving_noise)
 
     @classmethod
-    def replaced(cls, data: Mapping[str, Any], found: type[MotionModel]) -> dict[str, str]:
+    def replaced(cls, data: Mapping[str, Any], model: type[MotionModel]) -> dict[str, str]:
         if data.get("process_noise_diag") is None:
             return {}
         reason = "not used with process_noise_diag, which says it all; remove one of them"
-        return dict.fromkeys(found.driving_noise, reason)
+        return dict.fromkeys(model.driving_noise, reason)
 
     def problems(self) -> Iterator[Problem]:
-        given, models = self.model_fields_set, self.models
+        stated, models = self.model_fields_set, self.models
         for motion in models:
             yield from self._unfit(motion, _name(motion))
         if isinstance(self.motion, ImmConfig):
             yield from self._not_for_several()
         for name, keys in FILTER_KEYS.items():
             for key in keys:
-                if key in given and self.filter != name:
+                if key in stated and self.filter != name:
                     yield Problem((key,), f"only filter {name} has this key; the filter here is {self.filter}")
         for key in ("alpha", "beta"):
-            if key in given and self.filter == "ukf" and self.sigma_points == "classic":
+            if key in stated and self.filter == "ukf" and self.sigma_points == "classic":
                 yield Problem((key,), "not used with sigma_points: classic; remove it, or use sigma_points: scaled")
-        for key, about in ABOUT.items():
-            if key in self.initial.model_fields_set and not any(set(about) & set(model.components) for model in models):
-                others = " and ".join(with_component(about))
+        for key, components in STATE_COMPONENTS.items():
+            if key in self.initial.model_fields_set and not any(
+                set(components) & set(model.components) for model in models
+            ):
+                others = " and ".join(with_component(components))
                 names = " and ".join(dict.fromkeys(map(_name, models)))
                 yield Problem(("initial", key), f"motion {names} has no such component; {others} have")
         if self.associate is not None:
@@ -192,7 +213,7 @@ class FilterConfig(OptionsBeside):
         if self.late == "retrodiction" and (self.associate is not None or isinstance(self.motion, ImmConfig)):
             what = "associate" if self.associate is not None else "several motion models"
             yield Problem(("late",), f"retrodiction does not go with {what}; use replay or drop")
-        if "lag_s" in given and self.late in ("drop", "as_new"):
+        if "lag_s" in stated and self.late in ("drop", "as_new"):
             yield Problem(("lag_s",), f"not used with late: {self.late}; remove it")
         yield from _repeated(self.sensors)
         yield from _unexpanded(self.sweep)

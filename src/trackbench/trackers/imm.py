@@ -36,8 +36,8 @@ class ImmConfig(Config):
     @property
     def first_probabilities(self) -> tuple[float, ...]:
         """Probability of each model at a track's start, with the sum one."""
-        given = self.initial_probabilities or self.stay_s
-        return tuple(value / sum(given) for value in given)
+        weights = self.initial_probabilities or self.stay_s
+        return tuple(value / sum(weights) for value in weights)
 
     @property
     def names(self) -> list[str]:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trackbench.base import linalg
 from trackbench.base.types import Array, Gaussian, Mask, Scan
 from trackbench.engine.equations import Compute, by_numpy
+from trackbench.filters import AnyBelief, Filter, choose
 from trackbench.models.motion import InitialSigmas, Kinematics, MotionModel
 from trackbench.models.motion.base import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.batch_fit import BatchPrior
 from trackbench.trackers.batch_start import start_state
-from trackbench.trackers.course import course_known, has_yaw
+from trackbench.trackers.cartesian_fallback import course_known, has_yaw
 from trackbench.trackers.first_line import first_line
 from trackbench.trackers.initial_config import ALONG_SIGHT, InitialConfig
 
@@ -26,6 +27,23 @@ TRUE_YAW_SIGMA = 0.1
 LONGEST = 1.0
 #: Two times that differ by less are the same, s: times are sums of periods, which are not exact.
 SAME_TIME = 1e-6
+
+
+class Prior(NamedTuple):
+    """Where each track starts, for a tracker that is given its first state rather than finding it."""
+
+    time: Array
+    """``(...)`` s."""
+    belief: AnyBelief
+    """Its mean drawn from the truth, with the covariance of the draw."""
+
+    def begin(self, time: float, belief: AnyBelief, started: Mask, filter: Filter[Any]) -> tuple[AnyBelief, Mask]:
+        """The belief and the started tracks ``(...)``, with those that start by this time, ready for an update."""
+        fresh = (time >= self.time) & ~started
+        if not np.any(fresh):
+            return belief, started
+        # A prediction over no time gives the sigma points that an update may reuse.
+        return choose(fresh, filter.predict(self.belief, 0.0), belief), started | fresh
 
 
 class TentativeTrack(NamedTuple):
@@ -54,6 +72,12 @@ class Start(NamedTuple):
     waiting: TentativeTrack
     without_course: Mask | None = None
     """Those of them whose course is not known, where the state has a yaw."""
+
+
+def placeholder(motion: MotionModel, batch: tuple[int, ...]) -> Gaussian:
+    """A state for tracks that have not started."""
+    mean = np.ones((len(motion.components), *batch))
+    return Gaussian(mean, np.zeros((len(mean), *mean.shape)) + linalg.expand(np.eye(len(mean)), mean[None]))
 
 
 def sigmas(config: InitialConfig) -> InitialSigmas:
@@ -135,9 +159,7 @@ def _from_batch(
             without_course[ready] = ~course_known(line.latest) | line.ambiguous
 
     def state_of(motion: MotionModel) -> Gaussian:
-        size = len(motion.components)
-        mean = np.ones((size, *ready.shape))
-        covariance = np.zeros((size, *mean.shape)) + linalg.expand(np.eye(size), mean[None])
+        mean, covariance = placeholder(motion, ready.shape)
         mean[:, ready], covariance[..., ready] = start_state(motion.part(ready), measurements, prior, line, compute)
         return _stated(Gaussian(mean, covariance), config)
 

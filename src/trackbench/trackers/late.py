@@ -1,4 +1,4 @@
-"""Scans that are older than what a tracker has already taken in: out-of-sequence measurements."""
+"""Scans that are older than a tracker's state (out-of-sequence measurements): the history, and replay."""
 
 from __future__ import annotations
 
@@ -12,65 +12,67 @@ LateMethod = Literal["drop", "as_new", "replay", "retrodiction"]
 
 
 class Timed(Protocol):
-    """A state that knows when it is of."""
+    """A state with a time."""
 
     @property
     def time(self) -> float:
-        """Of the latest scan that was taken in, s."""
+        """Of the latest processed scan, s."""
         ...
 
 
 S = TypeVar("S", bound=Timed)
 A = TypeVar("A")
-#: Takes a scan in at its time, given the origins of its detections.
+#: Processes a scan at its time, given the origins of its detections: the state and the answer after it.
 Step = Callable[[S, Scan, Indices | None], tuple[S, A]]
 
 
-class Taken(NamedTuple, Generic[S, A]):
-    """A scan that was taken in. It is never changed, so that a copied state shares its history."""
+class ProcessedScan(NamedTuple, Generic[S, A]):
+    """A scan in the history. It is never changed, so that a copied state shares its history."""
 
     before: S
     """The state before it."""
     scan: Scan
     origins: Indices | None = None
     """Of its detections, for the tracker that knows them."""
-    said: A | None = None
-    """What the tracker said after it, where that may be asked for."""
+    answer: A | None = None
+    """The estimate or tracks after it; None where they are not needed."""
     outdated: bool = False
-    """Whether a late scan has been taken in since, of a time before it, that ``before`` does not hold."""
+    """Whether a late scan of an earlier time was processed since, so that ``before`` lacks it."""
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Taken[S, A]:
+    def __deepcopy__(self, memo: dict[int, Any]) -> ProcessedScan[S, A]:
         return self
 
 
 class Replayed(NamedTuple, Generic[S, A]):
-    """What going back to a late scan's time and taking all later scans in again gave."""
+    """The result of going back to a late scan's time and processing all later scans again."""
 
     state: S
     late: A
-    """What the tracker said after the late scan."""
+    """The answer after the late scan."""
     latest: A
-    """What it said after the latest scan."""
-    history: tuple[Taken[S, A], ...]
+    """The answer after the latest scan."""
+    history: tuple[ProcessedScan[S, A], ...]
 
 
-def kept(step: Step[S, A], history: tuple[Taken[S, A], ...], taken: Taken[S, A], lag: float) -> tuple[Taken[S, A], ...]:
+def appended(
+    step: Step[S, A], history: tuple[ProcessedScan[S, A], ...], processed: ProcessedScan[S, A], lag: float
+) -> tuple[ProcessedScan[S, A], ...]:
     """The history with one more scan, and without those that are older than it by more than ``lag`` seconds."""
-    first = bisect_left(history, taken.scan.time - lag, key=lambda one: one.scan.time)
+    first = bisect_left(history, processed.scan.time - lag, key=lambda earlier: earlier.scan.time)
     if first == len(history):
-        return (taken,)
-    return (*up_to_date(step, history, first)[first:], taken)
+        return (processed,)
+    return (*up_to_date(step, history, first)[first:], processed)
 
 
-def position(history: tuple[Taken[S, A], ...], scan: Scan) -> int | None:
-    """Where in the history a scan belongs that was taken earlier than its last one.
+def position(history: tuple[ProcessedScan[S, A], ...], scan: Scan) -> int | None:
+    """Index at which a late scan belongs in the history.
 
-    None where it was not, or where the history does not reach back so far. Scans of one time are in the order in which
-    they are delivered when nothing is late.
+    None where the scan is not late, or where the history does not reach back so far. Scans of one time are in the
+    order in which they are delivered when nothing is late.
     """
     if not history or _order(history[-1].scan) <= _order(scan):
         return None
-    number = sum(_order(one.scan) <= _order(scan) for one in history)
+    number = sum(_order(processed.scan) <= _order(scan) for processed in history)
     if number == 0 and history[0].before.time > scan.time:
         return None
     return number
@@ -80,32 +82,38 @@ def _order(scan: Scan) -> tuple[float, int]:
     return scan.time, scan.place
 
 
-def up_to_date(step: Step[S, A], history: tuple[Taken[S, A], ...], number: int) -> tuple[Taken[S, A], ...]:
-    """The history in which no state up to that before the scan of this number is outdated."""
-    redone: list[Taken[S, A]] = []
-    for one in history[: number + 1]:
-        if one.outdated:
+def up_to_date(
+    step: Step[S, A], history: tuple[ProcessedScan[S, A], ...], number: int
+) -> tuple[ProcessedScan[S, A], ...]:
+    """The history with no outdated state up to the scan of this index."""
+    redone: list[ProcessedScan[S, A]] = []
+    for processed in history[: number + 1]:
+        if processed.outdated:
             last = redone[-1]
-            one = one._replace(before=step(last.before, last.scan, last.origins)[0], outdated=False)
-        redone.append(one)
+            processed = processed._replace(before=step(last.before, last.scan, last.origins)[0], outdated=False)
+        redone.append(processed)
     return (*redone, *history[number + 1 :])
 
 
-def inserted(history: tuple[Taken[S, A], ...], number: int, scan: Scan) -> tuple[Taken[S, A], ...]:
-    """The history with a late scan at its position, where no state up to that is outdated; those after it then are."""
-    taken: Taken[S, A] = Taken(history[number].before, scan)
-    return (*history[:number], taken, *(one._replace(outdated=True) for one in history[number:]))
+def inserted(history: tuple[ProcessedScan[S, A], ...], number: int, scan: Scan) -> tuple[ProcessedScan[S, A], ...]:
+    """The history, up to date to this index, with a late scan inserted there; the states after it become outdated."""
+    late: ProcessedScan[S, A] = ProcessedScan(history[number].before, scan)
+    return (*history[:number], late, *(processed._replace(outdated=True) for processed in history[number:]))
 
 
 def replayed(
-    step: Step[S, A], history: tuple[Taken[S, A], ...], number: int, scan: Scan, origins: Indices | None = None
+    step: Step[S, A],
+    history: tuple[ProcessedScan[S, A], ...],
+    number: int,
+    scan: Scan,
+    origins: Indices | None = None,
 ) -> Replayed[S, A]:
-    """Take a late scan in at its position in the history, and the later ones again."""
+    """Process a late scan at its index in the history, and the later ones again."""
     before = history[number].before
     state, late = step(before, scan, origins)
-    redone, latest = [Taken(before, scan, origins, late)], late
-    for one in history[number:]:
+    redone, latest = [ProcessedScan(before, scan, origins, late)], late
+    for processed in history[number:]:
         before = state
-        state, latest = step(before, one.scan, one.origins)
-        redone.append(Taken(before, one.scan, one.origins, latest))
+        state, latest = step(before, processed.scan, processed.origins)
+        redone.append(ProcessedScan(before, processed.scan, processed.origins, latest))
     return Replayed(state, late, latest, (*history[:number], *redone))

@@ -14,18 +14,18 @@ from trackbench.base.config.explain import explain
 from trackbench.base.errors import InputError, InputErrors
 from trackbench.base.plugins import Registry, searched
 from trackbench.base.plugins.imports import one_line
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 Factory = Callable[..., Tracker]
 
 
-def _lacks(found: Any) -> str | None:
-    made = _returned(found) if inspect.isfunction(found) else found
+def _lacks(plugin: Any) -> str | None:
+    made = _returned(plugin) if inspect.isfunction(plugin) else plugin
     if not isinstance(made, type):
         return "it is neither a class nor a function that says which tracker it returns (-> MyTracker)"
     if not callable(getattr(made, "step", None)):
         return f"{made.__qualname__} has no method step(state, scan)"
-    options = getattr(found, "Options", None)
+    options = getattr(plugin, "Options", None)
     if options is not None and not (isinstance(options, type) and issubclass(options, BaseModel)):
         return "its Options are no pydantic model"
     return None

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from trackbench.base.types import Estimate, Scan
 from trackbench.filters import bare, choose
-from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.in_order import TrackState
 
 
 class _Instant(NamedTuple):
@@ -30,7 +31,7 @@ class SmoothedTracker:
     def estimates(self, scans: Sequence[Scan]) -> list[Estimate]:
         """The estimate at each scan, whatever their order: offline none comes late."""
         instants = self._filtered(sorted((scan.prompt() for scan in scans), key=lambda scan: scan.time))
-        found: dict[float, Estimate] = {}
+        smoothed: dict[float, Estimate] = {}
         later: TrackState | None = None
         while instants:
             state, own = instants.pop()
@@ -41,14 +42,14 @@ class SmoothedTracker:
                 belief = choose(state.started, belief, state.belief)
             estimate = self.tracker.estimate(state._replace(belief=belief))
             # The filter's own state, of which nothing is scored, would take as much memory again.
-            found[state.time] = estimate._replace(state=None, state_covariance=None)
+            smoothed[state.time] = estimate._replace(state=None, state_covariance=None)
             if own:
                 later = state._replace(belief=belief)
-        return [found[scan.time] for scan in scans]
+        return [smoothed[scan.time] for scan in scans]
 
     def _filtered(self, scans: Sequence[Scan]) -> list[_Instant]:
         # Over a change of the state there is no way back.
-        tracker = replace(self.tracker, without_course=False, lag_s=0.0)
+        tracker = replace(self.tracker, cartesian_fallback=False, lag_s=0.0)
         state: TrackState | None = None
         instants = []
         for time, group in groupby(scans, key=lambda scan: scan.time):

@@ -16,7 +16,7 @@ from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
 from trackbench.subjects.adaptors.published import filterpy, stonesoup
 from trackbench.testing import check_tracker
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 CV = {"motion": "cv", "acceleration_sigma_mps2": ACCELERATION_SIGMA}
 CTRV = {

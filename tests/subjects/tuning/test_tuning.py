@@ -30,7 +30,7 @@ from trackbench.subjects.tuning.search import search, usual_trials
 from trackbench.subjects.tuning.study import Study
 from trackbench.subjects.tuning.trials import TuningTrial
 from trackbench.trackers.builtin import ekf
-from trackbench.trackers.innovations import log_likelihood
+from trackbench.trackers.estimates import log_likelihood
 
 TEXT = """# Two cars.
 name: two_cars

@@ -18,11 +18,12 @@ from trackbench.base import linalg
 from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
 from trackbench.filters import Belief, PredictedMeasurement, SigmaPointFilter, Update, classic
-from trackbench.filters.base import take_in
+from trackbench.filters.base import linear_update
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.trackers.builtin import build, ukf
 from trackbench.trackers.config import FilterConfig
-from trackbench.trackers.filtered import FilterTracker, TrackState
+from trackbench.trackers.filtered import FilterTracker
+from trackbench.trackers.in_order import TrackState
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class FaultyUkf(SigmaPointFilter):
         if belief.points is None:
             return super().update(belief, scan, predicted)
         predicted = predicted or self.predict_measurement(belief, scan)
-        return take_in(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
+        return linear_update(belief, predicted, self.measured(scan), scan.valid, self.motion.angular)
 
 
 class FaultyTracker(FilterTracker):

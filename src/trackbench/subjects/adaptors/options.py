@@ -17,7 +17,7 @@ from trackbench.base.types import Scan
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.subjects.adaptors import layout
 from trackbench.subjects.adaptors.reader import ELEVATION, POSITION, components
-from trackbench.trackers.config import ABOUT
+from trackbench.trackers.config import STATE_COMPONENTS
 from trackbench.trackers.initial_config import InitialConfig
 
 Found = TypeVar("Found")
@@ -96,9 +96,9 @@ class AdaptorOptions(Config):
             return
         if self.initial.source not in STARTS:
             yield Problem(("initial", "from"), f"choose from: {', '.join(STARTS)}; or write initial: {OWN}")
-        for key, about in ABOUT.items():
-            if key in self.initial.model_fields_set and not set(about) & set(self.state):
-                yield Problem(("initial", key), f"the state has no {' or '.join(about)}")
+        for key, names in STATE_COMPONENTS.items():
+            if key in self.initial.model_fields_set and not set(names) & set(self.state):
+                yield Problem(("initial", key), f"the state has no {' or '.join(names)}")
         diagonal = self.initial.covariance_diag
         if diagonal is not None and len(diagonal) != len(self.state):
             sizes = f"the state has {len(self.state)} components, not {len(diagonal)}"

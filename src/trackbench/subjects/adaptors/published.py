@@ -6,7 +6,7 @@ from typing import Any
 
 from trackbench.subjects.adaptors.filterpy_options import FilterPyOptions
 from trackbench.subjects.adaptors.stonesoup_options import StoneSoupOptions
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 
 def filterpy(**options: Any) -> Tracker:

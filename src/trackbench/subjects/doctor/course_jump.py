@@ -14,7 +14,7 @@ from trackbench.base.types import Estimate, Scan
 from trackbench.subjects.doctor.exhibits import Predictions, StatedBelief
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, apart, finite
 from trackbench.subjects.doctor.turned import rotation, turned_scene
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 #: Angles by which a scene is turned, rad, in the order in which they are tried.
 ANGLES = (-0.9, -1.5, 0.9, 1.5, 2.1, -2.1)

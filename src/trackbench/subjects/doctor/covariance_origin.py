@@ -12,7 +12,7 @@ from trackbench.driving.steppers import masked
 from trackbench.subjects.doctor.exhibits import Matrices, Panel, state_matrices
 from trackbench.subjects.doctor.output_checks import asymmetry, least_eigenvalue, scaled
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession, finite
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 #: Asymmetry, and negative eigenvalue, that rounding does not explain, of a covariance scaled to unit variances.
 ROUNDING = 1e-6

@@ -17,7 +17,7 @@ from trackbench.subjects.doctor.findings import CheckResult, Finding
 from trackbench.subjects.doctor.rollout import Rollout, one_run
 from trackbench.subjects.doctor.session import StepFailed, TrackerSession
 from trackbench.subjects.doctor.trial import Trial
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 #: The evidence of a healthy tracker, and of a fault that no drive shows.
 DEFAULT_DRIVE = "azimuth_crossing"

@@ -53,7 +53,7 @@ from trackbench.subjects.doctor.simplified import simplified
 from trackbench.subjects.doctor.site import Carrier, site_of
 from trackbench.subjects.doctor.step_count import OTHERS, StepCount, evidence_steps, steps_of
 from trackbench.subjects.doctor.tracker_under_test import TrackerUnderTest
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import ekf
 
 Part = Callable[[TrackerUnderTest], PartResult]

@@ -10,8 +10,7 @@ import numpy as np
 from trackbench.base.types import Array, Mask, Scan
 from trackbench.subjects.doctor.output_checks import OutputChecks
 from trackbench.subjects.doctor.session import Examined, StepFailed, TrackerSession
-from trackbench.trackers.answers import shaped, unpack
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker, shaped, unpack
 
 
 class Rollout(NamedTuple):

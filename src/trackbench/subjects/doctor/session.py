@@ -12,8 +12,7 @@ from trackbench.driving.alone import Alone
 from trackbench.driving.faults import fault_of
 from trackbench.driving.remote import RemoteTracker
 from trackbench.driving.steppers import masked
-from trackbench.trackers.answers import TOO_LARGE, TrackerFault
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import TOO_LARGE, Tracker, TrackerFault
 
 #: An estimate or a standard deviation beyond this is one of no target, m and m/s.
 LARGEST = 1e9

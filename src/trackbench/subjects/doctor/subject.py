@@ -19,7 +19,7 @@ from trackbench.scenario.truth import truth_of
 from trackbench.subjects.doctor.simplified import RATES, rate_of
 from trackbench.subjects.doctor.site import Carrier, carrier_of
 from trackbench.testing.kinds import Identities
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 from trackbench.trackers.builtin import build
 from trackbench.trackers.config import FilterConfig, PluginConfig
 from trackbench.trackers.filtered import FilterTracker

@@ -22,7 +22,7 @@ from trackbench.subjects.doctor.session import Examined, MissGiven, StepFailed, 
 from trackbench.subjects.doctor.stated_covariance import stated_covariance_fault
 from trackbench.subjects.doctor.trial import Trial, averaged
 from trackbench.subjects.doctor.update_consistency import update_faults
-from trackbench.trackers.base import Tracker
+from trackbench.trackers.answers import Tracker
 
 #: How long a probe's target is followed before time 0, s.
 WARM_UP = 3.0

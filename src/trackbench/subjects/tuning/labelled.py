@@ -23,7 +23,7 @@ from trackbench.subjects.tuning.conditions import CONDITIONS, members
 from trackbench.subjects.tuning.entry import Entry
 from trackbench.subjects.tuning.given import Given
 from trackbench.subjects.tuning.measures import Sums
-from trackbench.trackers.innovations import log_likelihood
+from trackbench.trackers.estimates import log_likelihood
 
 
 def score_start(work: Work, piece: BlockRuns, entry: Entry) -> tuple[Sums, Given, EngineUsed | None]:

@@ -15,10 +15,9 @@ from trackbench.engine.equations import Compute
 from trackbench.engine.used import EngineUsed
 from trackbench.filters import AnyBelief, Belief, Filter, bare
 from trackbench.trackers.associate import COUNTING, EXISTENCE, SHARING, AssociateConfig
-from trackbench.trackers.assumed import AssumedSensors
-from trackbench.trackers.config import AdvanceAt
+from trackbench.trackers.config import AdvanceAt, AssumedSensors
 from trackbench.trackers.initial_config import InitialConfig
-from trackbench.trackers.late import LateMethod, Taken, kept, position, replayed
+from trackbench.trackers.late import LateMethod, ProcessedScan, appended, position, replayed
 from trackbench.trackers.multi.association import CLAIMED, associated
 from trackbench.trackers.multi.detections import RunDetections, side_by_side
 from trackbench.trackers.multi.duplicates import duplicates
@@ -42,7 +41,7 @@ class MultiObjectState(NamedTuple):
     next_id: Indices
     """``(runs,)``"""
     undetected: Undetected
-    history: tuple[Taken[MultiObjectState, Tracks], ...] = ()
+    history: tuple[ProcessedScan[MultiObjectState, Tracks], ...] = ()
     """The latest scans that were taken in."""
 
 
@@ -137,8 +136,8 @@ class MultiObjectTracker:
         before = state._replace(history=())
         after, answer = self._in_sequence(before, scan, origins)
         if self.late == "replay" and self.lag_s > 0.0:
-            taken = Taken(before, scan, origins, answer)
-            after = after._replace(history=kept(self._in_sequence, state.history, taken, self.lag_s))
+            processed = ProcessedScan(before, scan, origins, answer)
+            after = after._replace(history=appended(self._in_sequence, state.history, processed, self.lag_s))
         return after, answer
 
     def _in_sequence(

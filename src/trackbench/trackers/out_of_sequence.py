@@ -1,4 +1,4 @@
-"""The present state corrected by a late measurement, without taking later ones in again."""
+"""The answer of a tracker with a built-in filter to a late scan, by replay or by retrodiction."""
 
 from __future__ import annotations
 
@@ -8,11 +8,47 @@ from typing import NamedTuple
 import numpy as np
 
 from trackbench.base import linalg
-from trackbench.base.types import Array, Scan
+from trackbench.base.types import Array, Estimate, Scan
 from trackbench.base.units import difference
 from trackbench.filters import Belief, SingleModelFilter, Update
 from trackbench.filters.base import correct, guarded
 from trackbench.models.motion import MotionModel, process_noise
+from trackbench.trackers.estimates import total_log_likelihood, with_innovation
+from trackbench.trackers.in_order import InOrder, TrackState
+from trackbench.trackers.late import inserted, replayed, up_to_date
+
+
+def after_replay(tracker: InOrder, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
+    """The state with a late scan at this index of its history, and the present estimate with that scan's innovation."""
+    again = replayed(tracker.step, state.history, number, scan)
+    late = again.late
+    gained = total_log_likelihood(again.history[number:]) - total_log_likelihood(state.history[number:])
+    return again.state._replace(history=again.history), again.latest._replace(
+        innovation=late.innovation,
+        innovation_covariance=late.innovation_covariance,
+        whitened_innovation=late.whitened_innovation,
+        # Of the late scan given all that were processed before. Zero: no track was there for any of them.
+        log_likelihood=np.where(gained == 0.0, np.nan, gained),
+    )
+
+
+def after_retrodiction(tracker: InOrder, state: TrackState, scan: Scan, number: int) -> tuple[TrackState, Estimate]:
+    """The present state and estimate corrected by a late scan, where a track has gone on since before it."""
+    history = up_to_date(tracker.step, state.history, number)
+    before = history[number].before
+    known = before.started & state.started
+    part = scan._replace(valid=known & scan.valid)
+    if before.fallback is not None or state.fallback is not None or not np.any(part.valid):
+        return state._replace(history=history), tracker.estimate(state)
+    assert isinstance(tracker.filter, SingleModelFilter)
+    assert isinstance(before.belief, Belief)
+    assert isinstance(state.belief, Belief)
+    times = tuple(processed.scan.time for processed in history[number:])
+    update = retrodicted(tracker.filter, Retrodiction(before.belief, before.time, state.belief, times), part)
+    after = state._replace(belief=update.belief)
+    estimate = with_innovation(tracker.estimate(after), update, known)
+    history = inserted(history, number, part)
+    return after._replace(belief=update.belief._replace(repaired=None), history=history), estimate
 
 
 class Retrodiction(NamedTuple):
