@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from trackbench.runner import work
-from trackbench.subjects import recording
+from trackbench.subjects.recording import writer as recording
 
 pytestmark = pytest.mark.slow
 

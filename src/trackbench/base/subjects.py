@@ -38,6 +38,10 @@ class Subject:
     """By the main file of a folder, for ``trackbench report``: a function from that file to a Document."""
     artifacts: Mapping[str, str] = field(default_factory=dict)
     """By the file in the folder of a run: a function ``(result, path, colours)`` that writes it."""
+    replays: Mapping[str, str] = field(default_factory=dict)
+    """By the file that it writes: a function of a :class:`trackbench.document.replay.Replay` and a path."""
+    run_options: Mapping[str, str] = field(default_factory=dict)
+    """By any name: a :class:`trackbench.cli.run_options.RunOptions`, for ``trackbench run``."""
 
 
 @cache

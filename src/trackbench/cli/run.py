@@ -19,13 +19,13 @@ from trackbench.base.execution import executor
 from trackbench.cli.completion import scenarios_argument, trackers_of_scenarios
 from trackbench.cli.engine import engine_option
 from trackbench.cli.isolation import isolation_options
+from trackbench.cli.run_options import check_options, followers, subject_options
 from trackbench.cli.run_output import RunOutput
 from trackbench.cli.verbosity import quiet_option, verbose_option
 from trackbench.driving.isolation import Isolation
 from trackbench.engine.choice import EngineName
 from trackbench.results import Result
 from trackbench.scenario.shipped import scenario_files
-from trackbench.subjects.recording.commands.live import live_options, require_known, showing
 from trackbench.truth import MAX_SCENES
 
 FAILED_EXPECTATION = 1
@@ -62,7 +62,7 @@ FAILED_TRACKER = 3
 @isolation_options
 @click.option("--no-recording", is_flag=True, help="Do not write the Rerun recording.")
 @click.option("--junit", type=click.Path(path_type=Path), metavar="FILE", help="Write the expectations as JUnit XML.")
-@live_options
+@subject_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else.")
 @quiet_option("One line a scenario, and what failed.")
 @verbose_option
@@ -84,7 +84,7 @@ def run_command(
     junit: Path | None,
     as_json: bool,
     quiet: bool,
-    **live: Any,
+    **of_subjects: Any,
 ) -> None:
     """Score every tracker; write a result, a report and a recording.
     SCENARIO is a YAML file, a folder of them, or the name of one that comes
@@ -110,14 +110,13 @@ def run_command(
         results.require_file(junit, "--junit")
     files = scenario_files(scenarios)
     loaded, unchanged = load_several(files, settings, runs=runs, seed=seed, scenes=scenes, trackers=only)
-    if any(live.values()):
-        require_known(loaded)
+    check_options(loaded, of_subjects)
     output = RunOutput(as_json, quiet)
     for note in unchanged:
         output.note(note)
     with executor(workers, cluster) as chosen:
         prepared = prepare(loaded, plan, chosen, output)
-        with showing(**live) as output.viewer:
+        with followers(of_subjects) as output.followers:
             found = run(prepared, plan, chosen, output)
             if junit is not None:
                 _write_junit(found, junit)

@@ -1,4 +1,4 @@
-"""What ``trackbench run`` prints, and shows in a viewer."""
+"""What ``trackbench run`` prints, and hands on to what else follows the runs."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from rich.console import Console
 
 from trackbench import results
 from trackbench.api.listener import Listener, Prepared
-from trackbench.base.types import Progress
+from trackbench.base.types import Progress, Scan
 from trackbench.cli.progress import progress
 from trackbench.results import Result
 
 if TYPE_CHECKING:
     from trackbench.compare import Comparison
     from trackbench.runner.block import OnRecordedRun
-    from trackbench.subjects.recording.live import Live
+    from trackbench.runner.recorded import RecordedInstant
 
 
 class RunOutput(Listener):
@@ -30,13 +30,13 @@ class RunOutput(Listener):
         self._as_json = as_json
         self._quiet = quiet
         self._console = Console()
-        self.viewer: Live | None = None
-        """Where the runs are shown while they go on."""
+        self.followers: list[Listener] = []
+        """What else is told of the runs while they go on."""
 
     @property
     def observes(self) -> bool:
-        """With a viewer."""
-        return self.viewer is not None
+        """With followers that do."""
+        return any(follower.observes for follower in self.followers)
 
     @contextmanager
     def progress(self, work: str, unit: str) -> Iterator[Progress]:
@@ -49,18 +49,21 @@ class RunOutput(Listener):
         click.echo(text, err=True)
 
     def begin(self, item: Prepared) -> OnRecordedRun | None:
-        """The viewer follows."""
-        if self.viewer is None:
-            return None
-        self.viewer.begin(item.scenario, item.truths[item.scenario.config.recording.scene].truth)
-        return self.viewer.observe
+        """The followers get the recorded run."""
+        observers = [observe for follower in self.followers if (observe := follower.begin(item)) is not None]
+
+        def observe_all(observed: list[Scan] | RecordedInstant) -> None:
+            for observe in observers:
+                observe(observed)
+
+        return observe_all if observers else None
 
     def end(self, result: Result, folder: Path | None) -> None:
         """The table, or one line."""
         from trackbench.report.console import print_outcome, print_summary
 
-        if self.viewer is not None:
-            self.viewer.end(result)
+        for follower in self.followers:
+            follower.end(result, folder)
         if self._as_json:
             return
         if self._quiet:

@@ -30,7 +30,7 @@ from trackbench.results.scenario_summary import (
     TruthSummary,
 )
 from trackbench.results.score_summary import MarginSummary, ScoreSummary
-from trackbench.subjects import recording
+from trackbench.subjects.recording import writer as recording
 
 MARGIN = MarginSummary(percent=1.0, position_m=0.005, velocity_mps=0.02, course_deg=0.05)
 STEPS, DT, RUNS = 401, 0.05, 100

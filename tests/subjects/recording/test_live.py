@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import rerun as rr
 
+from trackbench.api.listener import Prepared
 from trackbench.base.types import Gaussian
 from trackbench.document.palette import tracker_colours
 from trackbench.results import Result
@@ -56,7 +57,7 @@ def test_a_run_hands_over_what_it_finds_and_never_waits(
     loaded, truth = scene
     viewer = Live(url or deaf)
     try:
-        viewer.begin(loaded, truth.truth)
+        viewer.begin(Prepared(loaded, [truth]))
         instant = RecordedInstant(0, {"ekf": Gaussian(np.zeros((4, 500)), np.zeros((4, 4, 500)))})
         # Six hundred megabytes, which no pipe and no connection takes.
         longest = 0.0
@@ -81,7 +82,7 @@ def test_what_waits_is_bounded_and_the_oldest_goes_first(
     monkeypatch.setattr(threading.Thread, "start", lambda self: None)
     viewer = Live(ABSENT)
     try:
-        viewer.begin(scene[0], scene[1].truth)
+        viewer.begin(Prepared(scene[0], [scene[1]]))
         for instant in range(10):
             viewer.observe(RecordedInstant(instant, {"ekf": Gaussian(np.zeros((4, 2)), np.zeros((4, 4, 2)))}))
         about, *kept = viewer._batch()
@@ -97,7 +98,7 @@ def test_a_process_that_dies_is_noticed_and_no_error(scene: tuple[Scenario, Load
     loaded, truth = scene
     viewer = Live(ABSENT)
     stop(viewer)
-    viewer.begin(loaded, truth.truth)
+    viewer.begin(Prepared(loaded, [truth]))
     result = run(loaded, [truth], on_recorded_run=viewer.observe)
     viewer.end(result)
     viewer.close()
@@ -118,7 +119,7 @@ def test_the_other_process_gives_up_a_viewer_that_takes_nothing(
     viewer = Live(deaf)
     monkeypatch.undo()
     try:
-        viewer.begin(scene[0], scene[1].truth)
+        viewer.begin(Prepared(scene[0], [scene[1]]))
         viewer.end(run(scene[0], [scene[1]]))
         viewer.close()
         assert viewer._process.wait(timeout=30) != 0

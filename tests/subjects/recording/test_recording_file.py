@@ -20,7 +20,7 @@ from scipy import stats
 from trackbench.base.errors import InputError, TrackbenchError
 from trackbench.document.palette import TRACKER_COLOURS, tracker_colours
 from trackbench.results import Failure, Result, Tables
-from trackbench.subjects import recording
+from trackbench.subjects.recording import writer as recording
 
 
 def test_rerun_verifies_the_file(file: Path) -> None:

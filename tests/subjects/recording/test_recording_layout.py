@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.types import Array
+from trackbench.document.replay import Chart, ChartLine
 from trackbench.results import Result
 from trackbench.results.columns import Columns
-from trackbench.subjects.recording.charts import Chart, ChartLine
 from trackbench.subjects.recording.labels import GAP, HEIGHT, LETTER, label_points
 from trackbench.subjects.recording.legend import entries, legend_view
 

@@ -18,8 +18,8 @@ from trackbench.base.errors import InputError
 from trackbench.metrics.moments import worst
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.results import Result, Tables, to_json
-from trackbench.subjects import recording
 from trackbench.subjects.recording import chunks
+from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.data import KEYS
 from trackbench.subjects.recording.inspection import inspect
 from trackbench.subjects.recording.reader import read

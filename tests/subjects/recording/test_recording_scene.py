@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 import pytest
 
 from trackbench.results import Result, Tables
-from trackbench.subjects import recording
+from trackbench.subjects.recording import writer as recording
 from trackbench.subjects.recording.shapes import ellipse
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from trackbench import results
 from trackbench.base.errors import InputError
+from trackbench.base.subjects import offered, resolve
 from trackbench.cli.isolation import isolation_options
 from trackbench.cli.progress import progress
 from trackbench.cli.tracker_name import require_tracker
@@ -166,15 +167,16 @@ def _examine(examined: ExaminedTracker, stated: Stated) -> tuple[Examination, li
 
 def _save(examination: Examination, evidence: Sequence[EvidenceRun], folder: Path) -> list[str]:
     from trackbench.document.html import to_html
+    from trackbench.subjects.doctor.replay import examination_replay
     from trackbench.subjects.doctor.report import examination_document
-    from trackbench.subjects.recording import examination as recording
 
     files = {
         EXAMINATION: partial(results.write_file, results.to_json(examination.json())),
         "report.html": partial(results.write_file, to_html(examination_document(examination, evidence))),
     }
     if evidence:
-        files["recording.rrd"] = partial(recording.write, examination, evidence)
+        replay = examination_replay(examination, evidence)
+        files |= {name: partial(resolve(write), replay) for name, write in offered("replays")}
     results.save_files(files, folder, EXAMINATION)
     return list(files)
 

@@ -12,4 +12,6 @@ SUBJECT = Subject(
         "view": Command(f"{__name__}.commands.view:view_command", "Open runs in the Rerun viewer."),
     },
     artifacts={"recording.rrd": f"{__name__}.writer:write"},
+    replays={"recording.rrd": f"{__name__}.replay:write_replay"},
+    run_options={"live": f"{__name__}.commands.live:RUN_OPTIONS"},
 )

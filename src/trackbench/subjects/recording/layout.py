@@ -7,6 +7,7 @@ from typing import Any
 
 import rerun.blueprint as rrb
 
+from trackbench.document.replay import NamedColour
 from trackbench.subjects.recording import legend
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
@@ -57,7 +58,7 @@ def _shown(vehicles: list[str], focus: Focus) -> list[str]:
 
 
 def beside(
-    main: rrb.Container, entries: list[legend.NamedColour], text: rrb.Container | rrb.View | None = None
+    main: rrb.Container, entries: list[NamedColour], text: rrb.Container | rrb.View | None = None
 ) -> rrb.Container:
     """A container with the legend on its right, and texts under that."""
     names = legend.legend_view(entries)

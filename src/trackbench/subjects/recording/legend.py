@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from trackbench.document.palette import BOUND_COLOUR, OBSERVER_COLOUR, sensor_colours
+from trackbench.document.replay import NamedColour
 from trackbench.subjects.recording.stream import Stream, path, pixels, rgba
 from trackbench.subjects.recording.views import BACKGROUND
 
@@ -17,16 +18,6 @@ LEGEND = "legend"
 #: Pixels of the view, of a letter and of the room around a name.
 WIDTH, LETTER, AROUND = 380.0, 7.0, 26.0
 ROW, MARK, RING = 40.0, 22.0, 6.0
-
-
-class NamedColour(NamedTuple):
-    """A colour and what has it."""
-
-    name: str
-    colour: str
-    mark: Literal["line", "dot", "mark", "ring"] = "line"
-    others: tuple[str, ...] = ()
-    """Colours of more dots beside the first."""
 
 
 def entries(trackers: Mapping[str, str], sensors: list[str]) -> list[NamedColour]:

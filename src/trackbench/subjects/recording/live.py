@@ -15,13 +15,17 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import IO, Any
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
 
+from trackbench.api.listener import Listener, Prepared
 from trackbench.base.types import Scan, Truth
+from trackbench.document.palette import tracker_colours
 from trackbench.results import Result
 from trackbench.runner.recorded import RecordedInstant
-from trackbench.scenario import Scenario
-from trackbench.subjects.recording.contents import colours_of
+
+if TYPE_CHECKING:
+    from trackbench.runner.block import OnRecordedRun
 
 #: Instants of one run that wait to be sent at most; at a few kilobytes each, some tens of megabytes.
 WAITING = 10_000
@@ -53,7 +57,7 @@ class _Show:
     result: Result | None = None
 
 
-class Live:
+class Live(Listener):
     """Sends the recorded run of one scenario after another; never waits and never raises."""
 
     def __init__(self, url: str) -> None:
@@ -72,26 +76,25 @@ class Live:
         self._thread = threading.Thread(target=self._deliver, daemon=True)
         self._thread.start()
 
-    def begin(self, loaded: Scenario, truth: Truth, colours: Mapping[str, str] | None = None) -> None:
-        """A run starts; what follows belongs to it until the next one starts.
+    @property
+    def observes(self) -> bool:
+        """Always."""
+        return True
 
-        Args:
-            loaded: the scenario.
-            truth: its truth.
-            colours: of its trackers, by name, where they are those of several scenarios.
-        """
-        scenario = loaded.config
-        colours = colours_of(scenario.trackers, colours)
-        truth = _of_run(truth, scenario.recording.run)
-        self._latest = _Show(LiveRun(scenario.name, colours, list(scenario.sensors), truth))
+    def begin(self, item: Prepared) -> OnRecordedRun:
+        """A run starts; what follows belongs to it until the next one starts."""
+        scenario = item.scenario.config
+        truth = _of_run(item.truths[scenario.recording.scene].truth, scenario.recording.run)
+        self._latest = _Show(LiveRun(scenario.name, tracker_colours(scenario.trackers), list(scenario.sensors), truth))
         self._shows.append(self._latest)
+        return self.observe
 
     def observe(self, observed: list[Scan] | RecordedInstant) -> None:
         """Take a part of the recorded run: the runner's ``on_recorded_run``."""
         if self._latest is not None:
             self._latest.observed.append(observed)
 
-    def end(self, result: Result) -> None:
+    def end(self, result: Result, folder: Path | None = None) -> None:
         """The run is complete: send its whole recording, which also has what the queue dropped."""
         if self._latest is not None:
             self._latest.result = result

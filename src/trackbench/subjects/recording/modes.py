@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import pyarrow as pa
 
 from trackbench.document.palette import mode_colours
+from trackbench.document.replay import Chart, ChartLine
 from trackbench.results.columns import mean_over_objects, split
-from trackbench.subjects.recording.charts import Chart, ChartLine
 
 MODES = "modes"
 

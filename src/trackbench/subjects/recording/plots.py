@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import rerun.blueprint as rrb
 from rerun.blueprint.components import LinkAxis
 
-from trackbench.subjects.recording.charts import Chart
+from trackbench.document.replay import Chart
+from trackbench.subjects.recording.charts import log_origin, origin
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.series import NOTHING, AllCharts, Charts, recorded_run
@@ -33,7 +34,7 @@ def plots(contents: Contents, charts: AllCharts, vehicles: list[str], focus: Foc
 def live_plots() -> rrb.Container:
     """The errors and the NEES of the recorded run as they come."""
     empty = recorded_run(NOTHING, NOTHING, NOTHING, {})
-    return rrb.Horizontal(*(plot(chart.title, chart.origin) for chart in (*empty.errors, empty.nees)))
+    return rrb.Horizontal(*(plot(chart.title, origin(chart)) for chart in (*empty.errors, empty.nees)))
 
 
 def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
@@ -50,8 +51,8 @@ def _page(charts: Charts, name: str, shown: float = 0.0) -> rrb.Container:
 def chart_tabs(charts: Iterable[Chart], shown: float = 0.0) -> rrb.Container:
     """Charts as tabs, and after them the logarithms of those whose range is large."""
     every = list(charts)
-    plain = [plot(chart.title, chart.origin, chart.span(shown), chart.share) for chart in every]
-    logarithms = [plot(chart.log_title, chart.log_origin) for chart in every if chart.large]
+    plain = [plot(chart.title, origin(chart), chart.span(shown), chart.share) for chart in every]
+    logarithms = [plot(chart.log_title, log_origin(chart)) for chart in every if chart.large]
     return rrb.Tabs(*plain, *logarithms, active_tab=0)
 
 

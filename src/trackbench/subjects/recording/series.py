@@ -11,9 +11,9 @@ import pyarrow.compute as pc
 
 from trackbench.base.types import COMMON_STATE, Array
 from trackbench.document.palette import BOUND_COLOUR
+from trackbench.document.replay import Chart, ChartLine
 from trackbench.metrics.consistency import mean_bounds, point95
 from trackbench.results.columns import Columns, mean_over_objects, split
-from trackbench.subjects.recording.charts import Chart, ChartLine
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.modes import mode_charts
 

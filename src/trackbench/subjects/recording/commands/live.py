@@ -1,4 +1,4 @@
-"""Where ``trackbench run --live`` shows a run."""
+"""The options ``--live``, ``--connect`` and ``--serve`` of ``trackbench run``, and the viewer that they open."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from urllib.parse import urlsplit
 import click
 
 from trackbench.base.errors import InputError, TrackbenchError
+from trackbench.cli.run_options import OptionValues, RunOptions
 
 if TYPE_CHECKING:
     from trackbench.scenario import Scenario
     from trackbench.subjects.recording.live import Live
     from trackbench.subjects.recording.viewer import Viewer
 
+NAMES = ("live", "connect", "serve", "host")
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 
 
-def live_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say whether and where a run is shown while it goes on."""
+def _add(command: Callable[..., Any]) -> Callable[..., Any]:
     options = (
         click.option("--live", is_flag=True, help="Show the run in the Rerun viewer as it goes."),
         click.option("--connect", metavar="URL", help="Show it in a viewer that is already open."),
@@ -32,25 +33,23 @@ def live_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def require_known(scenarios: Sequence[Scenario]) -> None:
-    """Make sure that what is to be shown while it goes on are estimates of known objects.
-
-    Raises:
-        InputError: identities are hidden.
-    """
+def _check(scenarios: Sequence[Scenario], values: OptionValues) -> None:
+    """Only estimates of known objects are shown while a run goes on."""
+    wanted = any(values[name] for name in NAMES)
     for scenario in scenarios:
-        if scenario.config.sensing.identities == "hidden":
+        if wanted and scenario.config.sensing.identities == "hidden":
             problem = "a run with hidden identities is not shown as it goes; leave --live out and `trackbench view` it"
             raise InputError(problem, file=scenario.path, key="sensing.identities")
 
 
 @contextmanager
-def showing(live: bool, connect: str | None, serve: bool, host: str | None) -> Iterator[Live | None]:
-    """What a run is shown by, or None: a viewer that is missing or gets lost is no error, and is said on stderr.
+def _follow(values: OptionValues) -> Iterator[Live | None]:
+    """The connection to the viewer, or None: a viewer that is missing or gets lost is no error, only a note on stderr.
 
     Raises:
         InputError: the options contradict each other, or are no addresses.
     """
+    live, connect, serve, host = (values[name] for name in NAMES)
     if connect is not None and serve:
         raise InputError("a run is shown in one place: either --connect or --serve", key="--connect")
     if host is not None and not serve:
@@ -116,3 +115,6 @@ def _until_interrupted(viewer: Viewer) -> None:
         click.echo(err=True)
     finally:
         viewer.stop()
+
+
+RUN_OPTIONS = RunOptions(_add, _check, _follow)

@@ -8,9 +8,9 @@ import numpy as np
 
 from trackbench.base.types import DUE, Array
 from trackbench.document.palette import BOUND_COLOUR
+from trackbench.document.replay import Chart, ChartLine
 from trackbench.metrics.track_events import instants
 from trackbench.results.columns import Columns, split
-from trackbench.subjects.recording.charts import Chart, ChartLine
 from trackbench.subjects.recording.contents import Contents
 
 PARTS = {

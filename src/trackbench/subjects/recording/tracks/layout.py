@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from trackbench.subjects.recording.charts import Chart
+from trackbench.document.replay import Chart
+from trackbench.subjects.recording.charts import origin
 from trackbench.subjects.recording.contents import Contents
 from trackbench.subjects.recording.focus import Focus
 from trackbench.subjects.recording.layout import beside, opened
@@ -46,7 +47,7 @@ def blueprint(contents: Contents, charts: Sequence[Chart], wide: Window, focus: 
         ),
         active_tab=trackers.index(front) if front in trackers else 0,
     )
-    parts = [plot(chart.title, chart.origin, chart.span(chart.largest)) for chart in charts]
+    parts = [plot(chart.title, origin(chart), chart.span(chart.largest)) for chart in charts]
     log = rrb.TextLogView(origin=EVENTS, name="Events")
     below = rrb.Horizontal(
         rrb.Tabs(*parts[:-1], active_tab=0), rrb.Tabs(log, parts[-1], active_tab=0), column_shares=[1, 1]

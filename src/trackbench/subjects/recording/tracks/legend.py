@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from trackbench.document.palette import BOUND_COLOUR, IDENTITY_COLOURS, OBSERVER_COLOUR, sensor_colours
-from trackbench.subjects.recording.legend import NamedColour
+from trackbench.document.replay import NamedColour
 from trackbench.subjects.recording.tracks.scene import ASSOCIATION_COLOUR, MARKED, MISSED
 
 #: The first identity's on the dark ground, at an existence probability of 0.4.

@@ -1,0 +1,146 @@
+"""An examination as a replay: the evidence runs with their innovations and errors, and the findings as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from trackbench.base.types import COMMON_STATE, Array
+from trackbench.document.palette import BOUND_COLOUR, OBSERVER_COLOUR, TRACKER_COLOURS, TRUTH_COLOUR, sensor_colours
+from trackbench.document.replay import (
+    Chart,
+    ChartLine,
+    NamedColour,
+    Replay,
+    ReplayMeasurements,
+    ReplayPath,
+    ReplayScene,
+)
+from trackbench.metrics.consistency import mean_bounds
+from trackbench.models.sensors import SENSOR_MODELS
+from trackbench.subjects.doctor.evidence import EvidenceRun
+from trackbench.subjects.doctor.examine import Examination
+from trackbench.subjects.doctor.findings import Finding, known_faults
+from trackbench.subjects.doctor.run_errors import run_errors
+
+#: Colour of the tracker and of the reference, as in the report.
+COLOURS = {"reference": TRACKER_COLOURS[5], "tracker": TRACKER_COLOURS[4]}
+#: Of their paths and of their lines in charts, pixels: the tracker is drawn on top of the reference.
+PATH_WIDTHS = {"reference": 1.5, "tracker": 0.5}
+LINE_WIDTHS = {"reference": 3.0, "tracker": 1.5}
+MARGIN_M = 6.0
+IN_THE_PICTURES = (
+    "Grey: the truth. Orange: the tracker. Blue: the reference. Dots: measurements of the last 0.5 s. Ellipses: 95 % of"
+    " the position by the estimate's covariance. Innovations: orange, applied by the tracker; blue, expected from the"
+    " same prediction by the right measurement model; grey, two standard deviations of the noise."
+)
+
+
+def examination_replay(examination: Examination, evidence: Sequence[EvidenceRun]) -> Replay:
+    """The replay of an examination; a scene for each evidence run, which is named after its drive."""
+    sensors = sensor_colours(scan.sensor for run in evidence for scan in run.scans)
+    legend = (
+        *(NamedColour(name, colour) for name, colour in COLOURS.items()),
+        NamedColour("truth, bounds", BOUND_COLOUR),
+        NamedColour("sensors", OBSERVER_COLOUR),
+        *(NamedColour(name, colour, "dot") for name, colour in sensors.items()),
+    )
+    scenes = tuple(_scene(run, sensors) for run in evidence)
+    return Replay(examination.tracker, "trackbench doctor", "Findings", findings_text(examination), legend, scenes)
+
+
+def _scene(run: EvidenceRun, sensors: Mapping[str, str]) -> ReplayScene:
+    poses = np.array([scan.sensor_pose[:2] for scan in run.scans]).T
+    return ReplayScene(
+        run.drive,
+        (
+            ReplayPath("truth", TRUTH_COLOUR, run.time, run.target[:2], dot=5.0),
+            ReplayPath("sensors", OBSERVER_COLOUR, run.time, poses),
+            _estimates("reference", run.time, run.reference_mean, run.reference_covariance),
+            _estimates("tracker", run.time, run.mean, run.covariance),
+        ),
+        tuple(_measurements(run, sensor, colour) for sensor, colour in sensors.items()),
+        _range(run.target[0], poses[0]),
+        _range(run.target[1], poses[1]),
+        tuple(_error_charts(run)),
+        tuple(_innovation_charts(run)),
+    )
+
+
+def _estimates(name: str, time: Array, mean: Array, covariance: Array) -> ReplayPath:
+    known = np.isfinite(mean[:2]).all(axis=0) & np.isfinite(covariance).all(axis=(0, 1))
+    p = covariance[:2, :2, known]
+    return ReplayPath(name, COLOURS[name], time[known], mean[:2, known], p, width=PATH_WIDTHS[name])
+
+
+def _measurements(run: EvidenceRun, sensor: str, colour: str) -> ReplayMeasurements:
+    scans = [scan for scan in run.scans if scan.sensor == sensor and scan.valid]
+    at = np.array([SENSOR_MODELS[scan.kind].position(scan).mean for scan in scans]).reshape(-1, 2).T
+    return ReplayMeasurements(sensor, colour, np.array([scan.time for scan in scans]), at)
+
+
+def _range(target: Array, sensors: Array) -> tuple[float, float]:
+    both = np.concatenate([target, sensors])
+    return float(both.min()) - MARGIN_M, float(both.max()) + MARGIN_M
+
+
+def _innovation_charts(run: EvidenceRun) -> Iterator[Chart]:
+    """A chart for each component of each sensor's innovation, those of the findings first."""
+    named = [finding.sensor for finding in run.findings]
+    for series in sorted(run.innovations, key=lambda series: series.sensor not in named):
+        units = SENSOR_MODELS[series.kind].units
+        for i, component in enumerate(series.components):
+            lines = (
+                _line("reference", series.time, series.expected[i], "expected"),
+                _line("tracker", series.time, series.applied[i], "applied"),
+            )
+            limits = {"high": 2.0 * series.sigma[i], "low": -2.0 * series.sigma[i]}
+            bounds = tuple(_bound(side, series.time, limit, "2 sigma") for side, limit in limits.items())
+            place = (run.drive, "innovation", series.sensor, component)
+            name = f"Innovation of {series.sensor}, {component.replace('_', ' ')}"
+            yield Chart(place, name, units[i], lines, bounds, signed=True)
+
+
+def _error_charts(run: EvidenceRun) -> Iterator[Chart]:
+    """The position error and the NEES of the tracker and of the reference."""
+    errors = run_errors(run)
+    position = tuple(_line(name, run.time, errors[name].position, name) for name in COLOURS)
+    sigma = errors["tracker"].two_sigma
+    by_covariance = ChartLine(("bounds", "two_sigma"), "2 sigma by its covariance", BOUND_COLOUR, run.time, sigma)
+    yield Chart((run.drive, "position_error"), "Position error", "m", position, (by_covariance,))
+    nees = tuple(_line(name, run.time, errors[name].nees, name) for name in COLOURS)
+    limits = zip(("low", "high"), mean_bounds(len(COMMON_STATE), 1), strict=True)
+    bounds = tuple(_bound(side, run.time, float(limit), "95 % bounds") for side, limit in limits)
+    yield Chart((run.drive, "nees"), "NEES", "", nees, bounds)
+
+
+def _line(of: str, time: Array, values: Array, name: str) -> ChartLine:
+    return ChartLine((of,), name, COLOURS[of], time, values, LINE_WIDTHS[of])
+
+
+def _bound(side: str, time: Array, value: float, name: str) -> ChartLine:
+    return ChartLine(("bounds", side), name, BOUND_COLOUR, time, np.full(len(time), value))
+
+
+def findings_text(examination: Examination) -> str:
+    """The findings with their evidence, the failed checks and those not made, as Markdown."""
+    lines = [f"## {examination.tracker}", "", "No fault found." if examination.healthy else ""]
+    for finding in examination.findings:
+        lines += _finding(finding)
+    for heading, passed in (("Failed checks", False), ("Checks not made", None)):
+        checks = [check for check in examination.checks if check.passed is passed]
+        if checks:
+            lines += ["", f"### {heading}", "", *(f"- **{check.name}**: {check.result}" for check in checks)]
+    return "\n".join([*lines, "", "### In the pictures", "", IN_THE_PICTURES])
+
+
+def _finding(finding: Finding) -> Iterator[str]:
+    fault = known_faults()[finding.fault]
+    of = "" if finding.sensor is None else f", {finding.sensor}"
+    yield from ("", f"### {fault.title}{of}", "")
+    yield f"`{finding.fault}`, confidence {100 * finding.confidence:.0f} %: {finding.evidence}"
+    if finding.consequence_of is not None:
+        yield f"\nProbably a consequence of `{finding.consequence_of}`."
+        return
+    yield f"\n{fault.where} {fault.fix}"
