@@ -46,7 +46,10 @@ RENAMED: dict[str, str] = {}
 #: Path of a column of words or of a word: old word: new word.
 RENAMED_VALUES: dict[str, dict[str, str]] = {}
 #: New path that the old commit does not have: why.
-ADDED: dict[str, str] = {}
+ADDED: dict[str, str] = {
+    "*position_p95*": "a metric that the old commit does not have",
+    "*velocity_p95*": "the same",
+}
 #: Old path that the new commit does not have: why.
 REMOVED: dict[str, str] = {}
 #: Path that is not compared: why.

@@ -11,8 +11,8 @@ import numpy as np
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.differences import EQUIVALENT, differences
 from trackbench.metrics.intervals import Interval, paired
-from trackbench.metrics.traffic import METRICS
-from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.results.score_summary import MarginSummary
 
 from . import traffic_pool
 from .claim import Claim, rate
@@ -134,7 +134,7 @@ def _intervals(random: np.random.Generator, runs: Population, tracker: int, path
 
 def _equal(random: np.random.Generator, population: Population, size: int) -> Iterator[Claim]:
     """What is said of trackers that are equal in expectation."""
-    wrong = Counter(dict.fromkeys(METRICS, 0))
+    wrong = Counter(dict.fromkeys(TRACK_METRICS, 0))
     any_metric = 0
     for _ in range(COMPARISONS):
         found = _verdicts(population.draw(random, size).exchanged(random))
@@ -150,7 +150,7 @@ def _equal(random: np.random.Generator, population: Population, size: int) -> It
     limit = 0.05 + 3 * np.sqrt(0.05 * 0.95 / COMPARISONS)
     wanted = f"at most 5 % for each, measured {100 * limit:.1f} %"
     yield Claim(
-        f"the same, the metric of {len(METRICS)} with the most, {size} {population.name}",
+        f"the same, the metric of {len(TRACK_METRICS)} with the most, {size} {population.name}",
         f"{100 * most / COMPARISONS:.1f} % ({path}); by any of them {100 * any_metric / COMPARISONS:.0f} %",
         wanted,
         bool(most <= limit * COMPARISONS),
@@ -160,8 +160,8 @@ def _equal(random: np.random.Generator, population: Population, size: int) -> It
 def _different(random: np.random.Generator, population: Population, size: int) -> Iterator[Claim]:
     """What is said of two trackers, one of which is better."""
     gnn, pmb = TRACKERS.index("gnn"), TRACKERS.index("pmb")
-    expected = {path: population.expected(gnn, path) - population.expected(pmb, path) for path in METRICS}
-    wrong = Counter(dict.fromkeys(METRICS, 0))
+    expected = {path: population.expected(gnn, path) - population.expected(pmb, path) for path in TRACK_METRICS}
+    wrong = Counter(dict.fromkeys(TRACK_METRICS, 0))
     equivalent, covered = [], {path: np.ones(COMPARISONS) for path in OVER_SCENES}
     for trial in range(COMPARISONS):
         sample = population.draw(random, size)
@@ -173,7 +173,7 @@ def _different(random: np.random.Generator, population: Population, size: int) -
             hits[trial] = ci95 is None or ci95[0] <= expected[path] <= ci95[1]
         found = _verdicts(sample)
         for path, difference in expected.items():
-            better = "gnn" if (difference < 0) == (METRICS[path].better == "smaller") else "pmb"
+            better = "gnn" if (difference < 0) == (TRACK_METRICS[path].better == "smaller") else "pmb"
             verdict = found.get((path, "gnn", "pmb"), "")
             wrong[path] += verdict.endswith("better") and not verdict.startswith(better)
         equivalent.append(found.get(("id_switches", "gnn", "pmb")) == EQUIVALENT)
@@ -187,7 +187,7 @@ def _different(random: np.random.Generator, population: Population, size: int) -
     yield rate(what, equivalent, 0.0, 0.05)
     path, most = wrong.most_common(1)[0]
     yield Claim(
-        f"gnn or pmb called better though it is worse, the metric of {len(METRICS)} with the most, "
+        f"gnn or pmb called better though it is worse, the metric of {len(TRACK_METRICS)} with the most, "
         f"{size} {population.name}",
         f"{100 * most / COMPARISONS:.1f} % ({path})",
         "at most 5 %",
@@ -199,21 +199,7 @@ def _verdicts(sample: Sample) -> dict[tuple[str, str, str], str]:
     """By metric and pair of trackers, as a result says them."""
     intervals: dict[str, dict[str, Interval]] = {}
     for number, name in enumerate(TRACKERS):
-        own = {path: sample.interval(number, path) for path in METRICS}
+        own = {path: sample.interval(number, path) for path in TRACK_METRICS}
         intervals[name] = {path: found for path, found in own.items() if found is not None}
-    found = differences(intervals, _COMPARED, MARGIN, dict.fromkeys(TRACKERS, 1.0), ranks="gospa")
+    found = differences(intervals, list(TRACK_METRICS.values()), MARGIN, dict.fromkeys(TRACKERS, 1.0), ranks="gospa")
     return {(item.metric, item.a, item.b): item.verdict for item in found}
-
-
-_COMPARED = [
-    OwnMetricSummary(
-        name=path,
-        unit=metric.unit or "1",
-        meaning=metric.meaning,
-        better=metric.better,
-        compared=True,
-        per_sensor=False,
-    )
-    for path, metric in METRICS.items()
-    if metric.better != "none"
-]

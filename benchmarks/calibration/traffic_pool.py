@@ -11,8 +11,7 @@ import trackbench as tb
 from trackbench.base.execution import InProcess
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered
-from trackbench.metrics.stored import from_sums
-from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.runner.traffic import TrafficScores, run_traffic_block
 from trackbench.runner.traffic_sums import PATHS
 from trackbench.runner.work import work_of
@@ -49,10 +48,8 @@ def scenes() -> Array:
 def interval(sums: Array, path: str, scene: Indices | None = None) -> Interval | None:
     """A metric of runs ``(runs, 2, paths)``, as a result makes it; None where no run tells it."""
     total, count = sums[:, :, PATHS.index(path)].T
-    if not count.any():
-        return None
-    found = from_sums(METRICS[path], total, count)
-    return found if scene is None else clustered(found, scene)
+    found = TRACK_METRICS[path].of_runs(total, count)
+    return found if found is None or scene is None else clustered(found, scene)
 
 
 def _sums(changes: Mapping[str, object], number: int) -> Array:

@@ -103,10 +103,10 @@ def test_ctrl_c_while_the_result_is_written(
 
 DEADLY = """\
 import os
-from trackbench.metrics import OwnMetric
+from trackbench.metrics import Metric
 
 
-class Deadly(OwnMetric):
+class Deadly(Metric):
     '''Ends the process that scores.'''
     name, unit, meaning = "deadly", "1", "nothing"
 

@@ -6,7 +6,6 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -20,16 +19,17 @@ from scipy import stats
 from trackbench.base.errors import InputError
 from trackbench.compare import Comparison, Entrant, Limit, PairDifference, ResultSet, compare, find, groups, load
 from trackbench.compare.comparability import Comparability, comparability
-from trackbench.compare.metrics import BUILT_IN, ComparedMetric, compared_metrics
+from trackbench.compare.metrics import compared_metrics
+from trackbench.metrics import BUILT_IN, Metric
 from trackbench.metrics.differences import EQUIVALENT, UNDECIDED
 from trackbench.metrics.intervals import paired, ratio, unpaired
-from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.results import Result
 
 Run = Callable[..., Result]
 Keep = Callable[..., ResultSet]
 
 METRICS = compared_metrics([], built_in=True)
+COMPARED = [metric.name for metric in BUILT_IN if metric.compared and metric.better]
 POSITION = METRICS["position_rmse"]
 WORSE_EKF = "trackers.ekf.acceleration_sigma_mps2=30"
 TWIN = (
@@ -65,9 +65,9 @@ def by_tracker(comparison: Comparison) -> dict[str, PairDifference]:
 def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path: Path) -> None:
     result = run_tiny("monte_carlo.runs=12", TWIN, WORSE_EKF)
     result.save(tmp_path / "tiny", {})
-    found = compare([find(tmp_path / "tiny" / "result.json")], metrics=list(ROOT_MEAN_SQUARES))
+    found = compare([find(tmp_path / "tiny" / "result.json")], metrics=COMPARED)
     stated = {(d.metric, frozenset((d.a, d.b))): d for d in result.summary.differences}
-    assert len(found.differences) == len(stated) == 21
+    assert len(found.differences) == len(stated) == 27
     for item in found.differences:
         expected = stated[item.metric, frozenset((item.entrant.tracker, item.against.tracker))]
         sign = 1 if expected.a == item.entrant.tracker else -1
@@ -81,7 +81,7 @@ def test_the_trackers_of_a_run_differ_as_its_result_says(run_tiny: Run, tmp_path
         assert (item.verdict == EQUIVALENT) == (expected.verdict == EQUIVALENT)
 
 
-@pytest.mark.parametrize("metric", sorted(BUILT_IN))
+@pytest.mark.parametrize("metric", sorted(METRICS))
 def test_every_metric_comes_back_from_the_table_of_the_runs(keep: Keep, metric: str) -> None:
     (entry,) = keep().entries
     tracker = entry.result.summary.trackers[1]
@@ -327,8 +327,9 @@ def test_a_regression_fails_when_it_is_real_and_more_than_allowed(keep: Keep) ->
 
 
 def test_where_larger_is_better_a_smaller_value_is_a_regression(keep: Keep, monkeypatch: pytest.MonkeyPatch) -> None:
-    def larger(own: object, *, built_in: bool) -> dict[str, ComparedMetric]:
-        return {path: replace(metric, better="larger") for path, metric in METRICS.items()}
+    def larger(own: object, *, built_in: bool) -> dict[str, Metric]:
+        turned = {path: type(path, (type(metric),), {"better": "larger"}) for path, metric in METRICS.items()}
+        return {path: metric() for path, metric in turned.items()}
 
     monkeypatch.setattr(groups, "compared_metrics", larger)
     sets = [keep(), keep(WORSE_EKF)]
@@ -465,9 +466,9 @@ def test_two_results_of_one_scenario_in_a_folder(keep: Keep, tmp_path: Path) -> 
 
 PLUGINS = """
 import numpy as np
-from trackbench.metrics import OwnMetric, ratio
+from trackbench.metrics import Metric, ratio
 
-class Within(OwnMetric):
+class Within(Metric):
     name, unit, meaning, better = "within", "1", "share of the estimates that are near the truth", "larger"
     limit_m: float = 0.5
     def init(self, scope):

@@ -376,9 +376,9 @@ def test_plug_ins_of_other_kinds_do_not_end_a_run_in_silence(
     body = "os._exit(0)" if told else "raise ValueError('oops')"
     code = (
         "import os\nfrom trackbench.models.motion.cv import ConstantVelocity\n"
-        "from trackbench.metrics import OwnMetric\n"
+        "from trackbench.metrics import Metric\n"
         f"class Motion(ConstantVelocity):\n    def transition(self, *arguments):\n        {body}\n"
-        "class Own(OwnMetric):\n    name, unit, meaning = 'own', 'm', 'none'\n"
+        "class Own(Metric):\n    name, unit, meaning = 'own', 'm', 'none'\n"
         f"    def init(self, scope):\n        {body}\n"
         "    def update(self, sums, chunk): return sums\n    def merge(self, blocks): return 0\n"
         "    def finish(self, sums): return 0.0\n"

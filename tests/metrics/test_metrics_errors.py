@@ -7,7 +7,7 @@ import pytest
 
 from trackbench.base.types import Estimate
 from trackbench.engine.equations import by_numpy
-from trackbench.metrics import BUILT_IN, OwnMetric, Scorer, Target, score_together
+from trackbench.metrics import BUILT_IN, Metric, Scorer, Target, score_together
 from trackbench.metrics.errors import ERRORS, GIVEN
 from trackbench.metrics.sums import ERROR, ERROR_FIELDS
 
@@ -79,7 +79,7 @@ def test_an_estimate_that_is_not_finite_counts_nowhere(bad):
     assert not found["rows"][:, *np.transpose(wrong)].any()
 
 
-class Seen(OwnMetric):
+class Seen(Metric):
     """Keeps what it is shown."""
 
     name, unit, meaning = "seen", "1", "nothing"

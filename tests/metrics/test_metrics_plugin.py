@@ -13,9 +13,9 @@ import pytest
 from tests.support.places import DOCS, ROOT
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.stored import from_runs, run_column
-from trackbench.metrics.traffic import METRICS
-from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.compare.metrics import stored_metric
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.results import Result
 from trackbench.runner import work
 from trackbench.scenario import load_scenario
@@ -27,9 +27,9 @@ Write = Callable[[Path, str], str]
 
 CODE = """
 import numpy as np
-from trackbench.metrics import BuiltInMetric, Field, OwnMetric, ratio
+from trackbench.metrics import EstimateMetric, Field, Metric, ratio
 
-class Square(OwnMetric):
+class Square(Metric):
     '''The mean square error of the position: that of position_rmse, squared.'''
     name, unit, meaning, better = "square", "m^2", "mean square error of the position", "smaller"
     def init(self, scope):
@@ -49,7 +49,7 @@ class Within(Square):
         near = np.hypot(chunk.error[0], chunk.error[1]) < self.limit_m
         return sums + [chunk.by_run(1.0), chunk.by_run(near)]
 
-class Largest(OwnMetric):
+class Largest(Metric):
     '''The largest innovation of each sensor, in standard deviations: a value that is no mean.'''
     name, unit, meaning, per_sensor = "largest", "1", "largest innovation", True
     def init(self, scope):
@@ -65,7 +65,7 @@ class Largest(OwnMetric):
     def finish(self, sums):
         return {sensor: value or None for sensor, value in sums.items()}
 
-class Lost(BuiltInMetric):
+class Lost(EstimateMetric):
     '''From the sums of the built-in metrics.'''
     name, unit, meaning = "estimates", "1", "number of estimates"
     def finish(self, sums):
@@ -127,7 +127,8 @@ def test_expectations_name_it_and_its_direction_decides_who_is_better(found: Res
 
 
 def test_the_table_of_runs_gives_it_back(found: Result) -> None:
-    interval = from_runs("square", of_ekf(found)[run_column("square")].to_numpy())
+    square = stored_metric(found.summary.score.metrics[0])
+    interval = square.of_runs(*(of_ekf(found)[name].to_numpy() for name in square.columns))
     assert interval is not None
     assert interval.value == pytest.approx(found["ekf"].square.value, rel=1e-12)
     assert interval._replace(at_least=0.0).ci95 == pytest.approx(found["ekf"].square.ci95, rel=1e-9)
@@ -216,7 +217,7 @@ def test_sums_that_cannot_be_pickled_break_the_metric_for_any_number_of_workers(
     assert result["ekf"].position_rmse.value is not None
 
 
-NO_NAME = "class Nameless(OwnMetric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
+NO_NAME = "class Nameless(Metric):\n    unit, meaning = '1', 'none'\n    def init(self, scope): pass\n"
 
 
 @pytest.mark.parametrize(
@@ -264,7 +265,7 @@ def test_a_class_that_is_wrong_is_one_message(
     tiny: Path, write_module: Write, base: str, body: str, message: str
 ) -> None:
     meta = """
-class Odd(type(OwnMetric)):
+class Odd(type(Metric)):
     def __getattribute__(cls, name):
         if name == "meaning":
             raise RuntimeError("no luck")
@@ -359,7 +360,7 @@ def test_an_expectation_of_an_unknown_metric_names_the_nearest(tiny: Path, modul
 
 def test_metrics_of_traffic_are_listed(cli: Callable[..., Any]) -> None:
     listed = " ".join(cli("list", "metrics").out.split())
-    for path in (*METRICS, *METRICS_WITHOUT_TRUTH):
+    for path in (*TRACK_METRICS, *DETECTION_METRICS):
         assert path in listed
     page = (ROOT / "docs/scenario-file.md").read_text(encoding="utf-8")
     assert "`better_than` compares run by run, and only by `gospa`, `gospa_localisation`" in page

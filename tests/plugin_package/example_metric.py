@@ -10,11 +10,11 @@ from pydantic import Field
 
 from trackbench.base.config import NonNegative
 from trackbench.base.types import Array
-from trackbench.metrics import Chunk, Interval, OwnMetric, Scope, ratio
+from trackbench.metrics import Chunk, Interval, Metric, Scope, ratio
 from trackbench.metrics.protocol import Direction
 
 
-class LargestError(OwnMetric):
+class LargestError(Metric):
     """Mean over the runs of the largest position error in each."""
 
     name: ClassVar[str] = "largest_error"

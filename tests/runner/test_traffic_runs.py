@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trackbench.base.execution import executor
-from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results import Result
 from trackbench.runner.run import run
 from trackbench.scenario import load_scenario
@@ -214,7 +214,7 @@ def test_an_interval_holds_its_value_and_keeps_to_what_the_metric_can_be(scenari
     found = result(scenario, "monte_carlo.runs=6", "sensors.radar.clutter.per_scan=20")
     limited = 0
     for tracker in found.summary.trackers:
-        for path, metric in METRICS.items():
+        for path, metric in TRACK_METRICS.items():
             value = tracker.metrics[path]
             if value.ci95 is None:
                 assert "every run" in value.reason, path

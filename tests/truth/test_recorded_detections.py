@@ -15,8 +15,8 @@ from tests.support.udacity import data_folder
 from trackbench.base.errors import InputError
 from trackbench.base.types import FieldOfView, RecordedDetections, Scan, Tracks
 from trackbench.cli.commands import cli
-from trackbench.metrics.traffic import METRICS
-from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.models.sensors import SENSOR_MODELS, Sensor
 from trackbench.results import Result
 from trackbench.runner.run import run
@@ -221,7 +221,7 @@ def test_the_result_says_what_can_be_told_and_what_cannot(tmp_path: Path) -> Non
     assert (summary.identities, summary.truth.known, summary.truth.objects) == ("hidden", False, [])
     assert summary.differences == []
     metrics = found["gnn"].metrics
-    for path in METRICS:
+    for path in TRACK_METRICS:
         assert (metrics[path].value, metrics[path].reason) == (None, "there is no truth")
     # Two cars, each confirmed with its third detection; all detections from then on are used, and of each also those
     # of the scan that confirmed it.
@@ -313,7 +313,7 @@ def test_a_result_without_truth_is_saved_and_shown(tmp_path: Path) -> None:
     assert "Not without a truth: gospa" in report
     loaded = Result.load(tmp_path / "out" / "scans")
     assert loaded["gnn"].metrics["gospa"].reason == "there is no truth"
-    assert set(METRICS_WITHOUT_TRUTH) <= set(loaded["gnn"].metrics)
+    assert set(DETECTION_METRICS) <= set(loaded["gnn"].metrics)
     assert len(loaded.tables["measurements"]) == 400
 
 
@@ -339,5 +339,5 @@ def test_the_shipped_recording_of_a_real_radar_runs(monkeypatch: pytest.MonkeyPa
 def test_every_metric_without_truth_is_on_the_page() -> None:
     page = (DOCS / "traffic-metrics.md").read_text(encoding="utf-8")
     section = page[page.index("## Without a truth") :]
-    for path, metric in METRICS_WITHOUT_TRUTH.items():
+    for path, metric in DETECTION_METRICS.items():
         assert f"| `{path}` | {metric.unit or '1'} | {metric.meaning} |" in section

@@ -15,7 +15,7 @@ from trackbench.base.subjects import offered, resolve
 from trackbench.cli.choices import NearestChoice
 
 if TYPE_CHECKING:
-    from trackbench.metrics.registry import MetricPath
+    from trackbench.metrics import Field
 
 Row = tuple[str, str]
 
@@ -97,21 +97,20 @@ def _options(found: Any, beyond: Any = None, without: Sequence[str] = ()) -> str
 
 
 def _metrics() -> Iterable[Row]:
-    from trackbench.metrics.plugin import METRICS
-    from trackbench.metrics.registry import known
+    from trackbench.metrics.registry import METRICS, metric_paths
     from trackbench.scenario.traffic_paths import traffic_paths
 
     for name, reason in METRICS.failures().items():
         yield name, f"failed: {reason}"
-    yield from _told(known(list(METRICS.loaded().values())))
+    yield from _told(metric_paths(list(METRICS.loaded().values())))
     yield from _told(traffic_paths(truth=True).values(), "hidden identities: ")
     yield from _told(traffic_paths(truth=False).values(), "hidden identities, no truth: ")
 
 
-def _told(metrics: Iterable[MetricPath], where: str = "") -> Iterator[Row]:
+def _told(metrics: Iterable[Field], where: str = "") -> Iterator[Row]:
     for metric in metrics:
         unit = f" [{metric.unit}]" if metric.unit not in ("", "1") else ""
-        yield metric.path, where + metric.meaning + unit
+        yield metric.name, where + metric.meaning + unit
 
 
 def _envs() -> Iterable[Row]:

@@ -12,8 +12,8 @@ from trackbench.compare.differences import Match, coverage_notes, differences, o
 from trackbench.compare.entries import Entry, ResultSet
 from trackbench.compare.groups import Group, ScenarioResults, cells_of, groups_of_cells
 from trackbench.compare.limits import OPTION, Limit, held, require_directed
-from trackbench.compare.metrics import ComparedMetric
 from trackbench.compare.ranking import Pairings, ranking, scores
+from trackbench.metrics import Metric
 from trackbench.results import Result
 
 
@@ -77,7 +77,7 @@ def compare(
 def _comparison(
     sets: list[str],
     group: Group,
-    known: Mapping[str, ComparedMetric],
+    known: Mapping[str, Metric],
     wanted: Sequence[str],
     limits: Sequence[Limit],
     chosen: Mapping[tuple[str, int], list[str]],
@@ -121,7 +121,7 @@ def _comparison(
     )
 
 
-def _pairings(found: Sequence[PairDifference], matches: Sequence[Match], metric: ComparedMetric) -> Pairings:
+def _pairings(found: Sequence[PairDifference], matches: Sequence[Match], metric: Metric) -> Pairings:
     """Which tracker is better where, whatever metrics are compared."""
     known = any(item.metric == metric.path for item in found)
     return Pairings(found if known else differences(matches, [metric], over_scenarios=False)[0], metric.path)
@@ -141,9 +141,7 @@ def _set_of(number: int, item: ResultSet | Result | Sequence[Result]) -> ResultS
     return ResultSet(label, tuple(Entry(f"{label}: {result.name}", result) for result in item))
 
 
-def _require_metrics(
-    wanted: Sequence[str], limits: Sequence[Limit], known: Sequence[Mapping[str, ComparedMetric]]
-) -> None:
+def _require_metrics(wanted: Sequence[str], limits: Sequence[Limit], known: Sequence[Mapping[str, Metric]]) -> None:
     """Make sure that each metric that is named has a value in each run of some scenarios, and limits a direction."""
     for path in wanted:
         limited = any(limit.metric == path for limit in limits)

@@ -10,7 +10,7 @@ from itertools import combinations
 from trackbench.compare.comparability import Comparability, IntArray
 from trackbench.compare.comparison import Entrant, NotCompared, OverallChange, PairDifference
 from trackbench.compare.entries import Entry
-from trackbench.compare.metrics import ComparedMetric
+from trackbench.metrics import Metric
 from trackbench.metrics.differences import SILENCE, UNDECIDED, margin_between, size, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired, unpaired
 
@@ -47,7 +47,7 @@ def same_tracker(ours: Sequence[str], theirs: Sequence[str]) -> tuple[tuple[str,
 
 def differences(
     matches: Sequence[Match],
-    metrics: Sequence[ComparedMetric],
+    metrics: Sequence[Metric],
     *,
     over_scenarios: bool,
     limits: Mapping[str, float] | None = None,
@@ -83,7 +83,7 @@ class _Found:
     contrast: Contrast
 
 
-def _compare(match: Match, metric: ComparedMetric, limit: float | None) -> Iterator[_Found | NotCompared]:
+def _compare(match: Match, metric: Metric, limit: float | None) -> Iterator[_Found | NotCompared]:
     """The pairs of one match."""
     shared = match.how.shared
     known: dict[tuple[int, str], Interval | None] = {}
@@ -151,7 +151,7 @@ def _same_moments(match: Match, pair: tuple[str, str], shared: tuple[IntArray, I
     return abs(own - other) <= (SILENCE + abs(lost)) * max(own, other)
 
 
-def _corrected(family: Sequence[_Found], metric: ComparedMetric) -> list[PairDifference]:
+def _corrected(family: Sequence[_Found], metric: Metric) -> list[PairDifference]:
     corrected = holm([found.item.p_value for found in family])
     return [
         found.item.model_copy(update={"p_value": p, "verdict": _verdict(found, p, metric)})
@@ -159,7 +159,7 @@ def _corrected(family: Sequence[_Found], metric: ComparedMetric) -> list[PairDif
     ]
 
 
-def _verdict(found: _Found, p_value: float, metric: ComparedMetric) -> str:
+def _verdict(found: _Found, p_value: float, metric: Metric) -> str:
     """Nobody is better who leaves out estimates that the other gives: they may be the hard ones."""
     word, lost = verdict(found.contrast, p_value, metric.better), found.item.lost_coverage
     fewer = (word == "better" and lost > SILENCE) or (word == "worse" and lost < -SILENCE)
@@ -187,7 +187,7 @@ def overall(differences: Sequence[PairDifference]) -> list[OverallChange]:
 
 
 def coverage_notes(
-    matches: Sequence[Match], found: Sequence[PairDifference], metrics: Sequence[ComparedMetric]
+    matches: Sequence[Match], found: Sequence[PairDifference], metrics: Sequence[Metric]
 ) -> Iterator[str]:
     """Pairs of which one gave fewer estimates, and whether it has better values that do not count as better."""
     directed = [metric.path for metric in metrics if metric.better is not None]

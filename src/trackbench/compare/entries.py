@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from trackbench import results
 from trackbench.base.errors import InputError
 from trackbench.base.types import Array
-from trackbench.compare.metrics import ComparedMetric
-from trackbench.metrics import Interval, clustered
+from trackbench.metrics import Interval, Metric, clustered
 from trackbench.results import Result
 from trackbench.scenario.config import ScenarioConfig
 from trackbench.scenario.load import scenario_of
@@ -85,7 +84,7 @@ class Entry:
         table = self.table("runs")
         return float(self._column(table.filter(pc.equal(table["tracker"], tracker)), "count")[runs].sum())
 
-    def interval(self, tracker: str, metric: ComparedMetric, runs: NDArray[np.intp] | None = None) -> Interval | None:
+    def interval(self, tracker: str, metric: Metric, runs: NDArray[np.intp] | None = None) -> Interval | None:
         """A metric of a tracker with what each run adds to it; None where there is nothing to compare.
 
         With runs of several scenes it is what each scene adds.
@@ -106,14 +105,13 @@ class Entry:
         if not np.array_equal(self._column(rows, "run"), np.arange(expected)):
             message = f"runs.parquet does not hold the {expected} runs of {tracker}, each once and in order"
             raise InputError(message, file=self.label)
-        value = self._column(rows, metric.column)
-        count = np.ones(len(value)) if metric.count is None else self._column(rows, metric.count)
-        if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(value)):
+        values, *others = (self._column(rows, name) for name in metric.columns)
+        count = others[0] if others else np.ones(len(values))
+        if not np.all(np.isfinite(count) & (count >= 0.0) & ~np.isinf(values)):
             raise InputError(
-                f"runs.parquet: {metric.column} or its number of terms holds what no run leaves", file=self.label
+                f"runs.parquet: {metric.columns[0]} or its number of terms holds what no run leaves", file=self.label
             )
-        reference = self._column(rows, metric.over) if metric.over else None
-        found = metric.of_runs(value, count, reference)
+        found = metric.of_runs(values, *others)
         if found is None:
             return None
         self._require_agreement(tracker, metric.path, found.value)
@@ -122,7 +120,7 @@ class Entry:
             raise InputError("runs.parquet: scene holds what is no number of a scene", file=self.label)
         scene = number.astype(np.intp)
         if runs is not None:
-            found = metric.of_runs(value[runs], count[runs], None if reference is None else reference[runs])
+            found = metric.of_runs(*(column[runs] for column in (values, *others)))
             scene = scene[runs]
         return None if found is None else clustered(found, scene)
 

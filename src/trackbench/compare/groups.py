@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from trackbench.base.errors import InputError
 from trackbench.compare.entries import Entry, ResultSet
-from trackbench.compare.metrics import ComparedMetric, compared_metrics
+from trackbench.compare.metrics import compared_metrics
+from trackbench.metrics import Metric
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Group:
         """Their names."""
         return ", ".join(cell.scenario for cell in self.cells)
 
-    def metrics(self) -> dict[str, ComparedMetric]:
+    def metrics(self) -> dict[str, Metric]:
         """Those that its results have a value of in each run, by path.
 
         Raises:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from trackbench.base.errors import InputError
 from trackbench.compare.comparison import Entrant, GateOutcome, GateResult, NotCompared, PairDifference
-from trackbench.compare.metrics import ComparedMetric
+from trackbench.metrics import Metric
 from trackbench.metrics.differences import SILENCE
 
 OPTION = "--fail-on-regression"
@@ -39,7 +39,7 @@ class Limit(NamedTuple):
         return cls(metric, percent)
 
 
-def require_directed(metric: ComparedMetric) -> None:
+def require_directed(metric: Metric) -> None:
     """Make sure that a metric can become worse.
 
     Raises:
@@ -52,7 +52,7 @@ def require_directed(metric: ComparedMetric) -> None:
 
 def held(
     limits: Sequence[Limit],
-    metrics: Mapping[str, ComparedMetric],
+    metrics: Mapping[str, Metric],
     differences: Sequence[PairDifference],
     missing: Sequence[NotCompared],
 ) -> list[GateResult]:
@@ -67,7 +67,7 @@ def held(
 
 
 def _held(
-    limit: Limit, metric: ComparedMetric, differences: Sequence[PairDifference], missing: Sequence[NotCompared]
+    limit: Limit, metric: Metric, differences: Sequence[PairDifference], missing: Sequence[NotCompared]
 ) -> Iterator[GateResult]:
     for item in differences:
         if item.metric == limit.metric:
@@ -84,7 +84,7 @@ def _result(limit: Limit, scenario: str, entrant: Entrant, outcome: GateOutcome,
     )
 
 
-def _outcome(item: PairDifference, limit: Limit, metric: ComparedMetric) -> GateOutcome:
+def _outcome(item: PairDifference, limit: Limit, metric: Metric) -> GateOutcome:
     if item.lost_coverage > SILENCE:
         return "failed"
     if item.percent is None:

@@ -1,24 +1,24 @@
 """Estimates and truth to numbers with a unit, an interval and a verdict."""
 
-from trackbench.metrics.builtin import BUILT_IN, BuiltInMetric
+from trackbench.metrics.builtin import EstimateMetric
 from trackbench.metrics.evaluate import Evaluation, Sums, evaluate, health, merge_sums, no_metrics
 from trackbench.metrics.intervals import Interval, clustered, ratio, root, scaled, variance_shares
-from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, OwnMetric, Scope, Target
+from trackbench.metrics.protocol import Chunk, Fault, Field, Innovation, Metric, Scope, Target
+from trackbench.metrics.registry import BUILT_IN
 from trackbench.metrics.scorer import Scorer, score_together
 from trackbench.metrics.sums import BlockScores, Scores
 
 __all__ = [
     "BUILT_IN",
     "BlockScores",
-    "BuiltInMetric",
     "Chunk",
+    "EstimateMetric",
     "Evaluation",
     "Fault",
     "Field",
     "Innovation",
     "Interval",
     "Metric",
-    "OwnMetric",
     "Scope",
     "Scorer",
     "Scores",

@@ -28,17 +28,14 @@ from trackbench.metrics.verdicts import (
 from trackbench.results import MetricValue
 
 
-class BuiltInMetric(Metric):
-    """A metric that is computed from the sums of all estimates and innovations."""
+class EstimateMetric(Metric):
+    """A metric that is made of the sums of all estimates and innovations: ``finish`` gets their ``Scores``."""
 
     compared: ClassVar[bool] = False
-
-    @property
-    def accumulator(self) -> Accumulator:
-        return ESTIMATES
+    shared: ClassVar[Accumulator | None] = ESTIMATES
 
 
-class RootMeanSquare(BuiltInMetric):
+class RootMeanSquare(EstimateMetric):
     """A root mean square error."""
 
     better = "smaller"
@@ -50,6 +47,10 @@ class RootMeanSquare(BuiltInMetric):
     column: ClassVar[str]
     """Where the table of runs holds the error of each run."""
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self.column, self.count
+
     def finish(self, sums: Scores) -> Outcome:
         count = sums.per_part[ERROR[self.count]]
         if count.sum() == 0:
@@ -59,8 +60,8 @@ class RootMeanSquare(BuiltInMetric):
         error = root(ratio(np.asarray(total), count))
         return scaled(error, math.degrees(1.0)) if self.unit == "deg" else error
 
-    def of_runs(self, errors: Array, count: Array) -> Interval | None:
-        """The error from that of each run ``(runs,)`` and its number of terms; None where there are none."""
+    def of_runs(self, *columns: Array) -> Interval | None:
+        errors, count = columns
         if count.sum() == 0:
             return None
         return root(ratio(np.where(count > 0, np.nan_to_num(errors) ** 2 * count, 0.0), count))
@@ -101,7 +102,7 @@ class VyRmse(RootMeanSquare):
     rows, column = ("vy",), "vy_rmse_mps"
 
 
-class Nees(BuiltInMetric):
+class Nees(EstimateMetric):
     name, unit, value_name = "nees", "1", "mean"
     meaning = "normalised estimation error squared, mean over runs; 4 when consistent"
     fields = (
@@ -112,6 +113,14 @@ class Nees(BuiltInMetric):
             (*CONSISTENCY, "mixed"),
         ),
     )
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return "nees_mean", "count"
+
+    def of_runs(self, *columns: Array) -> Interval | None:
+        mean, count = columns
+        return ratio(np.nan_to_num(mean) * count, count, at_least=0.0) if count.sum() > 0 else None
 
     def finish(self, sums: Scores) -> Outcome:
         count, total = sums.per_part[ERROR["count"]], sums.per_part[ERROR["nees"]]
@@ -128,7 +137,7 @@ class Nees(BuiltInMetric):
         return MetricValue(unit=self.unit, dof=4, reason=reason)
 
 
-class Nis(BuiltInMetric):
+class Nis(EstimateMetric):
     name, unit, value_name, per_sensor = "nis", "1", "mean", True
     meaning = "normalised innovation squared of one sensor, mean over runs"
     fields = (
@@ -155,7 +164,7 @@ class Nis(BuiltInMetric):
         return found.model_copy(update={"inside95": share, "coverage": coverage, "verdict": word})
 
 
-class Whiteness(BuiltInMetric):
+class Whiteness(EstimateMetric):
     """Lag-one autocorrelation of whitened innovations (Bar-Shalom, Li and Kirubarajan 2001, section 5.4.2)."""
 
     name, unit, per_sensor = "whiteness", "1", True
@@ -179,7 +188,7 @@ class Whiteness(BuiltInMetric):
         )
 
 
-class RootReference(BuiltInMetric):
+class RootReference(EstimateMetric):
     """The root of the reference of a mean square error, over the estimates that are scored."""
 
     row: ClassVar[str]
@@ -212,12 +221,25 @@ class VelocityReference(RootReference):
     row = "velocity_reference"
 
 
-class OverReference(BuiltInMetric):
+class OverReference(EstimateMetric):
     """A root mean square error over its reference, both over the same estimates."""
 
     unit, better = "1", "smaller"
     rows: ClassVar[tuple[str, ...]]
     row: ClassVar[str]
+    column: ClassVar[str]
+    """Where the table of runs holds the error of each run."""
+    over: ClassVar[str]
+    """Where it holds that of the reference."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return self.column, "count", self.over
+
+    def of_runs(self, *columns: Array) -> Interval | None:
+        errors, count, reference = columns
+        squares, over = (np.nan_to_num(each) ** 2 * count for each in (errors, reference))
+        return root(ratio(squares, over)) if over.sum() > 0 else None
 
     def finish(self, sums: Scores) -> Outcome:
         reference = sums.per_part[ERROR[self.row]]
@@ -229,14 +251,16 @@ class OverReference(BuiltInMetric):
 class PositionOverReference(OverReference):
     name, meaning = "position_over_reference", "position RMSE over that of the reference"
     rows, row = ("px", "py"), "position_reference"
+    column, over = PositionRmse.column, "position_reference_m"
 
 
 class VelocityOverReference(OverReference):
     name, meaning = "velocity_over_reference", "velocity RMSE over that of the reference"
     rows, row = ("vx", "vy"), "velocity_reference"
+    column, over = VelocityRmse.column, "velocity_reference_mps"
 
 
-class Coverage(BuiltInMetric):
+class Coverage(EstimateMetric):
     name, unit, better = "coverage", "1", "larger"
     meaning = "share of the steps at which the tracker should have an estimate at which it has one"
 
@@ -244,32 +268,12 @@ class Coverage(BuiltInMetric):
         return _number(self, _share(sums.given, sums.due), "no object was ever seen")
 
 
-class StepTime(BuiltInMetric):
+class StepTime(EstimateMetric):
     name, unit, better = "step_time", "us", "smaller"
     meaning = "time of one predict and update of one run"
 
     def finish(self, sums: Scores) -> Outcome:
         return _number(self, _share(sums.seconds * 1e6, sums.steps), "no step was taken")
-
-
-BUILT_IN: tuple[Metric, ...] = (
-    PositionRmse(),
-    VelocityRmse(),
-    CourseRmse(),
-    PxRmse(),
-    PyRmse(),
-    VxRmse(),
-    VyRmse(),
-    Nees(),
-    Nis(),
-    Whiteness(),
-    PositionReference(),
-    VelocityReference(),
-    PositionOverReference(),
-    VelocityOverReference(),
-    Coverage(),
-    StepTime(),
-)
 
 
 def _number(metric: Metric, value: float, reason: str) -> Outcome:

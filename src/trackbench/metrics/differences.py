@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
-from typing import Protocol
 
 from trackbench.metrics.intervals import Contrast, Interval, all_pairs, holm
-from trackbench.metrics.protocol import Direction
+from trackbench.metrics.protocol import Direction, Metric
 from trackbench.results import Difference, FewerEstimates
 from trackbench.results.score_summary import MarginSummary
 
@@ -23,22 +22,9 @@ EQUIVALENT, UNDECIDED = "equivalent", "undecided"
 VERDICTS = ("better", "worse", "larger", "smaller", EQUIVALENT, UNDECIDED)
 
 
-class ComparedBy(Protocol):
-    """What trackers may be compared by."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def unit(self) -> str: ...
-    @property
-    def better(self) -> Direction | None: ...
-    @property
-    def compared(self) -> bool: ...
-
-
 def differences(
     trackers: Mapping[str, Mapping[str, Interval]],
-    metrics: Sequence[ComparedBy],
+    metrics: Sequence[Metric],
     margin: MarginSummary,
     coverage: Mapping[str, float],
     wanted: Collection[str] = (),
@@ -107,7 +93,7 @@ def size(difference: float) -> str:
     return "larger" if difference > 0 else "smaller"
 
 
-def _paths(metric: ComparedBy, trackers: Mapping[str, Mapping[str, Interval]]) -> list[str]:
+def _paths(metric: Metric, trackers: Mapping[str, Mapping[str, Interval]]) -> list[str]:
     """The metric itself, or that of each sensor."""
     found = (path for intervals in trackers.values() for path in intervals)
     return list(dict.fromkeys(path for path in found if path == metric.name or path.startswith(f"{metric.name}.")))

@@ -13,11 +13,11 @@ from pydantic import ValidationError
 
 from trackbench.base.plugins import one_line
 from trackbench.base.types import Array, Indices
-from trackbench.metrics.builtin import BUILT_IN
 from trackbench.metrics.estimates import ESTIMATES
 from trackbench.metrics.intervals import Interval, clustered
 from trackbench.metrics.parts import scores_of
 from trackbench.metrics.protocol import Accumulator, Chunk, Fault, Metric, Outcome, Scope
+from trackbench.metrics.registry import BUILT_IN
 from trackbench.metrics.sums import BlockScores, Givers, Scores
 from trackbench.results import Health, MetricValue
 
@@ -36,12 +36,12 @@ class Evaluation:
     intervals: dict[str, Interval] = field(default_factory=dict)
     """Of those that are means, with what each independent part adds."""
     own: dict[str, Interval | None] = field(default_factory=dict)
-    """By path, of those that are not built in, what each run adds; None where it is no mean over runs."""
+    """By path, of those with sums of their own, what each run adds; None where it is no mean over runs."""
     broken: dict[str, str] = field(default_factory=dict)
     """By name, why a metric raised."""
 
     def per_run(self, path: str, runs: int) -> Array:
-        """``(runs,)`` values whose mean is an own metric; NaN where it is no mean over runs."""
+        """``(runs,)`` values whose mean is a metric with sums of its own; NaN where it is no mean over runs."""
         found = self.own.get(path)
         return np.full(runs, np.nan) if found is None else found.value + found.influence
 
@@ -63,16 +63,13 @@ def evaluate(
         shared = metric.accumulator is ESTIMATES
         own = found.scores if shared else sums[metric.accumulator.name]
         parts = found.scores.per_part.shape[1] if shared else len(scene)
-        if metric in BUILT_IN:
-            values = _values(metric, own, parts)
-        else:
-            values = _guarded(_checked, metric, own, list(scores.nis), parts)
+        values = _guarded(_checked, metric, own, list(scores.nis), parts)
         if isinstance(values, Broken):
             found.broken[metric.name] = values.cause
             values = {metric.name: (MetricValue(unit=metric.unit, reason=values.cause), None)}
         for path, (value, interval) in values.items():
-            if metric not in BUILT_IN:
-                found.own[path] = None if shared else interval
+            if metric.shared is None:
+                found.own[path] = interval
             if interval is not None and not shared:
                 interval = clustered(interval, scene)
                 value = interval.as_value(metric.unit)
@@ -155,22 +152,20 @@ def _guarded(call: Callable[..., Any], *arguments: Any) -> Any:
         return Broken(one_line(error))
 
 
-def _values(metric: Metric, sums: Any, parts: int) -> dict[str, tuple[MetricValue, Interval | None]]:
-    """By path; ``parts``: how many independent ones an interval rests on."""
-    outcome = metric.finish(sums)
-    each = outcome if isinstance(outcome, Mapping) else {"": outcome}
-    return {f"{metric.name}.{name}" if name else metric.name: _value(one, metric, parts) for name, one in each.items()}
-
-
 def _checked(
     metric: Metric, sums: Any, sensors: Sequence[str], parts: int
 ) -> dict[str, tuple[MetricValue, Interval | None]]:
-    """By path, of a plug-in.
+    """By path; ``parts``: how many independent ones an interval rests on.
 
     Raises:
         ValueError: it cannot stand in a result; says why.
     """
-    values = _values(metric, sums, parts)
+    outcome = metric.finish(sums)
+    by_name = outcome if isinstance(outcome, Mapping) else {"": outcome}
+    values = {
+        f"{metric.name}.{name}" if name else metric.name: _value(value, metric, parts)
+        for name, value in by_name.items()
+    }
     paths = {f"{metric.name}.{sensor}" for sensor in sensors} if metric.per_sensor else {metric.name}
     for path, (value, _) in values.items():
         if path not in paths:

@@ -16,7 +16,7 @@ from trackbench.base.types import Array, Indices, Mask
 from trackbench.engine.equations import Compute, by_numpy
 from trackbench.metrics.conditions import Classes
 from trackbench.metrics.errors import course_error
-from trackbench.metrics.intervals import Interval
+from trackbench.metrics.intervals import Interval, ratio
 from trackbench.metrics.sums import ERROR, Givers
 from trackbench.results import MetricValue
 
@@ -193,7 +193,7 @@ def _fixed(array: Array) -> Array:
 
 
 class Accumulator(Protocol):
-    """Sums over the estimates of one tracker, as :class:`OwnMetric`. Metrics that name the same one share its sums."""
+    """Sums over the estimates of one tracker, as :class:`Metric`. Metrics that name the same one share its sums."""
 
     @property
     def name(self) -> str: ...
@@ -207,17 +207,35 @@ class Accumulator(Protocol):
     def merge(self, blocks: Sequence[Any]) -> Any: ...
 
 
+#: Stands in a path for a sensor's name.
+SENSOR = "<sensor>"
+
+
 class Field(NamedTuple):
-    """A part of a metric that an expectation may name."""
+    """What an expectation may name: the value of a metric, or a part of it."""
 
     name: str
+    """Of a part, in its metric; else the dotted path, with ``<sensor>`` for a sensor's name."""
     meaning: str
     words: tuple[str, ...] = ()
     """The values of a verdict; empty for a number."""
+    unit: str = "1"
+    """ "1" for a number without a unit, "" for a word."""
+    better: Direction | None = None
+    compared: bool = False
+    """Whether two trackers are compared by it, run by run (``better_than``)."""
+
+    @property
+    def per_sensor(self) -> bool:
+        return SENSOR in self.name
 
 
 class Metric(Config):
-    """One metric of a tracker. The pydantic fields of a subclass are its options in a scenario."""
+    """One metric of a tracker, built in or not. The pydantic fields of a subclass are its options in a scenario.
+
+    It has ``init``, ``update`` and ``merge`` of its own, with sums of any type that can be pickled, or names in
+    ``shared`` the sums that it has in common with others; and it has ``finish``.
+    """
 
     name: ClassVar[str]
     """Dotted path in a tracker's metrics."""
@@ -235,11 +253,33 @@ class Metric(Config):
     """What an expectation may name beside the value."""
     value_name: ClassVar[str] = ""
     """How an expectation names the value; empty where it is the metric itself."""
+    shared: ClassVar[Accumulator | None] = None
+    """The sums that it is made of; None where they are its own."""
+    at_least: ClassVar[float] = -np.inf
+    """What its mean over runs cannot be below."""
+    at_most: ClassVar[float] = np.inf
+    """What it cannot be above."""
 
     @property
-    @abstractmethod
     def accumulator(self) -> Accumulator:
         """What sums for this metric."""
+        return self.shared or self
+
+    def init(self, scope: Scope) -> Any:
+        """The sums before the first chunk of a block of runs."""
+        raise NotImplementedError
+
+    def update(self, sums: Any, chunk: Chunk) -> Any:
+        """The sums with one more chunk; they may be changed in place."""
+        raise NotImplementedError
+
+    def close(self, sums: Any) -> Any:
+        """What is kept of a block after its last chunk."""
+        return sums
+
+    def merge(self, blocks: Sequence[Any]) -> Any:
+        """The sums of consecutive blocks of runs as one."""
+        raise NotImplementedError
 
     @abstractmethod
     def finish(self, sums: Any) -> Outcome | Mapping[str, Outcome]:
@@ -253,26 +293,35 @@ class Metric(Config):
         """What stands in a result where there is none."""
         return MetricValue(unit=self.unit, reason=reason)
 
-
-class OwnMetric(Metric):
-    """A metric with sums of its own, such as one of a plug-in. The sums may be any value that can be pickled."""
+    @property
+    def path(self) -> str:
+        """How an expectation and a comparison name the value."""
+        path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
+        return f"{path}.{self.value_name}" if self.value_name else path
 
     @property
-    def accumulator(self) -> Accumulator:
-        return self
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the table of runs that hold it: values, number of terms of each, and others that it needs.
 
-    @abstractmethod
-    def init(self, scope: Scope) -> Any:
-        """The sums before the first chunk of a block of runs."""
+        Empty where the runs do not tell it.
+        """
+        return () if self.shared is not None or self.per_sensor else (run_column(self.name),)
 
-    @abstractmethod
-    def update(self, sums: Any, chunk: Chunk) -> Any:
-        """The sums with one more chunk; they may be changed in place."""
+    def of_runs(self, *columns: Array) -> Interval | None:
+        """The metric from its ``columns`` ``(runs,)`` of some runs; None where there is nothing to compare."""
+        (values,) = columns
+        known = np.isfinite(values).all()
+        return ratio(values, np.ones(len(values)), at_least=self.at_least, at_most=self.at_most) if known else None
 
-    def close(self, sums: Any) -> Any:
-        """What is kept of a block after its last chunk."""
-        return sums
+    def entries(self) -> list[Field]:
+        """What an expectation may name of it."""
+        path = f"{self.name}.{SENSOR}" if self.per_sensor else self.name
+        compared = self.compared and self.better is not None
+        value = Field(self.path, self.meaning, unit=self.unit, better=self.better, compared=compared)
+        parts = [Field(f"{path}.{part.name}", *part[1:3], unit="" if part.words else "1") for part in self.fields]
+        return [value, *parts]
 
-    @abstractmethod
-    def merge(self, blocks: Sequence[Any]) -> Any:
-        """The sums of consecutive blocks of runs as one."""
+
+def run_column(path: str) -> str:
+    """Where the table of runs holds what each run adds to a metric with sums of its own; its mean is the metric."""
+    return f"{path}_per_run"

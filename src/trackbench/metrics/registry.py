@@ -1,69 +1,102 @@
-"""Every metric by the paths under which an expectation names it."""
+"""Every metric: those that each run has, and those that a scenario names; and what an expectation may name of them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import Any
 
-from trackbench.metrics.builtin import BUILT_IN
-from trackbench.metrics.protocol import Direction, Metric
+from trackbench.base.plugins import Registry
+from trackbench.metrics import builtin, percentiles
+from trackbench.metrics.protocol import SENSOR, Field, Metric
 
+#: Those that every run with known identities has, in the order of its result.
+BUILT_IN: tuple[Metric, ...] = (
+    builtin.PositionRmse(),
+    builtin.VelocityRmse(),
+    builtin.CourseRmse(),
+    builtin.PxRmse(),
+    builtin.PyRmse(),
+    builtin.VxRmse(),
+    builtin.VyRmse(),
+    builtin.Nees(),
+    builtin.Nis(),
+    builtin.Whiteness(),
+    builtin.PositionReference(),
+    builtin.VelocityReference(),
+    builtin.PositionOverReference(),
+    builtin.VelocityOverReference(),
+    builtin.Coverage(),
+    builtin.StepTime(),
+    percentiles.PositionP95(),
+    percentiles.VelocityP95(),
+)
 #: Paths that begin so are of a tracker's health, beside its metrics.
 HEALTH = "health."
-SENSOR = "<sensor>"
+NAME = re.compile(r"[a-z][a-z0-9_]*")
 
-_HEALTH_MEANINGS = {
-    "diverged_runs": "runs whose position error exceeded score.divergence_m",
-    "repaired_covariances": "covariances that had to be made positive definite again",
-    "repaired_runs": "runs in which that happened",
-    "non_finite_estimates": "estimates with NaN or infinity",
-}
-
-
-@dataclass(frozen=True)
-class MetricPath:
-    """What an expectation may name: the value of a metric, or a part of it."""
-
-    path: str
-    """``<sensor>`` stands for a sensor's name."""
-    unit: str
-    """ "1" for a number without a unit, "" for a word."""
-    meaning: str
-    words: tuple[str, ...] = ()
-    """The values of a verdict; empty for a number."""
-    better: Direction | None = None
-    compared: bool = False
-    """Whether two trackers are compared by it, run by run (``better_than``)."""
-
-    @property
-    def per_sensor(self) -> bool:
-        return SENSOR in self.path
+_HEALTH = (
+    Field(HEALTH + "diverged_runs", "runs whose position error exceeded score.divergence_m"),
+    Field(HEALTH + "repaired_covariances", "covariances that had to be made positive definite again"),
+    Field(HEALTH + "repaired_runs", "runs in which that happened"),
+    Field(HEALTH + "non_finite_estimates", "estimates with NaN or infinity"),
+)
 
 
-def known(own: Sequence[Metric | type[Metric]] = ()) -> list[MetricPath]:
-    """Every path of the built-in metrics and of others."""
-    health = [MetricPath(HEALTH + name, "1", meaning) for name, meaning in _HEALTH_MEANINGS.items()]
-    return [*(path for metric in (*BUILT_IN, *own) for path in _paths(metric)), *health]
+def metric_paths(own: Iterable[Metric | type[Metric]] = ()) -> list[Field]:
+    """What an expectation may name of the built-in metrics and of others."""
+    return [*(field for metric in (*BUILT_IN, *own) for field in entries(metric)), *_HEALTH]
 
 
-def by_path(sensors: Iterable[str], own: Sequence[Metric] = ()) -> dict[str, MetricPath]:
+def by_path(sensors: Iterable[str], own: Sequence[Metric] = ()) -> dict[str, Field]:
     """Every path that an expectation may name in a scenario with these sensors."""
     names = list(sensors)
     return {
-        path: metric
-        for metric in known(own)
-        for path in ([metric.path.replace(SENSOR, name) for name in names] if metric.per_sensor else [metric.path])
+        path: field
+        for field in metric_paths(own)
+        for path in ([field.name.replace(SENSOR, name) for name in names] if field.per_sensor else [field.name])
     }
 
 
-def _paths(metric: Metric | type[Metric]) -> list[MetricPath]:
-    path = f"{metric.name}.{SENSOR}" if metric.per_sensor else metric.name
-    value = f"{path}.{metric.value_name}" if metric.value_name else path
-    compared = metric.compared and metric.better is not None
-    return [
-        MetricPath(value, metric.unit, metric.meaning, better=metric.better, compared=compared),
-        *(
-            MetricPath(f"{path}.{field.name}", "" if field.words else "1", field.meaning, field.words)
-            for field in metric.fields
-        ),
-    ]
+def entries(metric: Metric | type[Metric]) -> list[Field]:
+    """What an expectation may name of a metric, or of one whose options are not known."""
+    return metric.entries() if isinstance(metric, Metric) else metric.model_construct().entries()
+
+
+def unfit_name(name: str) -> str | None:
+    """Why no metric of one's own can have this name; None if one can."""
+    if not NAME.fullmatch(name):
+        return f"its name {name!r} may have a to z, 0 to 9 and _ alone"
+    if name in {metric.name.partition(".")[0] for metric in BUILT_IN} | {"health"}:
+        return f"its name {name!r} is that of a built-in one"
+    return None
+
+
+def _lacks(found: Any) -> str | None:
+    if not isinstance(found, type) or not issubclass(found, Metric):
+        return "it must be a subclass of trackbench.metrics.Metric"
+    missing = [name for name in ("name", "unit", "meaning") if not hasattr(found, name)]
+    unwritten = set(getattr(found, "__abstractmethods__", ()))
+    if found.shared is None:
+        unwritten |= {name for name in ("init", "update", "merge") if getattr(found, name) is getattr(Metric, name)}
+    missing += sorted(unwritten)
+    if missing:
+        return f"it lacks {' and '.join(missing)}"
+    texts = {name: getattr(found, name) for name in ("name", "unit", "meaning", "value_name")}
+    for name, value in texts.items():
+        if not isinstance(value, str):
+            return f"its {name} must be text, not {value!r}"
+    for name in ("compared", "per_sensor"):
+        if not isinstance(getattr(found, name), bool):
+            return f"its {name} must be True or False, not {getattr(found, name)!r}"
+    if not isinstance(found.fields, tuple) or not all(isinstance(field, Field) for field in found.fields):
+        return f"its fields must be a tuple of trackbench.metrics.Field, not {found.fields!r}"
+    if unfit := unfit_name(found.name):
+        return unfit
+    if found.better not in ("smaller", "larger", None):
+        return f'better must be "smaller", "larger" or None, not {found.better!r}'
+    return None
+
+
+#: The metrics beside the built-in ones, by the names that scenarios use.
+METRICS: Registry[type[Metric]] = Registry("trackbench.metrics", "metric", _lacks)

@@ -9,8 +9,8 @@ from pydantic import Field
 from trackbench.results.metric_value import Part
 
 
-class OwnMetricSummary(Part):
-    """A metric that is not built in."""
+class MetricSummary(Part):
+    """A metric, of a result that can be read where its class is not."""
 
     name: str
     unit: str
@@ -57,4 +57,4 @@ class ScoreSummary(Part):
     margin: MarginSummary
     cutoff_m: float | None = None
     """Where identities are hidden, the distance from which a track is not on an object."""
-    metrics: list[OwnMetricSummary] = Field(default_factory=list)
+    metrics: list[MetricSummary] = Field(default_factory=list)

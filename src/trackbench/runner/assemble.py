@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import pyarrow as pa
 
-from trackbench.metrics import Evaluation, Metric, health, no_metrics
+from trackbench.metrics import Evaluation, health, no_metrics
 from trackbench.metrics.breakdown import breakdown
 from trackbench.metrics.differences import differences
 from trackbench.results import Health, Result, Tables, TrackerResult
 from trackbench.results.scenario_summary import ReferenceSummary
-from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
+from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import recorded_tables, tables
 from trackbench.runner.block import Block
 from trackbench.runner.describe import describe
@@ -20,7 +20,7 @@ from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_num
 from trackbench.runner.evaluated import evaluated
 from trackbench.runner.expectations import judge
 from trackbench.runner.mode_tables import mode_tables
-from trackbench.runner.summary import summarised
+from trackbench.runner.summary import summarised, summary_of_metric
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
 from trackbench.trackers.answers import NOT_FINITE
@@ -64,7 +64,7 @@ def assemble(
         ),
         engine=engine_of_all(work, assembly.engines),
         common_share=found.common_share,
-        metrics=[_metric_summary(metric) for metric in scenario.score.metrics],
+        metrics=[summary_of_metric(metric) for metric in scenario.score.metrics],
         trackers=trackers,
         ranking=[*found.ranked, *(name for name in work.trackers if name not in found.ranked)],
         differences=pairs,
@@ -148,18 +148,6 @@ class _Assembly:
                 truth.ids,
             ),
         }
-
-
-def _metric_summary(metric: Metric) -> OwnMetricSummary:
-    return OwnMetricSummary(
-        name=metric.name,
-        unit=metric.unit,
-        meaning=metric.meaning,
-        better=metric.better,
-        compared=metric.compared and metric.better is not None,
-        per_sensor=metric.per_sensor,
-        options=metric.model_dump(mode="json", fallback=str),
-    )
 
 
 def _log_broken(evaluations: Mapping[str, Evaluation]) -> None:

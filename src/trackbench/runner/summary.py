@@ -12,6 +12,7 @@ import numpy as np
 
 from trackbench.base.types import Array
 from trackbench.engine.used import ComputedBy
+from trackbench.metrics import Metric
 from trackbench.models.sensors import Sensor
 from trackbench.results import Summary, TrackerResult
 from trackbench.results.scenario_summary import (
@@ -23,7 +24,7 @@ from trackbench.results.scenario_summary import (
     SensorSummary,
     TruthSummary,
 )
-from trackbench.results.score_summary import MarginSummary, OwnMetricSummary, ScoreSummary
+from trackbench.results.score_summary import MarginSummary, MetricSummary, ScoreSummary
 from trackbench.results.summary import Difference, ExpectationResult
 from trackbench.runner.work import Work
 from trackbench.scenario import Scenario
@@ -49,7 +50,7 @@ def summarised(
     reference: ReferenceSummary | None,
     engine: ComputedBy,
     common_share: float | None,
-    metrics: list[OwnMetricSummary],
+    metrics: list[MetricSummary],
     trackers: list[TrackerResult],
     ranking: list[str],
     differences: list[Difference],
@@ -102,6 +103,19 @@ def summarised(
         expectations=expectations,
         passed=all(item.passed for item in expectations),
         artifacts={},
+    )
+
+
+def summary_of_metric(metric: Metric) -> MetricSummary:
+    """What a result says of a metric."""
+    return MetricSummary(
+        name=metric.name,
+        unit=metric.unit,
+        meaning=metric.meaning,
+        better=metric.better,
+        compared=metric.compared and metric.better is not None,
+        per_sensor=metric.per_sensor,
+        options=metric.model_dump(mode="json", fallback=str),
     )
 
 

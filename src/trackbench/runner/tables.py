@@ -11,7 +11,7 @@ from trackbench.base.types import Array, Indices
 from trackbench.metrics import Evaluation
 from trackbench.metrics.breakdown import cells
 from trackbench.metrics.consistency import mean_bounds
-from trackbench.metrics.stored import run_column
+from trackbench.metrics.protocol import run_column
 from trackbench.metrics.sums import ERROR, NIS, BlockScores, Scores
 from trackbench.runner.columns import Columns, stacked
 from trackbench.runner.evaluated import Evaluated

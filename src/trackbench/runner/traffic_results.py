@@ -11,16 +11,15 @@ from trackbench.base.types import Array
 from trackbench.engine.used import ComputedBy
 from trackbench.metrics.differences import differences
 from trackbench.metrics.intervals import Interval, clustered, ratio, variance_shares
-from trackbench.metrics.stored import from_sums
-from trackbench.metrics.traffic import METRICS, TrafficMetric
-from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH, NO_TRUTH, OF_PREDICTIONS, OF_USE
+from trackbench.metrics.traffic import TRACK_METRICS, RunRatio
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS, NO_TRUTH, OF_PREDICTIONS, OF_USE
 from trackbench.results import Failure, Health, MetricValue, Result, Tables, TrackerResult
-from trackbench.results.score_summary import MarginSummary, OwnMetricSummary
+from trackbench.results.score_summary import MarginSummary
 from trackbench.runner import traffic_tables
 from trackbench.runner.describe import describe
 from trackbench.runner.engines import engine_of_all, engines_of, log_left_to_numpy
 from trackbench.runner.expectations import judge
-from trackbench.runner.summary import summarised
+from trackbench.runner.summary import summarised, summary_of_metric
 from trackbench.runner.traffic import TrafficBlock, TrafficScores
 from trackbench.runner.traffic_sums import PATHS, TrafficSums
 from trackbench.runner.work import Work
@@ -63,14 +62,13 @@ class TrafficEvaluation:
         """As they stand in a result."""
         found = {}
         for path, metric in _metrics(self.known).items():
-            unit = metric.unit or "1"
             if path in self.intervals:
-                found[path] = self.intervals[path].as_value(unit)
+                found[path] = self.intervals[path].as_value(metric.unit)
             else:
                 reason = NOTHING_DUE if self.nothing_due else _why_missing(path)
-                found[path] = MetricValue(unit=unit, reason=reason)
+                found[path] = metric.no_value(reason)
         if not self.known:
-            found |= {path: MetricValue(unit=metric.unit or "1", reason=NO_TRUTH) for path, metric in METRICS.items()}
+            found |= {path: metric.no_value(NO_TRUTH) for path, metric in TRACK_METRICS.items()}
         found["step_time"] = MetricValue(value=self.step_time, unit="us")
         return found
 
@@ -88,10 +86,8 @@ def assemble_traffic(
     margin = MarginSummary(**scenario.score.margin.model_dump())
     compared = {name: found[name].intervals for name in ranked}
     wanted = {item.metric for item in scenario.expect if item.better_than is not None}
-    summaries = [_metric_summary(path, metric) for path, metric in _metrics(known).items()]
-    pairs = (
-        differences(compared, summaries, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
-    )
+    metrics = list(_metrics(known).values())
+    pairs = differences(compared, metrics, margin, dict.fromkeys(ranked, 1.0), wanted, ranks=HEADLINE) if known else []
     engines = engines_of(work, blocks)
     for name, used in engines.items():
         log_left_to_numpy(work.scenario, name, used)
@@ -113,7 +109,7 @@ def assemble_traffic(
         reference=None,
         engine=engine_of_all(work, engines),
         common_share=None,
-        metrics=summaries,
+        metrics=[summary_of_metric(metric) for metric in metrics],
         trackers=trackers,
         ranking=[*ranked, *failures],
         differences=pairs,
@@ -141,10 +137,9 @@ def _evaluation(work: Work, blocks: Sequence[TrafficScores]) -> TrafficEvaluatio
     known = _known(work)
     found = TrafficEvaluation([block.sums for block in blocks], {}, reused, 1e6 * seconds / max(steps, 1), known)
     for path, metric in _metrics(known).items() if not found.nothing_due else ():
-        total, count = found.sums(path)
-        if not count.any():
-            continue
-        found.intervals[path] = clustered(from_sums(metric, total, count), work.scene_of_run)
+        interval = metric.finish(found.sums(path))
+        if interval is not None:
+            found.intervals[path] = clustered(interval, work.scene_of_run)
     return found
 
 
@@ -160,7 +155,7 @@ def _tracker(
     method = None if associate is None else associate.method
     if name in failures:
         reason = "the tracker failed"
-        metrics = {path: MetricValue(unit=metric.unit or "1", reason=reason) for path, metric in METRICS.items()}
+        metrics = {path: metric.no_value(reason) for path, metric in TRACK_METRICS.items()}
         return TrackerResult(
             name=name,
             describe=described,
@@ -191,8 +186,8 @@ def _known(work: Work) -> bool:
     return all(scene.truth.known for scene in work.scenes)
 
 
-def _metrics(known: bool) -> dict[str, TrafficMetric]:
-    return METRICS if known else METRICS_WITHOUT_TRUTH
+def _metrics(known: bool) -> dict[str, RunRatio]:
+    return TRACK_METRICS if known else DETECTION_METRICS
 
 
 def _why_missing(path: str) -> str:
@@ -201,17 +196,6 @@ def _why_missing(path: str) -> str:
     if path == "confirm_latency":
         return "no object was ever tracked"
     return NOT_ASKED if path in OF_PREDICTIONS else "no run tells it"
-
-
-def _metric_summary(path: str, metric: TrafficMetric) -> OwnMetricSummary:
-    return OwnMetricSummary(
-        name=path,
-        unit=metric.unit or "1",
-        meaning=metric.meaning,
-        better=None if metric.better == "none" else metric.better,
-        compared=metric.better != "none",
-        per_sensor=False,
-    )
 
 
 def _by_scene(work: Work, found: dict[str, TrafficEvaluation]) -> dict[str, Array]:

@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from trackbench.base.types import Array
-from trackbench.metrics.traffic import METRICS, RunScores
+from trackbench.metrics.traffic import TRACK_METRICS, RunScores
 from trackbench.metrics.traffic.events import TrafficEvent
 from trackbench.metrics.traffic.existence import ExistenceBins
-from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 
 #: Every metric that a run may have.
-PATHS = tuple(dict.fromkeys([*METRICS, *METRICS_WITHOUT_TRUTH]))
+PATHS = tuple(dict.fromkeys([*TRACK_METRICS, *DETECTION_METRICS]))
 #: Events that are kept of each tracker beside those of the recorded run.
 MOST_EVENTS = 10_000
 

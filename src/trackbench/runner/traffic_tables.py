@@ -11,8 +11,8 @@ import pyarrow as pa
 
 from trackbench.base.types import Array, Indices, Scan, Truth
 from trackbench.driving.tracks import NO_TRACK
-from trackbench.metrics.stored import sum_columns
-from trackbench.metrics.traffic import TrackHistory
+from trackbench.metrics.traffic import TRACK_METRICS, TrackHistory
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.results import Failure
 from trackbench.results.table_check import FALSE_ALARM, NO_OBJECT
 from trackbench.runner.columns import Columns, measurement_columns, stacked, state_columns
@@ -78,10 +78,11 @@ def _runs(work: Work, found: Mapping[str, TrafficEvaluation]) -> pa.Table:
     scene = work.scene_of_run.astype(float)
     rows = len(scene)
     paths = list(dict.fromkeys(path for item in found.values() for path in item.intervals))
+    metrics = TRACK_METRICS | DETECTION_METRICS
     parts: list[Columns] = []
     for name, item in found.items():
         values = {
-            column: sums for path in paths for column, sums in zip(sum_columns(path), item.sums(path), strict=True)
+            column: sums for path in paths for column, sums in zip(metrics[path].columns, item.sums(path), strict=True)
         }
         run = np.arange(rows, dtype=float)
         parts.append({"tracker": [name] * rows, "run": run, "scene": scene, "count": np.ones(rows), **values})

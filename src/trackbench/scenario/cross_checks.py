@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from trackbench.base.config import Problem
 from trackbench.base.errors import nearest
-from trackbench.metrics.registry import MetricPath, by_path
+from trackbench.metrics import Field
+from trackbench.metrics.registry import by_path
 from trackbench.models.sensors import SENSOR_MODELS
 from trackbench.models.sensors.presets import presets
 from trackbench.scenario import identity_checks, recorded_checks
@@ -205,7 +206,7 @@ def _expectation(scenario: ScenarioConfig, expectation: Expectation) -> Iterator
     yield from _limit(scenario, expectation, metric, metrics)
 
 
-def _metrics(scenario: ScenarioConfig) -> dict[str, MetricPath]:
+def _metrics(scenario: ScenarioConfig) -> dict[str, Field]:
     """Every path that an expectation may name."""
     if scenario.sensing.identities == "known":
         return by_path(scenario.sensors, scenario.score.metrics)
@@ -217,7 +218,7 @@ def _metrics(scenario: ScenarioConfig) -> dict[str, MetricPath]:
 
 
 def _limit(
-    scenario: ScenarioConfig, expectation: Expectation, metric: MetricPath, metrics: Mapping[str, MetricPath]
+    scenario: ScenarioConfig, expectation: Expectation, metric: Field, metrics: Mapping[str, Field]
 ) -> Iterator[Problem]:
     word, rival = expectation.equals, expectation.better_than
     for operator in ("below", "above"):

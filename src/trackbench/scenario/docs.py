@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from trackbench.base.config.key_units import show, split_key
-from trackbench.metrics.plugin import METRICS
-from trackbench.metrics.registry import MetricPath, known
+from trackbench.metrics import Field
+from trackbench.metrics.registry import METRICS, metric_paths
 from trackbench.models.motion import MOTION_MODELS
 from trackbench.models.sensors.presets import list_presets
 from trackbench.scenario.examples import EXAMPLES, OTHER_EXAMPLES
@@ -222,7 +222,7 @@ def _presets() -> str:
 def _metrics() -> str:
     return "\n\n".join(
         [
-            _table_of("### Metrics", [*known([*METRICS.loaded().values()])]),
+            _table_of("### Metrics", [*metric_paths([*METRICS.loaded().values()])]),
             _table_of("### Metrics with hidden identities", [*traffic_paths(truth=True).values()]),
             _table_of(
                 "### Metrics with hidden identities, of a recording without a truth",
@@ -232,12 +232,12 @@ def _metrics() -> str:
     )
 
 
-def _table_of(title: str, metrics: Sequence[MetricPath]) -> str:
+def _table_of(title: str, metrics: Sequence[Field]) -> str:
     rows = [title, "", "| metric | unit | meaning |", "| --- | --- | --- |"]
     for metric in metrics:
         unit = " or ".join(f"`{word}`" for word in metric.words) or metric.unit
-        rows.append(f"| `{metric.path}` | {unit} | {metric.meaning} |")
-    compared = ", ".join(f"`{metric.path}`" for metric in metrics if metric.compared)
+        rows.append(f"| `{metric.name}` | {unit} | {metric.meaning} |")
+    compared = ", ".join(f"`{metric.name}`" for metric in metrics if metric.compared)
     rows += ["", f"`better_than` compares run by run, and only by {compared}." if compared else "None is compared."]
     return "\n".join(rows)
 

@@ -13,7 +13,7 @@ from trackbench.base.config.plugin import PluginName
 from trackbench.base.errors import InputError, nearest
 from trackbench.base.plugins import one_line
 from trackbench.metrics import Metric
-from trackbench.metrics.plugin import METRICS
+from trackbench.metrics.registry import METRICS
 
 KEYS = ("use", "options")
 

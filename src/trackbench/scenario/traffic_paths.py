@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from trackbench.metrics.registry import HEALTH, MetricPath
-from trackbench.metrics.traffic import METRICS
-from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.metrics import Field
+from trackbench.metrics.registry import HEALTH
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 
 
-def traffic_paths(truth: bool) -> dict[str, MetricPath]:
+def traffic_paths(truth: bool) -> dict[str, Field]:
     """By path, the metrics of tracks with a truth or without one."""
-    found = {}
-    for path, metric in (METRICS if truth else METRICS_WITHOUT_TRUTH).items():
-        better = None if metric.better == "none" else metric.better
-        found[path] = MetricPath(path, metric.unit or "1", metric.meaning, better=better, compared=better is not None)
+    metrics = TRACK_METRICS if truth else DETECTION_METRICS
+    found = {field.name: field for metric in metrics.values() for field in metric.entries()}
     reused = HEALTH + "reused_ids"
-    return {**found, reused: MetricPath(reused, "1", "identities that were used again after their track had ended")}
+    return {**found, reused: Field(reused, "identities that were used again after their track had ended")}

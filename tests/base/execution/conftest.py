@@ -34,10 +34,10 @@ monte_carlo: {runs: 24, seed: 7}
 METRIC = """\
 import time
 import numpy as np
-from trackbench.metrics import OwnMetric, ratio
+from trackbench.metrics import Metric, ratio
 
 
-class Within(OwnMetric):
+class Within(Metric):
     '''Share of the estimates that are near the truth.'''
     name, unit, meaning, better = "within", "1", "share of the estimates that are near the truth", "larger"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.support.places import DOCS
 
-from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 
 PAGE = DOCS / "traffic-metrics.md"
 COMBINED = {"ratio": "ratio of sums", "root": "root of the ratio of sums", "mean": "mean of runs"}
@@ -16,8 +16,8 @@ COMBINED = {"ratio": "ratio of sums", "root": "root of the ratio of sums", "mean
 def table() -> str:
     """Every metric as a row."""
     rows = ["| metric | unit | better | over runs | meaning |", "| --- | --- | --- | --- | --- |"]
-    for path, metric in METRICS.items():
-        better = "" if metric.better == "none" else metric.better
+    for path, metric in TRACK_METRICS.items():
+        better = metric.better or ""
         rows.append(f"| `{path}` | {metric.unit} | {better} | {COMBINED[metric.combine]} | {metric.meaning} |")
     return "\n".join(rows) + "\n"
 

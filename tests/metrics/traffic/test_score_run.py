@@ -7,7 +7,7 @@ import pytest
 from tests.metrics.traffic.histories import STEP, random_histories, tracks_of, truth_of
 
 from trackbench.base.types import ABSENT, DUE, FALSE_ALARM, OPTIONAL
-from trackbench.metrics.traffic import METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
+from trackbench.metrics.traffic import TRACK_METRICS, Associations, RunScores, TrackHistory, TruthHistory, score_run
 from trackbench.metrics.traffic.histories import NO_DETECTION
 from trackbench.metrics.traffic.lifetimes import confirmation
 from trackbench.metrics.traffic.strips import LOST, NOT_DUE, SWITCHED, TRACKED, WAITING
@@ -18,7 +18,7 @@ NAN = np.nan
 def ratios(scores: RunScores) -> dict[str, float]:
     """The values as they stand in a result of this one run."""
     found = {path: total / count for path, (total, count) in scores.values.items() if count}
-    return {path: value**0.5 if METRICS[path].combine == "root" else value for path, value in found.items()}
+    return {path: value**0.5 if TRACK_METRICS[path].combine == "root" else value for path, value in found.items()}
 
 
 def associations_of(truth: TruthHistory, tracks: TrackHistory, origin: object) -> Associations:
@@ -30,15 +30,15 @@ def associations_of(truth: TruthHistory, tracks: TrackHistory, origin: object) -
 def test_every_metric_of_the_table_is_computed() -> None:
     truth, tracks = random_histories(np.random.default_rng(0), 30, 4, 5, 20.0)
     nothing = associations_of(truth, tracks, np.where(tracks.ids >= 0, FALSE_ALARM, NO_DETECTION))
-    assert set(score_run(truth, tracks, associations=nothing).values) == set(METRICS)
+    assert set(score_run(truth, tracks, associations=nothing).values) == set(TRACK_METRICS)
 
 
 def test_perfect_tracks() -> None:
     truth = truth_of(np.tile([0.0, 20.0], (10, 1)))
     tracks = tracks_of(truth.state[0])
     found = ratios(score_run(truth, tracks, associations=associations_of(truth, tracks, [[0, 1]] * 10)))
-    wanted = {path: 0.0 for path, metric in METRICS.items() if metric.better == "smaller"}
-    wanted |= {path: 1.0 for path, metric in METRICS.items() if metric.better == "larger"}
+    wanted = {path: 0.0 for path, metric in TRACK_METRICS.items() if metric.better == "smaller"}
+    wanted |= {path: 1.0 for path, metric in TRACK_METRICS.items() if metric.better == "larger"}
     wanted |= {"nees": 0.0, "nees_inside": 1.0, "siap_ambiguity": 1.0}
     assert found == pytest.approx(wanted)
 

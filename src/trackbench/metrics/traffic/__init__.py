@@ -1,18 +1,19 @@
 """Scores of tracks that carry no object's name: which object each is on, how well, how long and with which switches.
 
-Pure functions of one run's histories; :func:`score_run` computes all at once, and ``METRICS`` says what each means.
+Pure functions of one run's histories; :func:`score_run` computes all at once, and ``TRACK_METRICS`` says what each
+means.
 """
 
 from trackbench.metrics.traffic.histories import Associations, TrackHistory, TruthHistory
 from trackbench.metrics.traffic.run import RunScores, TrafficScoreOptions, score_run
-from trackbench.metrics.traffic.table import METRICS, TrafficMetric
+from trackbench.metrics.traffic.table import TRACK_METRICS, RunRatio
 
 __all__ = [
-    "METRICS",
+    "TRACK_METRICS",
     "Associations",
+    "RunRatio",
     "RunScores",
     "TrackHistory",
-    "TrafficMetric",
     "TrafficScoreOptions",
     "TruthHistory",
     "score_run",

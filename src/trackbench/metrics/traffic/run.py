@@ -52,7 +52,7 @@ class RunScores(NamedTuple):
     """The scores of one run."""
 
     values: Sums
-    """Path to (total, count); ``METRICS`` says how they combine over runs. What a run cannot tell is left out; of
+    """Path to (total, count); ``TRACK_METRICS`` says how they combine over runs. What a run cannot tell is left out; of
     waiting in vain ``confirm_latency`` has a total and no count."""
     gospa: GospaParts
     """``(T,)`` each, m^2."""
@@ -74,7 +74,7 @@ def score_run(
     options: TrafficScoreOptions | None = None,
     associations: Associations | None = None,
 ) -> RunScores:
-    """Every metric of ``METRICS`` that the run can tell."""
+    """Every metric of ``TRACK_METRICS`` that the run can tell."""
     options = options or TrafficScoreOptions()
     near = nearby(truth, tracks, options.cutoff)
     of_gospa, counted = count_by_gospa(near), count_by_clear(near)

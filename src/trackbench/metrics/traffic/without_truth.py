@@ -10,33 +10,49 @@ import numpy as np
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.traffic.gospa import GospaParts
 from trackbench.metrics.traffic.run import RunScores, Sums
-from trackbench.metrics.traffic.table import TrafficMetric, share
+from trackbench.metrics.traffic.table import by_name, run_ratio, share
 
 NONE = -1
-#: Why every metric of ``METRICS`` is missing there.
+#: Why every metric of ``TRACK_METRICS`` is missing there.
 NO_TRUTH = "there is no truth"
 
-METRICS_WITHOUT_TRUTH: dict[str, TrafficMetric] = {
-    "track_count": TrafficMetric("", "mean number of tracks after a scan", "none"),
-    "track_length": TrafficMetric("s", "time from a track's first scan to its last, the median", "none", "mean"),
-    "new_tracks": TrafficMetric("1/min", "tracks that begin, per minute", "none"),
-    "used_share": share("share of the detections that a track used", "none"),
-    "nis": TrafficMetric(
-        "", "normalised innovation squared over its degrees of freedom, of used detections, 1 when consistent", "none"
+DETECTION_METRICS = by_name(
+    run_ratio("track_count", "1", "mean number of tracks after a scan", None),
+    run_ratio("track_length", "s", "time from a track's first scan to its last, the median", None, "mean"),
+    run_ratio("new_tracks", "1/min", "tracks that begin, per minute", None),
+    share("used_share", "share of the detections that a track used", None),
+    run_ratio(
+        "nis",
+        "1",
+        "normalised innovation squared over its degrees of freedom, of used detections, 1 when consistent",
+        None,
     ),
-    "track_breaks": TrafficMetric(
-        "1/min", "times the sensor's own track goes on and has another track, per minute of its tracks", "none"
+    run_ratio(
+        "track_breaks",
+        "1/min",
+        "times the sensor's own track goes on and has another track, per minute of its tracks",
+        None,
     ),
-    "own_track_breaks": TrafficMetric(
-        "1/min", "times a track goes on and the sensor's own track is another, per minute of tracks", "none"
+    run_ratio(
+        "own_track_breaks",
+        "1/min",
+        "times a track goes on and the sensor's own track is another, per minute of tracks",
+        None,
     ),
-    "track_swaps": TrafficMetric(
-        "1/min", "times a track changes between two of the sensor's own that both go on, per minute of tracks", "none"
+    run_ratio(
+        "track_swaps",
+        "1/min",
+        "times a track changes between two of the sensor's own that both go on, per minute of tracks",
+        None,
     ),
-    "prediction_score": TrafficMetric(
-        "", "logarithm of the predicted density of detections, per detection (nats)", "none", at_least=-np.inf
+    run_ratio(
+        "prediction_score",
+        "1",
+        "logarithm of the predicted density of detections, per detection (nats)",
+        None,
+        at_least=-np.inf,
     ),
-}
+)
 #: Those that need a tracker that says which detections it used, and one that can be asked for predictions.
 OF_USE = ("used_share", "track_breaks", "own_track_breaks", "track_swaps")
 OF_PREDICTIONS = ("nis", "prediction_score")
@@ -62,7 +78,7 @@ class UnlabelledScan(NamedTuple):
 
 
 def score_without_truth(scans: list[UnlabelledScan]) -> Sums:
-    """Path to (total, count) of each metric of ``METRICS_WITHOUT_TRUTH`` that can be told.
+    """Path to (total, count) of each metric of ``DETECTION_METRICS`` that can be told.
 
     Tracks that the log begins or ends with count as long as they are seen.
     """

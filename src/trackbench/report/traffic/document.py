@@ -19,7 +19,7 @@ from trackbench.document import (
     Table,
     TrackerStyle,
 )
-from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.report.margin import margin_words
 from trackbench.report.run import tables
 from trackbench.report.run.cells import INTERVAL, TRACKER, names, values
@@ -124,8 +124,8 @@ def _table(
 ) -> Table:
     columns = [(TRACKER, names(trackers)), *first]
     for path in paths:
-        metric = METRICS[path]
-        heading = f"{_named(path)}{f', {metric.unit}' if metric.unit else ''}"
+        metric = TRACK_METRICS[path]
+        heading = f"{_named(path)}{f', {metric.unit}' if metric.unit != '1' else ''}"
         columns.append((Column(heading, metric.meaning, details=INTERVAL), values(trackers, path)))
     return Table.of_columns(title.lower().replace(" ", "-"), columns)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from trackbench.document import Column, Paragraph, Section, Table
-from trackbench.metrics.traffic import METRICS
-from trackbench.metrics.traffic.without_truth import METRICS_WITHOUT_TRUTH
+from trackbench.metrics.traffic import TRACK_METRICS
+from trackbench.metrics.traffic.without_truth import DETECTION_METRICS
 from trackbench.report.run.cells import TRACKER, names, values
 from trackbench.results import Result
 
@@ -46,10 +46,10 @@ def sections(result: Result) -> Iterator[Section]:
     for title, (note, paths) in GROUPS.items():
         columns = [(TRACKER, names(trackers))]
         for path in paths:
-            metric = METRICS_WITHOUT_TRUTH[path]
-            unit = f", {metric.unit}" if metric.unit not in ("", "1") else ""
+            metric = DETECTION_METRICS[path]
+            unit = f", {metric.unit}" if metric.unit != "1" else ""
             columns.append((Column(path.replace("_", " ") + unit, metric.meaning), values(trackers, path)))
         table = Table.of_columns(title.lower().replace(" ", "_").replace("'", ""), columns)
         yield Section(title, (Paragraph(note), table))
-    missing = ", ".join(path.replace("_", " ") for path in METRICS)
+    missing = ", ".join(path.replace("_", " ") for path in TRACK_METRICS)
     yield Section("What cannot be told", (Paragraph(f"Not without a truth: {missing}."),))

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from trackbench.base.errors import InputError
+from trackbench.metrics import BUILT_IN
+from trackbench.metrics.builtin import RootMeanSquare
 from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name, scene_at, worst
 from trackbench.metrics.recorded_run import recorded_run
-from trackbench.metrics.stored import ROOT_MEAN_SQUARES
 from trackbench.results import Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
 from trackbench.subjects.recording.data import KEYS
@@ -195,6 +196,7 @@ def _checked(found: Recorded, scored: list[TrackerResult]) -> ScoreCheck | None:
     for tracker in scored:
         (row,) = np.flatnonzero((runs["tracker"].astype(str) == tracker.name) & (runs["run"] == summary.recorded_run))
         pairs = [(tracker.nees.value, runs["nees_mean"][row])]
-        pairs += [(tracker.metrics[name].value, runs[of.column][row]) for name, of in ROOT_MEAN_SQUARES.items()]
+        errors = [metric for metric in BUILT_IN if isinstance(metric, RootMeanSquare)]
+        pairs += [(tracker.metrics[metric.name].value, runs[metric.column][row]) for metric in errors]
         differences += [abs(new - old) / old for new, old in pairs if new is not None and old > 0]
     return ScoreCheck(str(folder / "runs.parquet"), float(max(differences)))

@@ -12,7 +12,7 @@ from pathlib import Path
 import jinja2
 
 from trackbench.base.errors import InputError
-from trackbench.metrics.plugin import unfit_name
+from trackbench.metrics.registry import unfit_name
 from trackbench.subjects.templates.around import Wrapped, wrapped
 
 #: The files of each kind of plug-in, by their templates; ``{name}`` is the module's.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from trackbench.metrics.differences import UNDECIDED, margin_between, verdict
 from trackbench.metrics.intervals import Contrast, Interval, holm, paired
 from trackbench.metrics.protocol import Direction
-from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results.score_summary import MarginSummary
 from trackbench.subjects.tuning.evaluation import Evaluator
 from trackbench.subjects.tuning.measures import TRAFFIC_UNITS, UNITS, Sums
@@ -127,5 +127,4 @@ def direction(measure: str) -> Direction | None:
     """Which of its values are better."""
     if measure in BETTER:
         return BETTER[measure]
-    found = METRICS[measure].better
-    return None if found == "none" else found
+    return TRACK_METRICS[measure].better

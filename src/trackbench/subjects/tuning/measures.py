@@ -9,14 +9,15 @@ import numpy as np
 
 from trackbench.base.types import Array, Indices
 from trackbench.metrics.intervals import Interval, clustered, ratio, root
-from trackbench.metrics.stored import from_sums
-from trackbench.metrics.traffic import METRICS
+from trackbench.metrics.traffic import TRACK_METRICS
 from trackbench.results import MetricValue
 
 #: Of labelled objects: the unit of each measure.
 UNITS = {"position_rmse": "m", "velocity_rmse": "m/s", "nees": "", "log_likelihood": ""}
 #: Of detections that nobody labelled, and which value of each is better.
-TRAFFIC_UNITS = {path: METRICS[path].unit for path in ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")}
+TRAFFIC_UNITS = {
+    path: TRACK_METRICS[path].unit for path in ("gospa", "gospa_localisation", "gospa_missed", "gospa_false")
+}
 #: Each measure as a sentence names it.
 WORDS = {
     "position_rmse": "position RMSE",
@@ -56,8 +57,9 @@ class Sums:
         total, count = self.values[name]
         if not count.any():
             return None
-        if name in METRICS:
-            return clustered(from_sums(METRICS[name], total, count), scene)
+        if name in TRACK_METRICS:
+            found = TRACK_METRICS[name].of_runs(total, count)
+            return None if found is None else clustered(found, scene)
         if name == "log_likelihood":
             return clustered(ratio(total, count), scene)
         mean = ratio(total, count, at_least=0.0)

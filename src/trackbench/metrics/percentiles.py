@@ -1,0 +1,79 @@
+"""The error that 95 % of the estimates of a run stay below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from trackbench.base.types import Array
+from trackbench.metrics.intervals import Interval, ratio
+from trackbench.metrics.protocol import Chunk, Metric, Outcome, Scope
+from trackbench.metrics.sums import ERROR
+
+SHARE = 0.95
+
+
+class ErrorPercentile(Metric):
+    """The 95th percentile of an error over the instants and objects of a run at which an estimate counts.
+
+    Each run has its own, interpolated linearly between the two nearest errors (type 7 of Hyndman and Fan 1996, "Sample
+    quantiles in statistical packages"), and the metric is their mean. So blocks of runs merge exactly, and the interval
+    is that of a mean over runs. It is not the percentile of the errors of all runs together, which weighs the tail of
+    bad runs more.
+    """
+
+    better = "smaller"
+    at_least = 0.0
+    rows: ClassVar[tuple[str, ...]]
+    """Of the squared errors, which are added."""
+
+    def init(self, scope: Scope) -> list[Array]:
+        """Squared errors ``(instants, batch)`` of each chunk, NaN where none counts; and the number of runs."""
+        return [np.zeros(scope.runs)]
+
+    def update(self, sums: list[Array], chunk: Chunk) -> list[Array]:
+        first, second = (chunk.values[ERROR[row]] for row in self.rows)
+        squares = first + second
+        sums.append(squares if chunk.scored.all() else np.where(chunk.scored, squares, np.nan))
+        return sums
+
+    def close(self, sums: list[Array]) -> Array:
+        """``(runs,)`` percentile of each run; NaN where it has no estimate."""
+        runs, *chunks = sums
+        if not chunks:
+            return np.full(len(runs), np.nan)
+        squares = np.concatenate([chunk.reshape(-1, len(runs)) for chunk in chunks])
+        return percentile(squares.T)
+
+    def merge(self, blocks: Sequence[Array]) -> Array:
+        return np.concatenate(blocks)
+
+    def finish(self, sums: Array) -> Outcome:
+        known = np.isfinite(sums)
+        if not known.any():
+            return self.no_value("there is no estimate of any object to score")
+        percentiles: Interval = ratio(np.where(known, sums, 0.0), known.astype(float), at_least=self.at_least)
+        return percentiles
+
+
+class PositionP95(ErrorPercentile):
+    name, unit, rows = "position_p95", "m", ("px", "py")
+    meaning = "error of the position that 95 % of the estimates of a run stay below, mean over runs"
+
+
+class VelocityP95(ErrorPercentile):
+    name, unit, rows = "velocity_p95", "m/s", ("vx", "vy")
+    meaning = "error of the velocity that 95 % of the estimates of a run stay below, mean over runs"
+
+
+def percentile(squares: Array) -> Array:
+    """``(runs,)`` the root below which ``SHARE`` of the squares ``(runs, n)`` lie, NaN left out; NaN of none."""
+    count = np.isfinite(squares).sum(axis=1)
+    rank = SHARE * np.maximum(count - 1, 0)
+    ends = np.stack([np.floor(rank), np.ceil(rank)]).astype(int)
+    # NaN is sorted to the end.
+    ordered = np.partition(squares, np.unique(ends), axis=1)
+    low, high = np.sqrt(ordered[np.arange(len(ordered)), ends])
+    return np.where(count > 0, low + (rank % 1.0) * (high - low), np.nan)

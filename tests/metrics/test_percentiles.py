@@ -1,0 +1,54 @@
+"""The 95th percentile of the error of each run, against NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackbench.base.types import Estimate
+from trackbench.metrics import BUILT_IN, Scorer, Target, evaluate, merge_sums, score_together
+from trackbench.metrics.percentiles import percentile
+
+
+@pytest.mark.parametrize("counted", [1, 2, 7, 40, 41])
+def test_it_is_that_of_numpy_and_leaves_out_what_does_not_count(counted: int) -> None:
+    errors = np.abs(np.random.default_rng(3).normal(size=(5, 41)))
+    errors[:, counted:] = np.nan
+    expected = np.nanpercentile(errors, 95, axis=1)
+    assert percentile(errors**2) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_run_without_an_estimate_has_none() -> None:
+    squares = np.array([[1.0, 4.0], [np.nan, np.nan]])
+    assert percentile(squares)[0] == pytest.approx(1.95)
+    assert np.isnan(percentile(squares)[1])
+
+
+def test_it_is_over_instants_and_objects_and_the_mean_over_runs() -> None:
+    instants, objects, runs = 30, 2, 4
+    random = np.random.default_rng(5)
+    due = np.ones((instants, objects, runs), dtype=bool)
+    due[:10, 1] = False
+    state = np.zeros((4, instants, objects, 1))
+    reference = np.zeros((2, instants, objects, 1))
+    time, alive = 0.1 * np.arange(instants), np.ones((instants, objects), dtype=bool)
+    target = Target(time, state, alive, due, 100.0, reference)
+    mean = random.normal(size=(4, instants, objects * runs))
+    blocks = []
+    for half in (slice(0, 2), slice(2, 4)):
+        own = target._replace(due=due[..., half])
+        scorer = Scorer(own, np.zeros((instants, objects, 1), dtype=np.int16), {}, metrics=BUILT_IN)
+        for instant in range(instants):
+            estimate = mean[:, instant].reshape(4, objects, runs)[..., half].reshape(4, -1)
+            scorer.estimate(Estimate(estimate, np.repeat(np.eye(4)[..., None], estimate.shape[1], axis=2)))
+            if scorer.full:
+                assert not score_together([scorer])
+        assert not score_together([scorer])
+        blocks.append(scorer.close())
+    found = evaluate(merge_sums(blocks), np.zeros(runs, dtype=int))
+    for name, rows in (("position_p95", slice(0, 2)), ("velocity_p95", slice(2, 4))):
+        errors = np.hypot(*mean[rows]).reshape(instants, objects, runs)
+        per_run = [np.percentile(errors[..., run][due[..., run]], 95) for run in range(runs)]
+        assert found.values[name].value == pytest.approx(np.mean(per_run), rel=1e-12)
+        assert found.per_run(name, runs) == pytest.approx(per_run, rel=1e-12)
+        assert found.values[name].ci95 is not None
