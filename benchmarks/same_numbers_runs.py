@@ -32,7 +32,9 @@ _TUNE_HIDDEN = (
     "tune {scenarios}/traffic/side_by_side.yaml --trackers gnn --trials 3 --train-runs 2 --test-runs 2 --seed 3"
     " --set truth.duration_s=5 --engine {engine} --json --out {out}/tuned.yaml"
 )
-_TUNE_ERROR = "tune {scenarios}/u_turn.yaml --trackers ukf_ctrv --trials 3 --train-runs 2 --test-runs 2 --seed 3"
+_TUNE_ERROR = (
+    "tune {scenarios}/scripted/figure_eight.yaml --trackers ukf --trials 3 --train-runs 2 --test-runs 2 --seed 3"
+)
 _INSPECT = "inspect {out}/run/*/recording.rrd --json"
 #: The commands beside `run` of a shipped scenario, by name: one after the other in one folder. What they print as JSON,
 #: and every JSON file and table that they write, is compared. Those with ``{engine}`` are run with each engine.
