@@ -13,11 +13,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
+from rerun.chunk import RrdReader
 
 from trackbench.base.errors import InputError
 from trackbench.metrics.track_events import TrackEvent, events_of
 from trackbench.results import Result
-from trackbench.subjects.recording.chunks import read_chunks
 from trackbench.subjects.recording.contents import contents_of
 from trackbench.subjects.recording.focus import Focus, Opening, focus_of
 from trackbench.subjects.recording.reader import read
@@ -33,10 +33,14 @@ from trackbench.subjects.recording.writer import write_recording
 @pytest.fixture(scope="module")
 def entities(traffic_folder: Path) -> dict[str, list[Any]]:
     found: dict[str, list[Any]] = {}
-    for chunk in read_chunks(traffic_folder / "recording.rrd"):
-        if not chunk.static:
-            found.setdefault(chunk.entity, []).append(chunk.rows)
+    for entity, rows in changing_rows(traffic_folder / "recording.rrd"):
+        found.setdefault(entity, []).append(rows)
     return found
+
+
+def changing_rows(file: Path) -> list[tuple[str, Any]]:
+    chunks = RrdReader(file).stream()
+    return [(chunk.entity_path, chunk.to_record_batch()) for chunk in chunks if not chunk.is_static]
 
 
 def test_the_tables_come_back(traffic_folder: Path, traffic_result: Result) -> None:
@@ -132,7 +136,7 @@ def test_any_number_of_marks_and_gates_is_sent_without_a_warning(count: int, tmp
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         write_recording(tmp_path / "marks.rrd", "marks", send)
-    sent = {chunk.entity: chunk.rows for chunk in read_chunks(tmp_path / "marks.rrd") if not chunk.static}
+    sent = dict(changing_rows(tmp_path / "marks.rrd"))
     assert len(sent["/world/marks/gnn"].column("Points2D:colors").to_pylist()[0]) == count
     assert len(sent["/world/associations/gnn/gates"].column("LineStrips2D:colors").to_pylist()[0]) == count
 

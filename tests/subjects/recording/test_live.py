@@ -164,7 +164,7 @@ def test_what_is_drawn_while_a_run_goes_on_is_what_its_recording_holds(
         dots = half(f"/world/estimates/{tracker}/v1", "Points2D:positions")
         assert max(time for time in dots if time is not None) == pytest.approx(0.4)
         assert len(dots[0.4]) == 1, "at the latest time, which the viewer shows, every tracker is there"
-    assert "/data/result" not in half.entities()
+    assert "/data" not in half.entities()
 
 
 def test_a_tracker_that_fails_leaves_the_picture_and_the_others_stay(

@@ -1,4 +1,4 @@
-"""The chunks of a recording, read by a process of its own: Rerun's reader ends its process over some damaged files.
+"""The data of a recording, read by a process of its own: Rerun's reader ends its process over some damaged files.
 
 The process runs this file by its path, and the file imports nothing of trackbench: it starts in a third of the time.
 """
@@ -10,28 +10,19 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
-from typing import NamedTuple
 
-import pyarrow as pa
-
+#: The entity with the data of a run, and its component with the summary; the others are its tables.
+DATA, SUMMARY = "/data", "summary"
 #: For how long a recording may be read, s.
 PATIENCE = 300
 
 
-class EntityRows(NamedTuple):
-    """A chunk: rows of one entity."""
-
-    entity: str
-    static: bool
-    rows: pa.RecordBatch
-
-
 class Unreadable(Exception):
-    """Rerun cannot read a file; the last line of what it said."""
+    """Rerun cannot read a file; the last line of its message."""
 
 
-def read_chunks(path: Path) -> list[EntityRows]:
-    """All chunks of a recording; none where the file holds only a layout.
+def read_chunks(path: Path) -> list[dict[str, bytes]]:
+    """The components of the entity of data by name, once for each run in a recording; none in that of another program.
 
     Raises:
         Unreadable: the file is damaged, or of a version of Rerun that this one does not read.
@@ -43,12 +34,12 @@ def read_chunks(path: Path) -> list[EntityRows]:
     except subprocess.TimeoutExpired as error:
         raise Unreadable(f"not read after {PATIENCE} s") from error
     if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").splitlines()
-        raise Unreadable(said[-1] if said else f"the reader ended with status {done.returncode}")
-    return [EntityRows(*chunk) for chunk in pickle.loads(done.stdout)]
+        messages = done.stderr.decode(errors="replace").splitlines()
+        raise Unreadable(messages[-1] if messages else f"the reader ended with status {done.returncode}")
+    return list(pickle.loads(done.stdout))
 
 
-def _read(path: str) -> list[tuple[str, bool, pa.RecordBatch]]:
+def _read(path: str) -> list[dict[str, bytes]]:
     import rerun as rr
     from rerun.chunk import RrdReader
 
@@ -56,7 +47,16 @@ def _read(path: str) -> list[tuple[str, bool, pa.RecordBatch]]:
         warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
         reader = RrdReader(path)
         chunks = reader.stream() if reader.recordings() else ()
-        return [(chunk.entity_path, chunk.is_static, chunk.to_record_batch()) for chunk in chunks]
+        # All chunks are gone through, so that a damaged one is noticed.
+        data = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == DATA and chunk.is_static]
+    return [
+        {name: _bytes(batch.column(name)[0]) for name in batch.schema.names if "RowId" not in name} for batch in data
+    ]
+
+
+def _bytes(component: object) -> bytes:
+    values = component.values  # type: ignore[attr-defined]
+    return str(values[0]).encode() if str(values.type) == "string" else values.to_numpy().tobytes()
 
 
 if __name__ == "__main__":

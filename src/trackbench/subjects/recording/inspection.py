@@ -15,7 +15,6 @@ from trackbench.metrics.moments import EstimateMoment, SceneMoment, require_name
 from trackbench.metrics.recorded_run import recorded_run
 from trackbench.results import Result, Summary, TrackerResult
 from trackbench.results.columns import Columns, columns, split
-from trackbench.subjects.recording.data import KEYS
 from trackbench.subjects.recording.reader import Recorded, read
 from trackbench.subjects.recording.rescore import rescored
 
@@ -159,7 +158,9 @@ def inspect(
 def _modes(result: Result, trackers: list[str], vehicle: str | None, at: float | None) -> Modes:
     """The probability of each mode at the latest instant up to a time, or its mean over all."""
     found: Modes = {}
-    for (tracker, mode, name), rows in split(result.tables.if_there("recorded_modes"), *KEYS["recorded_modes"]).items():
+    for (tracker, mode, name), rows in split(
+        result.tables.if_there("recorded_modes"), "tracker", "mode", "object"
+    ).items():
         probability = rows["probability"]
         if at is not None:
             step = np.searchsorted(rows["time_s"], at + 1e-9, side="right")

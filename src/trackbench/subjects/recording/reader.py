@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import pyarrow as pa
 import rerun as rr
 
 from trackbench.base.errors import InputError
 from trackbench.base.input_files import require_regular
 from trackbench.results import EXAMINATION, SUMMARY, Result, Tables, summary_of
 from trackbench.results.table_check import require_table
+from trackbench.subjects.recording.chunks import SUMMARY as COMPONENT
 from trackbench.subjects.recording.chunks import Unreadable, read_chunks
-from trackbench.subjects.recording.data import read_data
+from trackbench.subjects.recording.data import tables_of
 
 #: The name of a recording in the folder of its run.
 RECORDING = "recording.rrd"
@@ -30,7 +33,7 @@ class Recorded:
     """A run read back."""
 
     result: Result
-    """Tables ``truth``, ``measurements``, ``estimates``, ``recorded_nis``, ``steps`` and ``nis``; more from Parquet."""
+    """With the tables of :data:`trackbench.subjects.recording.data.TABLES`; more from a folder."""
     file: Path
     """What was read: a recording or the folder of a run."""
     rerun: str | None
@@ -55,8 +58,10 @@ def read(path: Path) -> Recorded:
         return Recorded(Result.load(path), path, None, "there is no recording in this folder")
     version = _version(path)
     try:
-        summary, tables = read_data(read_chunks(path))
-    except Unreadable as error:
+        runs = read_chunks(path)
+        summaries = [json.loads(run.pop(COMPONENT)) for run in runs]
+        tables = tables_of(runs[0]) if runs else {}
+    except (Unreadable, OSError, ValueError, pa.ArrowException) as error:
         if version == rr.__version__:
             cause = "cut off" if "exceeds file size" in str(error) else "damaged"
             raise InputError(f"this recording is {cause}: it cannot be read to its end", file=path) from error
@@ -64,12 +69,12 @@ def read(path: Path) -> Recorded:
             path,
             f"it is of {f'Rerun {version}' if version else 'an early Rerun'}, which Rerun {rr.__version__} cannot read",
         )
-    if summary is None:
+    if len(summaries) != 1:
         return _beside(path, "it holds no run of trackbench, or several that are laid over each other")
-    found = summary_of(summary, path)
+    summary = summary_of(summaries[0], path)
     for name, table in tables.items():
-        require_table(name, table, found.layout, path)
-    return Recorded(Result(found, Tables(tables)), path, version)
+        require_table(name, table, summary.layout, path)
+    return Recorded(Result(summary, Tables(tables)), path, version)
 
 
 def _version(path: Path) -> str | None:
